@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
 from typing import Annotated, Any, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
@@ -111,22 +112,16 @@ def _is_float(annotation: Any) -> bool:
     return any(_is_float(part) for part in get_args(annotation)) and not any(_models_in(annotation))
 
 
+@dataclass(frozen=True)
 class _Translation:
-    def __init__(
-        self,
-        model: type[BaseModel],
-        path: Path,
-        faults: FaultList,
-        owner: str,
-        reserved: Collection[str],
-        item: Item | None,
-    ) -> None:
-        self._model = model
-        self._path = path
-        self._faults = faults
-        self._owner = owner
-        self._reserved = reserved
-        self._item = item
+    """Turns pydantic's errors in a section into faults; its fields are as in `validate`."""
+
+    model: type[BaseModel]
+    path: Path
+    faults: FaultList
+    owner: str
+    reserved: Collection[str]
+    item: Item | None
 
     def report(self, error: ValidationError) -> None:
         """Add one fault for each value, although each alternative of its type gives an error of its own."""
@@ -148,54 +143,54 @@ class _Translation:
         path: Path = ()
         *steps, last = detail["loc"] or [None]
         for step in [*steps, last]:
-            reached = self._item.at((*path, step)) if self._item is not None and step is not None else None
+            reached = self.item.at((*path, step)) if self.item is not None and step is not None else None
             if reached is not None:
                 path = (*path, step)
         return (*path, last) if detail["type"] == "missing" else path
 
     def _missing(self, path: Path) -> None:
-        keys = _keys_of(_models_at(self._model, path[:-1]))
+        keys = _keys_of(_models_at(self.model, path[:-1]))
         unit = keys.get(str(path[-1]), "")
         section = self._title(path[:-1])
         accepted = f"a quantity in {unit}" if unit else ""
-        line = getattr(self._model, "lines_to_add", {}).get(path[-1], "") if len(path) == 1 else ""
+        line = getattr(self.model, "lines_to_add", {}).get(path[-1], "") if len(path) == 1 else ""
         remedy = f"Add, for example: {line}" if line else ""
-        self._faults.add((*self._path, *path), f"{section} lacks '{path[-1]}'.", accepted, remedy, key=True)
+        self.faults.add((*self.path, *path), f"{section} lacks '{path[-1]}'.", accepted, remedy, key=True)
 
     def _unknown(self, path: Path) -> str:
         """Report an unknown key, and return the key that the author probably meant, or an empty text."""
-        keys = _keys_of(_models_at(self._model, path[:-1]))
-        names = [*self._reserved, *keys] if len(path) == 1 else list(keys)
+        keys = _keys_of(_models_at(self.model, path[:-1]))
+        names = [*self.reserved, *keys] if len(path) == 1 else list(keys)
         problem = f"{format_value(path[-1])} is not a key of {self._title(path[:-1])}."
         accepted = listing(f"{name} [{keys[name]}]" if keys.get(name) else name for name in names) or "no keys"
         hint = did_you_mean(str(path[-1]), names)
-        self._faults.add((*self._path, *path), problem, accepted, hint, key=True)
+        self.faults.add((*self.path, *path), problem, accepted, hint, key=True)
         return next((name for name in names if f"'{name}'" in hint), "")
 
     def _unfit(self, path: Path, details: list[Any]) -> None:
-        item = self._item.at(path) if self._item is not None else None
+        item = self.item.at(path) if self.item is not None else None
         value = format_value(plain_values(item)) if item is not None else "this"
-        full = (*self._path, *path)
+        full = (*self.path, *path)
         kinds = list(dict.fromkeys(_KINDS[d["type"]] for d in details if d["type"] in _KINDS))
         specific = next((detail for detail in details if detail["type"] not in _KINDS), None)
         if specific is None:
-            self._faults.add(full, f"{value} is not {' or '.join(kinds)}.")
+            self.faults.add(full, f"{value} is not {' or '.join(kinds)}.")
             return
         if specific["type"] == "unit" and (item is None or type(item.value) not in (str, int, float)):
-            self._faults.add(full, f"{value} is not a quantity{self._in_unit(path)}.")
+            self.faults.add(full, f"{value} is not a quantity{self._in_unit(path)}.")
             return
         problem, accepted, remedy = _explain(specific, value, item)
         if kinds:
             accepted = " or ".join([*kinds, accepted] if accepted else kinds)
-        self._faults.add(full, problem, accepted, remedy)
+        self.faults.add(full, problem, accepted, remedy)
 
     def _in_unit(self, path: Path) -> str:
         keys = [step for step in path if isinstance(step, str)]
-        unit = _keys_of(_models_at(self._model, tuple(keys[:-1]))).get(keys[-1], "") if keys else ""
+        unit = _keys_of(_models_at(self.model, tuple(keys[:-1]))).get(keys[-1], "") if keys else ""
         return f" in {unit}" if unit else ""
 
     def _title(self, path: Path) -> str:
-        return f"'{format_path(path)}' of {self._owner}" if path else self._owner
+        return f"'{format_path(path)}' of {self.owner}" if path else self.owner
 
 
 def _follows(path: Path, details: list[Any], by_path: Collection[Path]) -> bool:

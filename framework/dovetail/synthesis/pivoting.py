@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ _DENSE_BYTES = 64e6
 """Memory for the systems that are solved at a time."""
 
 
+@dataclass(frozen=True, eq=False)
 class PivotedSolver:
     """Solutions for one parameter vector at a time, by LAPACK.
 
@@ -30,12 +32,9 @@ class PivotedSolver:
         Output and input of each FRF, as indices into the system's points.
     """
 
-    def __init__(
-        self, system: CoupledSystem, jacobian_columns: Mapping[str, list[int]], pairs: Sequence[tuple[int, int]]
-    ) -> None:
-        self._system = system
-        self._jacobian_columns = jacobian_columns
-        self._pairs = pairs
+    system: CoupledSystem
+    jacobian_columns: Mapping[str, list[int]]
+    pairs: Sequence[tuple[int, int]]
 
     def receptance(
         self, theta: Theta, lines: NDArray[np.intp], outputs: Sequence[Point], inputs: Sequence[Point]
@@ -47,9 +46,9 @@ class PivotedSolver:
         DovetailError
             The system is singular: it resonates without damping at a line.
         """
-        rows = [self._system.index(point) for point in outputs]
-        columns = [self._system.index(point) for point in inputs]
-        at_once = max(1, int(_DENSE_BYTES / (16 * len(self._system.active) ** 2)))
+        rows = [self.system.index(point) for point in outputs]
+        columns = [self.system.index(point) for point in inputs]
+        at_once = max(1, int(_DENSE_BYTES / (16 * len(self.system.active) ** 2)))
         blocks = [lines[first : first + at_once] for first in range(0, len(lines), at_once)]
         return np.concatenate([self._motion(theta, block, columns)[:, rows] for block in blocks])
 
@@ -58,47 +57,47 @@ class PivotedSolver:
 
         DOFs that these parameters do not connect with a force do not move.
         """
-        Z = self._system.dynamic_stiffness(theta, lines)
+        Z = self.system.dynamic_stiffness(theta, lines)
         _, group = connected_components((Z != 0).any(axis=0), directed=False)
         reached = np.flatnonzero(np.isin(group, group[list(forces)]))
-        loads = np.zeros((len(self._system.active), len(forces)))
+        loads = np.zeros((len(self.system.active), len(forces)))
         loads[forces, range(len(forces))] = 1.0
         motion = np.zeros((len(Z), *loads.shape), dtype=np.complex128)
         connected = Z[:, reached[:, None], reached]
         try:
             motion[:, reached] = _solve_refined(connected, loads[reached])
         except np.linalg.LinAlgError as error:
-            singular = self._system.frequency[lines][np.linalg.slogdet(connected)[0] == 0]
+            singular = self.system.frequency[lines][np.linalg.slogdet(connected)[0] == 0]
             where = f" at {singular[0]:g} Hz" if len(singular) else ""
             raise DovetailError(f"the assembly resonates without damping{where}: it has no FRF there.") from error
         return motion
 
     def frfs(self, theta: Theta, lines: NDArray[np.intp]) -> NDArray[np.complex128]:
         """Return the receptance (n_pairs, n_lines) of each pair."""
-        outputs, inputs = ([self._system.points[pair[end]] for pair in self._pairs] for end in (0, 1))
+        outputs, inputs = ([self.system.points[pair[end]] for pair in self.pairs] for end in (0, 1))
         return np.diagonal(self.receptance(theta, lines, outputs, inputs), axis1=1, axis2=2).T
 
     def derivatives(self, theta: Theta, lines: NDArray[np.intp]) -> NDArray[np.complex128]:
         """Return the derivatives (n_pairs, n_jacobian, n_lines) of each pair's receptance, by adjoint sensitivity."""
-        used = list(dict.fromkeys(point for pair in self._pairs for point in pair))
-        motion = self._motion(theta, lines, [self._system.index(self._system.points[point]) for point in used])
-        frequency = self._system.frequency[lines]
+        used = list(dict.fromkeys(point for pair in self.pairs for point in pair))
+        motion = self._motion(theta, lines, [self.system.index(self.system.points[point]) for point in used])
+        frequency = self.system.frequency[lines]
         derivatives: list[list[NDArray[np.complex128]]] = []
-        for name, columns in self._jacobian_columns.items():
+        for name, columns in self.jacobian_columns.items():
             if columns:
-                local, indices = self._system.locate(self._system.graph.joint_dofs(name))
-                model = self._system.graph.connections[name].model
+                local, indices = self.system.locate(self.system.graph.joint_dofs(name))
+                model = self.system.graph.connections[name].model
                 x_joint = {point: motion[:, indices, at] for at, point in enumerate(used)}
                 by_column = {
                     column: [
                         -np.einsum("fi,fij,fj->f", x_joint[output], dZ[0][:, local[:, None], local], x_joint[force])
-                        for output, force in self._pairs
+                        for output, force in self.pairs
                     ]
                     for column, dZ in enumerate(joint_stiffness_jacobian(name, model, frequency, theta[name]))
                     if column in columns
                 }
                 derivatives.extend(by_column[column] for column in columns)
-        shape = len(derivatives), len(self._pairs), len(lines)
+        shape = len(derivatives), len(self.pairs), len(lines)
         return np.array(derivatives, dtype=np.complex128).reshape(shape).swapaxes(0, 1)
 
 

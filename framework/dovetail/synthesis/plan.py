@@ -76,6 +76,7 @@ class Factors:
         return as_vectors(halves.reshape(-1, self.values.shape[1]))
 
 
+@dataclass(frozen=True, eq=False)
 class Plan:
     """The elimination of a coupled system, its inputs and its kernels, each created when it is first used.
 
@@ -91,17 +92,10 @@ class Plan:
         Thus the FRFs of parameters that do not fill the new entries stay the same bit for bit.
     """
 
-    def __init__(
-        self,
-        system: CoupledSystem,
-        jacobian_columns: Mapping[str, list[int]],
-        pairs: Sequence[tuple[int, int]],
-        order: Sequence[int] = (),
-    ) -> None:
-        self.system = system
-        self._jacobian_columns = jacobian_columns
-        self._pairs = pairs
-        self._order = order
+    system: CoupledSystem
+    jacobian_columns: Mapping[str, list[int]]
+    pairs: Sequence[tuple[int, int]]
+    order: Sequence[int] = ()
 
     def widened(self, sparsity: Sparsity) -> Plan:
         """Return a plan that also covers further entries of some joints' matrices and derivatives."""
@@ -111,37 +105,37 @@ class Plan:
         try:
             order = system.active[self.program.order].tolist()
         except DovetailError:  # a point moves through the new entries alone
-            order = self._order
-        return Plan(wider, self._jacobian_columns, self._pairs, order)
+            order = self.order
+        return Plan(wider, self.jacobian_columns, self.pairs, order)
 
     @cached_property
     def program(self) -> Program:
         """The symbolic elimination of the active DOFs, those of the pairs last."""
         last, *others = dict.fromkeys(dof for pair in self._dofs_of_pairs for dof in pair)
         position = {int(dof): index for index, dof in enumerate(self.system.active)}
-        order = [position[dof] for dof in self._order if position[dof] not in (last, *others)]
+        order = [position[dof] for dof in self.order if position[dof] not in (last, *others)]
         return plan_elimination(self.system.pattern, [last], [*order, *others])
 
     @cached_property
     def _dofs_of_pairs(self) -> tuple[tuple[int, int], ...]:
         """Output and input of each FRF, as indices of active DOFs."""
         index = [self.system.index(point) for point in self.system.points]
-        return tuple((index[output], index[force]) for output, force in self._pairs)
+        return tuple((index[output], index[force]) for output, force in self.pairs)
 
     @cached_property
     def inputs(self) -> KernelInputs:
         """Entries of the substructures and of joints with constant matrices."""
-        return KernelInputs(self.system, self.program, self._jacobian_columns)
+        return KernelInputs(self.system, self.program, self.jacobian_columns)
 
     @cached_property
     def spectral(self) -> SpectralInputs:
         """Entries of joints that depend on frequency."""
-        return SpectralInputs(self.system, self.program, self._jacobian_columns, self.inputs)
+        return SpectralInputs(self.system, self.program, self.jacobian_columns, self.inputs)
 
     @cached_property
     def pivoted(self) -> PivotedSolver:
         """Solutions with pivoting."""
-        return PivotedSolver(self.system, self._jacobian_columns, self._pairs)
+        return PivotedSolver(self.system, self.jacobian_columns, self.pairs)
 
     @cached_property
     def _static(self) -> tuple[tuple[tuple[int, int], ...], NDArray[np.float64]]:
