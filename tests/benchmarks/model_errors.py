@@ -45,7 +45,7 @@ from dovetail.identification.adequacy.adequacy import Adequacy, word_for
 from dovetail.identification.adequacy.assess import is_noise
 from dovetail.identification.adequacy.causes import CAUSE_SECONDS
 from dovetail.identification.adequacy.model_error_size import estimate_model_error, fit_with_error
-from dovetail.identification.fitting import refine
+from dovetail.identification.fitting import fit_at, refine
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import ModelFrfs
 from dovetail.identification.posterior import laplace_posterior, sample_posterior, typical_model_error
@@ -219,7 +219,7 @@ def told_of(assembly: dovetail.Assembly, measured: dovetail.Frf, fit: dovetail.F
     model, target = ModelFrfs.of(assembly), Observations.of(assembly, [measured])
     if is_noise(assembly, target, fit):
         return Adequacy("to the noise"), fit
-    found = estimate_model_error(model, target, fit.variance, fit.used, assembly.to_unit(fit.theta))
+    found = estimate_model_error(model, target, fit)
     refitted = replace(fit, theta=assembly.from_unit(found.fraction), information=found.information)
     return Adequacy(word_for(found.size), found.size), refitted
 
@@ -229,10 +229,8 @@ def best_fit_with_error(
 ) -> np.ndarray:
     """Return the parameters that fit best from the true ones, if errors of the known size are allowed."""
     model, target = ModelFrfs.of(assembly), Observations.of(assembly, [exact])
-    every, size = np.ones(len(exact.frequency), dtype=bool), typical_model_error(known)
-    return assembly.from_unit(
-        fit_with_error(model, target, exact.variance, every, assembly.to_unit(theta), size).fraction
-    )
+    start = replace(fit_at(assembly, target, assembly.to_unit(theta)), variance=exact.variance)
+    return assembly.from_unit(fit_with_error(model, target, start, typical_model_error(known)).fraction)
 
 
 def _intervals(

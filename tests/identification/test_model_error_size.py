@@ -128,7 +128,7 @@ def told_of_moved_resonance(chain, theta, number, ratio, damping=1.0):
     target = Observations.of(chain, measured)
     fit = fit_at(chain, target, chain.to_unit(theta))
     model = ModelFrfs.of(chain)
-    told = estimate_model_error(model, target, fit.variance, fit.used, chain.to_unit(theta)).size
+    told = estimate_model_error(model, target, fit).size
     return told, abs(ratio - 1.0) / np.sqrt(len(resonances.poles)), resonance_peaks(measured)
 
 
@@ -193,7 +193,7 @@ def test_heights_of_misplaced_peaks_tell_how_far_damping_is_off(chain):
         moved += near * (axis - pole) / (axis - 1.02 * complex(pole.real, 0.25 * pole.imag)) - near
     target = Observations.of(chain, noisy(chain, moved, 1e-3, 1))
     fit = fit_at(chain, target, chain.to_unit(theta))
-    told = estimate_model_error(ModelFrfs.of(chain), target, fit.variance, fit.used, chain.to_unit(theta)).size
+    told = estimate_model_error(ModelFrfs.of(chain), target, fit).size
     assert 0.7 < told.damping / np.log(4.0) < 1.5
 
 
@@ -211,7 +211,7 @@ def test_the_errors_that_are_told_explain_the_residuals(chain, mass, size, noise
     masses[mass] = f"{size} kg"
     measured = noisy(chain, load_chain(*masses).frf(TRUTH), noise, 1)
     fit, target = refine(chain, measured), Observations.of(chain, measured)
-    told = estimate_model_error(ModelFrfs.of(chain), target, fit.variance, fit.used, chain.to_unit(fit.theta))
+    told = estimate_model_error(ModelFrfs.of(chain), target, fit)
     assert told.chi_squared < 1.1
 
 
@@ -329,9 +329,8 @@ def test_errors_that_cancel_each_other_give_way_to_plausible_ones_that_leave_lit
     damping by a factor of 20,000 were the most probable."""
     measured = noisy(chain, 1.2 * chain.frf(TRUTH), 1e-3, 1)
     fit, target = refine(chain, measured), Observations.of(chain, measured)
-    start = chain.to_unit(fit.theta)
     monkeypatch.setattr(_Linearised, "estimate", lambda _: ModelError(3e-4, damping=10.0, magnitude=8.0, phase=0.1))
-    told = estimate_model_error(ModelFrfs.of(chain), target, fit.variance, fit.used, start)
+    told = estimate_model_error(ModelFrfs.of(chain), target, fit)
     assert told.chi_squared == pytest.approx(1.0, abs=0.05)
     assert 0.02 < told.size.magnitude < 0.4
     assert word_for(told.size) != "does not fit"

@@ -112,8 +112,7 @@ def assess(
     Fit
         The given fit if it is to the noise and no error is allowed.
     """
-    target = Observations.of(assembly, measured)
-    problem = ModelFrfs.of(assembly), target, fit.variance, fit.used, assembly.to_unit(fit.theta)
+    model, target = ModelFrfs.of(assembly), Observations.of(assembly, measured)
     remarks = tuple(_remarks(assembly, target, fit))
     noise = is_noise(assembly, target, fit)
     if noise and target.residual_count(fit.used) <= len(fit.theta):
@@ -122,8 +121,9 @@ def assess(
         return Adequacy("to the noise", allowed=model_error, reasons=remarks), fit
     progress("model error", 0, 1)
     with logged(__name__, "errors of the model"):
-        estimated = None if noise else estimate_model_error(*problem, progress)
-        used = estimated if model_error is None else fit_with_error(*problem, typical_model_error(model_error))
+        estimated = None if noise else estimate_model_error(model, target, fit, progress)
+        allowed = None if model_error is None else typical_model_error(model_error)
+        used = estimated if allowed is None else fit_with_error(model, target, fit, allowed)
     assert used is not None
     at_bounds = bounds_reached(assembly, used.fraction)
     theta = assembly.from_unit(used.fraction)

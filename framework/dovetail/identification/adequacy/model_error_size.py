@@ -16,6 +16,7 @@ from scipy.optimize import brentq, minimize
 
 from dovetail.frf.resonance_peaks import PeakPair, pair_peaks
 from dovetail.identification.adequacy.adequacy import word_for
+from dovetail.identification.fitting import Fit
 from dovetail.identification.fitting.least_squares import minimise
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs, Residual, WithPrior
@@ -108,26 +109,25 @@ class FitWithError:
 class _Problem:
     """A measurement, its residuals, and the effects of errors of the model on them."""
 
-    def __init__(
-        self, model: ModelFrfs, target: Observations, variance: NDArray[np.float64], used: NDArray[np.bool_]
-    ) -> None:
-        self.model, self.target = model, target
+    def __init__(self, model: ModelFrfs, target: Observations, fit: Fit) -> None:
+        self.model, self.target, self._fit = model, target, fit
+        self.fraction = model.assemblies[0].to_unit(fit.theta)
         self.axes = [frf.frequency for frf in target.frfs]
-        self._variance, self._used = variance, used
 
-    def values(self, fraction: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Return the model's FRFs (n_lines,)."""
-        return np.asarray(self.model.frf(self.model.assemblies[0].from_unit(fraction[np.newaxis]))[0])
+    @property
+    def values(self) -> NDArray[np.complex128]:
+        """The model's FRFs at the fit (n_lines,)."""
+        return np.asarray(self.model.frf(self.model.assemblies[0].from_unit(self.fraction[np.newaxis]))[0])
 
     def residual(self, values: NDArray[np.complex128], size: ModelError) -> tuple[NDArray[np.intp], Residual]:
         """Return the lines that residuals need, and the residuals; other errors are added to their random error."""
-        return weigh(self.target, self._variance, self._used, values, size)
+        return weigh(self.target, self._fit.variance, self._fit.used, values, size)
 
     def shapes(self, values: NDArray[np.complex128], size: ModelError) -> dict[str, NDArray[np.complex128]]:
         """Return the changes of the model's FRFs by its errors, by kind."""
         return error_shapes(self.target.frfs, self.target.split(values), size)
 
-    def peaks_apart(self, fraction: NDArray[np.float64]) -> tuple[float, float, float]:
+    def peaks_apart(self) -> tuple[float, float, float]:
         """Return limits of the relative error of natural frequencies, and the error of heights, from the peaks (rms).
 
         The lower limit is the distance between corresponding peaks of measurement and model, less the spacing of lines.
@@ -135,7 +135,7 @@ class _Problem:
         a peak; strongly damped ones have none. The error of heights is the logarithm of the ratio of corresponding
         peaks, where lines are dense enough: residuals do not show it for a peak that is off by more than its width.
         """
-        values = self.target.split(self.values(fraction))
+        values = self.target.split(self.values)
         pairs, unmatched = list[PeakPair](), 0
         for frf, modelled in zip(self.target.frfs, values, strict=True):
             of_response, others = pair_peaks(frf, replace(frf, values=modelled))
@@ -156,41 +156,26 @@ class _Problem:
         ]
         return _rms([pair.clear_distance for pair in pairs]), most, _rms(heights)
 
-    def fit(self, start: NDArray[np.float64], size: ModelError) -> NDArray[np.float64]:
-        """Return the fractions (p,) that fit best when errors of this size are allowed, from a start (p,)."""
-        values = self.values(start)
+    def refit(self, size: ModelError) -> NDArray[np.float64]:
+        """Return the fractions (p,) that fit best when errors of this size are allowed, starting from the fit."""
+        values = self.values
         lines, residual = self.residual(values, size)
         shapes = np.concatenate(list(self.shapes(values, size).values()))
         errors = residual.jacobian(values[np.newaxis, lines], shapes[np.newaxis, :, lines])[0]
         model = self.model if len(lines) == len(values) else self.model.at(lines)
         misfit = MarginalisedResiduals(FrfResiduals(model, residual), errors)
         problem = WithPrior(misfit, model.assemblies[0])
-        minima = minimise(problem, start[np.newaxis], tolerance=_SETTINGS.tolerance, most_steps=_SETTINGS.steps)
+        minima = minimise(problem, self.fraction[np.newaxis], tolerance=_SETTINGS.tolerance, most_steps=_SETTINGS.steps)
         return np.asarray(minima.position[0])
 
 
-def fit_with_error(
-    model: ModelFrfs,
-    target: Observations,
-    variance: NDArray[np.float64],
-    used: NDArray[np.bool_],
-    fraction: NDArray[np.float64],
-    size: ModelError,
-) -> FitWithError:
-    """Fit the parameters, with errors of the model of a given size allowed."""
-    problem = _Problem(model, target, variance, used)
-    fraction = problem.fit(fraction, size)
-    return _Linearised(problem, fraction, size).result(size)
+def fit_with_error(model: ModelFrfs, target: Observations, fit: Fit, size: ModelError) -> FitWithError:
+    """Fit the parameters anew from those of a fit, with errors of the model of a given size allowed."""
+    problem = _Problem(model, target, fit)
+    return _Linearised(problem, problem.refit(size), size).result(size)
 
 
-def estimate_model_error(
-    model: ModelFrfs,
-    target: Observations,
-    variance: NDArray[np.float64],
-    used: NDArray[np.bool_],
-    fraction: NDArray[np.float64],
-    progress: Progress = silent,
-) -> FitWithError:
+def estimate_model_error(model: ModelFrfs, target: Observations, fit: Fit, progress: Progress = silent) -> FitWithError:
     """Estimate the sizes of the model's errors around a fit.
 
     Parameters
@@ -198,24 +183,20 @@ def estimate_model_error(
     model : ModelFrfs
         On the lines of the measurement.
     target : Observations
-    variance : (n_lines,) array
-        E|random error|^2 of each line.
-    used : (n_lines,) bool array
-    fraction : (p,) array
-        The fit, in fractions of the ranges, which is not changed. If a model has many errors, a fit that allows for all
-        of them would give up the clear features, such as the peaks, for unclear ones.
+    fit : Fit
+        Its parameters are not changed. If a model has many errors, a fit that allows for all of them would give up the
+        clear features, such as the peaks, for unclear ones.
     progress : Progress
     """
-    problem = _Problem(model, target, variance, used)
-    size = _most_plausible(_estimates(problem, fraction, progress))
-    return _Linearised(problem, fraction, size).result(size)
+    problem = _Problem(model, target, fit)
+    size = _most_plausible(_estimates(problem, progress))
+    return _Linearised(problem, problem.fraction, size).result(size)
 
 
-def _estimates(
-    problem: _Problem, fraction: NDArray[np.float64], progress: Progress
-) -> Iterator[tuple[float, ModelError]]:
+def _estimates(problem: _Problem, progress: Progress) -> Iterator[tuple[float, ModelError]]:
     """Yield the widths of averages, as errors of natural frequencies, and the sizes estimated with them."""
-    least, most, heights = problem.peaks_apart(fraction)
+    fraction = problem.fraction
+    least, most, heights = problem.peaks_apart()
     widths, width = [], max(least, _SETTINGS.narrowest)
     while width <= min(most, _SETTINGS.widest):
         widths.append(width)
