@@ -19,6 +19,7 @@ from dovetail.assembly import FRF_TOLERANCE, Assembly, largest_frf_difference, l
 from dovetail.atomic_files import new_folder
 from dovetail.errors import BundleError, DescriptionError, Fault, FileError, MeasurementError, PluginError, listing
 from dovetail.identification.network.correction import correction_states, restore_corrections
+from dovetail.identification.network.known_noise import KnownNoise
 from dovetail.identification.network.manifest import (
     FORMAT,
     MANIFEST,
@@ -34,7 +35,7 @@ from dovetail.identification.network.manifest import (
     read_manifest,
 )
 from dovetail.identification.network.network import Network, check_contract, component_label
-from dovetail.identification.network.novelty import KnownNoise, Novelty
+from dovetail.identification.network.novelty import Novelty
 from dovetail.identification.network.preprocessing import TargetScaling, ZScore
 from dovetail.identification.provenance import Evaluation, component_sources, file_hash, package_versions
 from dovetail.interfaces import FittedReducer, FittedRegressor, Reducer, Regressor, State, plugin_errors
