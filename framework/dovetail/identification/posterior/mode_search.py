@@ -118,31 +118,18 @@ def search_modes(
     (n, p) array
         Normal quantiles of the fractions, the highest mode first. The same mode may occur several times.
     """
-    variance, errors = likelihood.variance, likelihood.errors
-    step = max(1, len(variance) // _SETTINGS.lines)
-    lines = np.arange(step // 2, len(variance), step)
-    on_lines = ModelFrfs.of(assembly).at(lines)
-    misfit, some_errors, full_weight = likelihood.misfit, errors, 1.0
-    if likelihood.by_line is not None:
-        misfit = FrfResiduals(on_lines, likelihood.by_line.at(lines))
-        some_errors = errors[:, likelihood.by_line.residuals_of(lines)]
-        full_weight = float(np.sqrt(step))  # with which these lines tell as much as all
-    points = scipy.stats.qmc.LatinHypercube(len(best), rng=random).random(_SETTINGS.searches)
-    logarithms = FrfResiduals(on_lines, likelihood.target.at(lines).logarithms(variance[lines]))
-    searches, of_fit = itertools.count(1), starts_near(best)
-    exchanged = _within(_exchanged(assembly, best), _SETTINGS.margin)
+    of_fit, exchanged = starts_near(best), _within(_exchanged(assembly, best), _SETTINGS.margin)
     refined = _SETTINGS.refined_modes + len(exchanged)
     total = _SETTINGS.searches * (3 + len(_SETTINGS.tempering)) + len(exchanged) + len(of_fit) + refined
+    searches = itertools.count(1)
 
     def tell() -> None:
         progress("modes", next(searches), total)
 
+    logarithms, tempered = _on_few_lines(assembly, likelihood)
+    points = scipy.stats.qmc.LatinHypercube(len(best), rng=random).random(_SETTINGS.searches)
     tolerance, most_steps = _SETTINGS.first_tolerance, _SETTINGS.first_steps
     near = minimise(logarithms, points, tolerance=tolerance, most_steps=most_steps, tell=tell).position
-
-    def tempered(weight: float) -> PosteriorResiduals:
-        return PosteriorResiduals(MarginalisedResiduals(misfit, some_errors, weight * full_weight))
-
     direct = cooled = _within(near, _SETTINGS.margin)
     rough: dict[str, Any] = {"tolerance": _SETTINGS.rough_tolerance, "tell": tell}
     for weight in _SETTINGS.tempering:
@@ -150,10 +137,25 @@ def search_modes(
     ends = np.concatenate([direct, cooled, exchanged])
     ends = maximise_posterior(tempered(1.0), ends, most_steps=_SETTINGS.rough_steps, **rough)
     ends = ends[[bool((np.abs(ends[:row] - end) > _SETTINGS.same).any(axis=1).all()) for row, end in enumerate(ends)]]
-    starts = np.concatenate([of_fit, ends[:refined]])
-    modes = maximise_posterior(likelihood.posterior, starts, tell=tell)
+    modes = maximise_posterior(likelihood.posterior, np.concatenate([of_fit, ends[:refined]]), tell=tell)
     progress("modes", total, total)  # fewer may have been different
     return modes
+
+
+def _on_few_lines(
+    assembly: Assembly, likelihood: Likelihood
+) -> tuple[FrfResiduals, Callable[[float], PosteriorResiduals]]:
+    """Return the logarithms' residuals on evenly chosen lines, and the posterior there with a weighted measurement."""
+    step = max(1, len(likelihood.variance) // _SETTINGS.lines)
+    lines = np.arange(step // 2, len(likelihood.variance), step)
+    model = ModelFrfs.of(assembly).at(lines)
+    logarithms = FrfResiduals(model, likelihood.target.at(lines).logarithms(likelihood.variance[lines]))
+    misfit, errors, full_weight = likelihood.misfit, likelihood.errors, 1.0
+    if likelihood.by_line is not None:
+        misfit = FrfResiduals(model, likelihood.by_line.at(lines))
+        errors = errors[:, likelihood.by_line.residuals_of(lines)]
+        full_weight = float(np.sqrt(step))  # with which these lines tell as much as all
+    return logarithms, lambda weight: PosteriorResiduals(MarginalisedResiduals(misfit, errors, weight * full_weight))
 
 
 def maximise_posterior(
