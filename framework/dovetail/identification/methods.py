@@ -192,11 +192,8 @@ def by_multistart(
         Time [s] after which no further step begins.
     objective : {"frf", "weighted"}
         Sum of the squared differences of the FRFs as they are, or over their random error.
-    model_error : float, optional
-        Relative error of natural frequencies that the model is allowed; by default the one that the measurement shows.
-        The fit, which minimises `objective`, is judged by it.
-    cause_seconds : float
-        Time [s] after which no further cause of a misfit is tried; with 0 none is.
+    model_error, cause_seconds : float, optional
+        As in `by_refined_fit`. The fit, which minimises `objective`, is judged by them.
     seed : int, optional
         Of the Latin hypercube; the description's by default.
     progress : Progress
@@ -236,15 +233,10 @@ def by_posterior(
         Samples of the posterior, or a Gaussian about its mode, which is faster but cannot follow a curved posterior. If
         the model does not fit, no interval is believed, and the Gaussian is used in any case.
     samples : int
-    start : (n_params,) array or mapping of names to values, optional
-        Start of the fit.
+    start, cause_seconds, seed
+        As in `by_refined_fit`.
     model_error : float, optional
-        Relative error of natural frequencies that the model is allowed; by default the one that the measurement shows,
-        or 5e-4 if it shows none.
-    cause_seconds : float
-        Time [s] after which no further cause of a misfit is tried; with 0 none is.
-    seed : int, optional
-        The description's by default.
+        As in `by_refined_fit`; the posterior allows 5e-4 if the measurement shows none.
     progress : Progress
     """
     check_options(samples, form)
@@ -290,7 +282,7 @@ def by_plugin(
     method : IdentificationMethod
     measured : MeasuredLines
     model_error, cause_seconds : float, optional
-        As in `by_multistart`.
+        As in `by_refined_fit`.
     seed : int, optional
         The description's by default.
     progress : Progress
@@ -303,41 +295,54 @@ def by_plugin(
     check_limits(model_error, cause_seconds)
     assembly, frfs = measured.assembly, measured.frfs
     seed = assembly.description.identification.seed if seed is None else seed
-    model, target = ModelFrfs.of(assembly), Observations.of(assembly, frfs)
-    problem = IdentificationProblem(assembly.parameters, target.frfs, target.variance(), model.frf, model.frf_jacobian)
-    label, began = component_label(method), time.monotonic()
-    with plugin_errors(method, label):
-        estimate = method.identify(problem, seed=seed, progress=progress)
-        check_contract(estimate, method, Estimate, "identify")
-        seconds = time.monotonic() - began
-        (fraction,) = _fractions(assembly, [estimate.theta], label)
-        sampled = None if estimate.samples is None else _fractions(assembly, estimate.samples, label)
-        if sampled is not None and len(sampled) < FEWEST_DRAWS:
-            too_few = f"it gave {len(sampled)} samples, too few for intervals."
-            raise PluginError(Fault(label, too_few, f"{FEWEST_DRAWS} or more, or none"))
-    fit = fit_at(assembly, target, fraction, seconds=seconds)
+    target, began = Observations.of(assembly, frfs), time.monotonic()
+    fraction, sampled = _estimate_of(method, assembly, target, seed, progress)
+    fit = fit_at(assembly, target, fraction, seconds=time.monotonic() - began)
     adequacy, _ = assess(assembly, frfs, fit, model_error, cause_seconds=cause_seconds, progress=progress)
     origin = provenance(measured.described, measured.whole, None, seed)
     origin["components"][f"method {method.name}"] = source_of(method)
     origin["method_options"] = method.config.model_dump(mode="json")
     result = _result(measured, fit.theta, method=method.name, provenance=origin, fit=fit, adequacy=adequacy)
-    beside = _best_fit_warnings(assembly, frfs, target, fit, method.name, seed, progress)
-    if sampled is not None and adequacy.word not in ("to the noise", "not judged"):
-        beside += (f"The intervals are those of the method '{method.name}': they allow for no errors of the model.",)
-    result = replace(result, warnings=(*result.warnings, *beside))
+    warnings = [*result.warnings, *_best_fit_warnings(measured, fit, method.name, seed, progress)]
     if sampled is None:
-        return result
-    samples = assembly.from_unit(sampled)
-    posterior = _posterior_of(measured, samples, seconds)
-    return replace(result, posterior=posterior, warnings=(*result.warnings, *posterior.warnings))
+        return replace(result, warnings=tuple(warnings))
+    if adequacy.word not in ("to the noise", "not judged"):
+        whose = f"those of the method '{method.name}'"
+        warnings.append(f"The intervals are {whose}: they allow for no errors of the model.")
+    posterior = _posterior_of(measured, assembly.from_unit(sampled), fit.seconds)
+    return replace(result, posterior=posterior, warnings=(*warnings, *posterior.warnings))
 
 
-def _best_fit_warnings(
-    assembly: Assembly, frfs: Any, target: Observations, fit: Fit, name: str, seed: int, progress: Progress
-) -> tuple[str, ...]:
+def _estimate_of(
+    method: IdentificationMethod, assembly: Assembly, target: Observations, seed: int, progress: Progress
+) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
+    """Return a plugin's estimate (n_params,), and its samples (n, n_params) if any, in fractions of the ranges.
+
+    Raises
+    ------
+    PluginError
+        As in `by_plugin`.
+    """
+    model, label = ModelFrfs.of(assembly), component_label(method)
+    problem = IdentificationProblem(assembly.parameters, target.frfs, target.variance(), model.frf, model.frf_jacobian)
+    with plugin_errors(method, label):
+        estimate = method.identify(problem, seed=seed, progress=progress)
+        check_contract(estimate, method, Estimate, "identify")
+        (fraction,) = _fractions(assembly, [estimate.theta], label)
+        if estimate.samples is None:
+            return fraction, None
+        samples = _fractions(assembly, estimate.samples, label)
+        if len(samples) < FEWEST_DRAWS:
+            too_few = f"it gave {len(samples)} samples, too few for intervals."
+            raise PluginError(Fault(label, too_few, f"{FEWEST_DRAWS} or more, or none"))
+    return fraction, samples
+
+
+def _best_fit_warnings(measured: MeasuredLines, fit: Fit, name: str, seed: int, progress: Progress) -> tuple[str, ...]:
     """Return a warning if a fit that starts from a plugin's estimate explains the measurement far better."""
+    assembly, frfs = measured.assembly, measured.frfs
     theta = refine(assembly, frfs, [fit.theta], seed=seed, progress=progress).theta
-    best = fit_at(assembly, target, assembly.to_unit(theta))
+    best = fit_at(assembly, Observations.of(assembly, frfs), assembly.to_unit(theta))
     gain = (fit.chi_squared - best.chi_squared) * fit.degrees_of_freedom
     if gain <= max(_LEAST_GAIN * len(theta), _LEAST_PART * best.chi_squared * fit.degrees_of_freedom):
         return ()
