@@ -161,21 +161,16 @@ def plan(
     quantity.
     """
     assembly = as_assembly(assembly)
-    if not assembly.parameters:
-        raise ParameterError(Fault(assembly.name, "all parameters are known: there is nothing to measure for."))
-    if not noise > 0:
-        raise ParameterError(Fault("noise", f"{noise:g} is no noise.", "more than 0"))
-    if samples < 1:
-        raise ParameterError(Fault("samples", f"{samples} are too few to average over.", "1 or more"))
+    _check(assembly, noise, samples)
     candidates = _candidates(assembly, substructures)
     theta = latin_hypercube(assembly, samples, seed)
     natural, _ = natural_in_band(assembly, count=_MOST_MODES)
     deviation = noise * assembly.frf(theta).std(axis=1)
     with progress_reporter(progress) as report:
-        known = _of_each(candidates, theta, deviation, report)
-    share = np.array([_share(candidate, natural) for candidate in candidates])
-    hidden, truth = share < _HIDDEN * np.max(share, axis=0, initial=0.0), assembly.to_unit(theta)
-    points = _points(candidates, remaining_uncertainty(known, truth, seed), [natural[rows] for rows in hidden])
+        information = _information_of_each(candidates, theta, deviation, report)
+    amplitude = np.array([_amplitude_of_modes(candidate, natural) for candidate in candidates])
+    hidden, truth = amplitude < _HIDDEN * np.max(amplitude, axis=0, initial=0.0), assembly.to_unit(theta)
+    points = _points(candidates, remaining_uncertainty(information, truth, seed), [natural[modes] for modes in hidden])
     order = sorted(range(len(points)), key=lambda index: -points[index].mean_gain)
     described = assembly.description.response
     current = next(index for index in order if candidates[index].description.response == described)
@@ -183,12 +178,27 @@ def plan(
     others = [index for index in order if index != first]
     seconds = _points(
         [candidates[index] for index in others],
-        remaining_uncertainty(known[first] + known[others], truth, seed),
+        remaining_uncertainty(information[first] + information[others], truth, seed),
         [natural[hidden[index] & hidden[first]] for index in others],
     )
-    ranked = tuple(sorted(seconds, key=lambda point: -point.mean_gain))
-    pair = _section(assembly, points[first], ranked[0]) if ranked else ""
-    return Plan(tuple(points[index] for index in order), order.index(current), order.index(first), ranked, noise, pair)
+    seconds.sort(key=lambda point: -point.mean_gain)
+    return Plan(
+        points=tuple(points[index] for index in order),
+        current=order.index(current),
+        first=order.index(first),
+        seconds=tuple(seconds),
+        noise=noise,
+        responses=_section(assembly, points[first], seconds[0]) if seconds else "",
+    )
+
+
+def _check(assembly: Assembly, noise: float, samples: int) -> None:
+    if not assembly.parameters:
+        raise ParameterError(Fault(assembly.name, "all parameters are known: there is nothing to measure for."))
+    if not noise > 0:
+        raise ParameterError(Fault("noise", f"{noise:g} is no noise.", "more than 0"))
+    if samples < 1:
+        raise ParameterError(Fault("samples", f"{samples} are too few to average over.", "1 or more"))
 
 
 def _candidates(assembly: Assembly, substructures: Sequence[str]) -> list[Assembly]:
@@ -213,7 +223,7 @@ def _candidates(assembly: Assembly, substructures: Sequence[str]) -> list[Assemb
     ]
 
 
-def _of_each(
+def _information_of_each(
     candidates: Sequence[Assembly], theta: NDArray[np.float64], deviation: NDArray[np.float64], progress: Progress
 ) -> NDArray[np.float64]:
     """Return the Fisher information (n_candidates, n, p, p) of the parameter vectors at each point."""
@@ -232,8 +242,8 @@ def _information(assembly: Assembly, theta: NDArray[np.float64], deviation: NDAr
     return np.asarray(np.real(weighted @ np.conj(weighted).transpose(0, 2, 1)))
 
 
-def _share(assembly: Assembly, natural: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return how strongly each mode shows in the accelerance of the point, for the middle of the ranges."""
+def _amplitude_of_modes(assembly: Assembly, natural: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the amplitude of the point's accelerance at each natural frequency, in the middle of the ranges."""
     amplitude = assembly.accelerance_amplitude()
     nearest = np.searchsorted(assembly.frequency, natural).clip(0, len(amplitude) - 1)
     return np.asarray(amplitude[nearest], dtype=np.float64)
@@ -242,26 +252,19 @@ def _share(assembly: Assembly, natural: NDArray[np.float64]) -> NDArray[np.float
 def _points(
     candidates: list[Assembly], remaining: RemainingUncertainty, hidden: list[NDArray[np.float64]]
 ) -> list[PlannedPoint]:
-    rows = zip(candidates, remaining.variance, remaining.deviation, hidden, strict=True)
-    return [_point(candidate, *row) for candidate, *row in rows]
-
-
-def _point(
-    assembly: Assembly,
-    variance: NDArray[np.float64],
-    deviation: NDArray[np.float64],
-    hidden: NDArray[np.float64],
-) -> PlannedPoint:
-    response = assembly.description.response
-    position = assembly.description.substructures[response.substructure].nodes[response.node].position
-    names = [parameter.name for parameter in assembly.parameters]
-    return PlannedPoint(
-        substructure=response.substructure,
-        position=position,
-        gain=dict(zip(names, (1.0 - PRIOR_PRECISION * variance).tolist(), strict=True)),
-        deviation=dict(zip(names, deviation.tolist(), strict=True)),
-        hidden=tuple(hidden.tolist()),
-    )
+    """Return the candidates with the uncertainty that their FRFs leave and the natural frequencies they hide."""
+    points, rows = [], zip(candidates, remaining.variance, remaining.deviation, hidden, strict=True)
+    for candidate, variance, deviation, frequencies in rows:
+        response, names = candidate.description.response, [parameter.name for parameter in candidate.parameters]
+        point = PlannedPoint(
+            substructure=response.substructure,
+            position=candidate.description.substructures[response.substructure].nodes[response.node].position,
+            gain=dict(zip(names, (1.0 - PRIOR_PRECISION * variance).tolist(), strict=True)),
+            deviation=dict(zip(names, deviation.tolist(), strict=True)),
+            hidden=tuple(frequencies.tolist()),
+        )
+        points.append(point)
+    return points
 
 
 def _section(assembly: Assembly, first: PlannedPoint, second: PlannedPoint) -> str:
