@@ -11,7 +11,7 @@ import numpy as np
 
 from dovetail.assembly import Assembly
 from dovetail.errors import DovetailError, Fault
-from dovetail.identification import Identification
+from dovetail.identification import Identification, Posterior
 from dovetail.report import content
 from dovetail.report.charts import as_data, chart_data
 from dovetail.report.drawing import assembly_figure, drawing_text, mode_shapes
@@ -142,13 +142,8 @@ def _pair_plot(result: Identification) -> dict[str, Any] | None:
     None without samples or correlated parameters, and for a result that is not to be believed.
     """
     posterior = result.posterior
-    if posterior is None or not result.believable or len(result.parameters) < 2:
+    if posterior is None or not result.believable or not (chosen := _correlated_parameters(posterior)):
         return None
-    correlation = np.abs(np.nan_to_num(posterior.correlation)) - np.eye(len(result.parameters))
-    if correlation.max() < _LEAST_CORRELATION:
-        return None
-    strongest = np.argsort(-correlation.max(axis=1), kind="stable")[:_MOST_TRADING]
-    chosen = sorted(strongest[correlation[strongest].max(axis=1) >= _LEAST_CORRELATION].tolist())
     definitions = [parameter.definition for parameter in result.parameters.values()]
     theta = posterior.sample(_SAMPLES)
     drawn = np.stack([definitions[column].to_unit(theta[:, column]) for column in chosen], axis=1)
@@ -172,6 +167,14 @@ def _pair_plot(result: Identification) -> dict[str, Any] | None:
     ]
     size = {"width": _MARGIN + (count - 1) * step, "height": below + 8, "size": _SIZE}
     return {**size, "panels": panels, "labels": labels, "words": f"Samples of {', '.join(names)}, two a panel"}
+
+
+def _correlated_parameters(posterior: Posterior) -> list[int]:
+    """Return the numbers of the most correlated parameters, in order; none if the correlations are small."""
+    correlation = np.abs(np.nan_to_num(posterior.correlation)) - np.eye(len(posterior.names))
+    largest = correlation.max(axis=1)
+    strongest = np.argsort(-largest, kind="stable")[:_MOST_TRADING]
+    return sorted(strongest[largest[strongest] >= _LEAST_CORRELATION].tolist())
 
 
 def _how_to_reproduce(result: Identification) -> str:
