@@ -249,7 +249,7 @@ def _exchange(first: Path, second: Path) -> bool:
 
 
 @contextmanager
-def held(path: Path, wait: float = _LONGEST_WRITING, tell: Callable[[str], None] | None = None) -> Iterator[None]:
+def held(path: Path, wait: float = _LONGEST_WRITING, on_wait: Callable[[str], None] | None = None) -> Iterator[None]:
     """Keep other processes of Dovetail from writing a path, and remove the remains of killed ones beside it.
 
     Parameters
@@ -257,7 +257,7 @@ def held(path: Path, wait: float = _LONGEST_WRITING, tell: Callable[[str], None]
     path : Path
     wait : float
         Seconds to wait for another process; if negative, without limit.
-    tell : callable, optional
+    on_wait : callable, optional
         Called with the name of the other process before waiting.
 
     Raises
@@ -281,8 +281,8 @@ def held(path: Path, wait: float = _LONGEST_WRITING, tell: Callable[[str], None]
         try:
             lock.acquire(timeout=0)
         except Timeout:
-            if tell is not None:
-                tell(_holder(marker))
+            if on_wait is not None:
+                on_wait(_holder(marker))
             lock.acquire(timeout=wait)
     except Timeout:
         remedy = "Wait until it has ended."

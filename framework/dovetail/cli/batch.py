@@ -12,7 +12,7 @@ import typer
 
 from dovetail.cli.commands import exit_unless_believable
 from dovetail.cli.reading import read_measured
-from dovetail.cli.terminal import heading, print_json, progress_bars, say, table, tell, title
+from dovetail.cli.terminal import heading, print_json, progress_bars, say, say_on_stderr, table, title
 
 if TYPE_CHECKING:
     from dovetail.assembly import Assembly
@@ -73,7 +73,7 @@ def identify_batch(
         else:
             _print(assembly, batch)
     for failure in batch.failures.values():
-        tell(failure)
+        say_on_stderr(failure)
     if batch.failures:
         raise typer.Exit(1)
     exit_unless_believable(batch)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import typer
 from typer.core import TyperGroup
 
-from dovetail.cli.terminal import say, tell, waiting
+from dovetail.cli.terminal import say, say_on_stderr, waiting
 from dovetail.errors import DovetailError, Fault
 from dovetail.plain_text import terminal_text
 
@@ -123,7 +123,7 @@ def measurement_names(result: AnyIdentification) -> str:
 def exit_unless_believable(result: Believable) -> None:
     """Print the caveat of a result on stderr, and exit with code 3, if it is not to be believed."""
     if result.caveat:
-        tell(f"Warning: {result.caveat}")
+        say_on_stderr(f"Warning: {result.caveat}")
     if not result.believable:
         raise typer.Exit(_UNBELIEVABLE)
 

@@ -13,7 +13,7 @@ import typer
 
 from dovetail.cli.commands import INTERRUPTED
 from dovetail.cli.options import AssemblyFile, PluginFiles, Scheduler, note_doubts
-from dovetail.cli.terminal import progress_bars, say, tell
+from dovetail.cli.terminal import progress_bars, say, say_on_stderr
 
 if TYPE_CHECKING:
     from dovetail.dataset import Storage
@@ -104,10 +104,10 @@ def _shard(text: str) -> tuple[int, int]:
 def _advise(assembly: Path, output: Path, chosen: Mapping[str, object], plugin: list[Path]) -> None:
     """Print what exists after an interruption, and how to continue."""
     if not output.exists():
-        tell("\nInterrupted before the first sample; nothing was written.")
+        say_on_stderr("\nInterrupted before the first sample; nothing was written.")
         return
     command = ["dovetail", "generate", str(assembly), "-o", str(output)]
     options = {name: value for name, value in chosen.items() if value not in (None, "amplitude")}
     command += [part for name, value in options.items() for part in (f"--{name}", str(value))]
     command += [part for file in plugin for part in ("--plugin", str(file))]
-    tell(f"\nInterrupted. What is done stays in {output}; go on with:\n  {shlex.join([*command, '--resume'])}")
+    say_on_stderr(f"\nInterrupted. What is done stays in {output}; go on with:\n  {shlex.join([*command, '--resume'])}")

@@ -59,7 +59,7 @@ def trained_model(assembly: Assembly, plugins: Sequence[Path], *, retrain: bool)
     def waiting(other: str) -> None:
         note(f"{other} is at work on the model of '{assembly.name}'; waiting for it.")
 
-    with held(folder.with_suffix(".training"), wait=-1, tell=waiting):
+    with held(folder.with_suffix(".training"), wait=-1, on_wait=waiting):
         model = None if retrain else _kept(folder, plugins, "training anew")
         if model is None:
             samples = assembly.description.identification.samples

@@ -32,8 +32,8 @@ __all__ = [
     "range_text",
     "room",
     "say",
+    "say_on_stderr",
     "table",
-    "tell",
     "title",
     "waiting",
 ]
@@ -67,7 +67,7 @@ class _Records(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         """Print one record."""
-        tell(f"{record.name}: {record.getMessage()}")
+        say_on_stderr(f"{record.name}: {record.getMessage()}")
 
 
 _RECORDS = _Records()
@@ -150,11 +150,11 @@ def _shows_progress() -> bool:
 def note(text: str) -> None:
     """Print a note on stderr, unless -q was given."""
     if not _chosen["_quiet"]:
-        tell(text)
+        say_on_stderr(text)
 
 
 @room()
-def tell(text: str) -> None:
+def say_on_stderr(text: str) -> None:
     """Print a text on stderr; on a terminal, lines that are not indented are wrapped."""
     text = terminal_text(text)
     if sys.stderr.isatty():
@@ -301,5 +301,5 @@ def progress_bars() -> Iterator[Progress]:
 
         yield progress
     if shown:
-        tell("")
+        say_on_stderr("")
         _WAITING.begin()

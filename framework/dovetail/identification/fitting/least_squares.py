@@ -136,7 +136,7 @@ def minimise(
     tolerance: float,
     most_steps: int,
     deadline: float = np.inf,
-    tell: Callable[[], None] = lambda: None,
+    callback: Callable[[], None] = lambda: None,
 ) -> Minima:
     """Minimise sums of squares from several starts by the trust-region reflective method.
 
@@ -151,7 +151,7 @@ def minimise(
     most_steps : int
     deadline : float
         `time.monotonic()` after which no further step begins.
-    tell : callable
+    callback : callable
         Called after each search.
 
     References
@@ -162,7 +162,7 @@ def minimise(
     searches = []
     for point in np.clip(start, 0.0, 1.0):
         searches.append(_search(problem, point, tolerance, most_steps, deadline))
-        tell()
+        callback()
     position, cost, curvature, steps = (np.stack(values) for values in zip(*searches, strict=True))
     return Minima(position, cost, curvature, steps)
 

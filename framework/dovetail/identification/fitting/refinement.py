@@ -276,7 +276,7 @@ class _Refinement:
     def _search_ends(self, problem: FrfResiduals, start: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return where searches end, the most promising first."""
         tolerance, most_steps = _SETTINGS.search_tolerance, _SETTINGS.search_steps
-        minima = minimise(problem, start, tolerance=tolerance, most_steps=most_steps, tell=self._report_search)
+        minima = minimise(problem, start, tolerance=tolerance, most_steps=most_steps, callback=self._report_search)
         self._steps += int(minima.steps.sum())
         return minima.position[np.argsort(minima.cost, kind="stable")]
 
@@ -311,7 +311,7 @@ class _Refinement:
     def _minimised(self, problem: FrfResiduals, start: NDArray[np.float64]) -> Minima:
         with_prior = WithPrior(problem, self._assembly)
         tolerance, most_steps = _SETTINGS.fit_tolerance, _SETTINGS.fit_steps
-        minima = minimise(with_prior, start, tolerance=tolerance, most_steps=most_steps, tell=self._report_search)
+        minima = minimise(with_prior, start, tolerance=tolerance, most_steps=most_steps, callback=self._report_search)
         self._steps += int(minima.steps.sum())
         return Minima.ranked(minima)
 

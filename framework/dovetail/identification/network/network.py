@@ -126,11 +126,11 @@ class Network:
         PluginError
             The regressor fails, or returns anything else than finite draws.
         """
-        distribution = self.tell(amplitude[np.newaxis])
+        distribution = self.predict_distribution(amplitude[np.newaxis])
         return None if distribution is None else self.target_scaling.inverse(distribution.samples[0])
 
-    def tell(self, amplitude: NDArray[np.floating]) -> TargetDistribution | None:
-        """Return what is known of the targets of FRFs (n_samples, n_responses n_freq), or None from values alone.
+    def predict_distribution(self, amplitude: NDArray[np.floating]) -> TargetDistribution | None:
+        """Return the distribution of the targets of FRFs (n_samples, n_responses n_freq); None without intervals.
 
         Raises
         ------

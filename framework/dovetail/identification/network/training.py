@@ -210,7 +210,7 @@ def train_and_evaluate(
     progress("evaluation", 0, 1)
     with timer.stage("evaluation"):
         predicted = network.predict(test := read_frfs(dataset, is_test, silent))
-        network.tell(test[:2])  # whatever is wrong with it shows here, not at the first measurement
+        network.predict_distribution(test[:2])  # whatever is wrong with it shows here, not at the first measurement
         if not np.isfinite(predicted).all():
             label = component_label(settings.regressor)
             with plugin_errors(settings.regressor, label):
@@ -290,9 +290,9 @@ def _fit_correction(
         for block, rows in enumerate(timer.while_there_is_time(blocks(count), rounds - before)):
             epoch = (before + 1) * _CORRECTION_EPOCH + block
             amplitude, theta = noisy.amplitudes(epoch, rows.stop - rows.start)
-            told = network.tell(amplitude)
-            assert told is not None  # as _check_correction has it
-            features.append(gauss_newton(amplitude, told))
+            distribution = network.predict_distribution(amplitude)
+            assert distribution is not None  # as _check_correction has it
+            features.append(gauss_newton(amplitude, distribution))
             targets.append(network.target_scaling.transform(theta))
             progress(f"FRFs of {name}", rows.stop, count)
 

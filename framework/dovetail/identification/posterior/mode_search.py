@@ -123,21 +123,21 @@ def search_modes(
     total = _SETTINGS.searches * (3 + len(_SETTINGS.tempering)) + len(exchanged) + len(of_fit) + refined
     searches = itertools.count(1)
 
-    def tell() -> None:
+    def callback() -> None:
         progress("modes", next(searches), total)
 
     logarithms, tempered = _on_few_lines(assembly, likelihood)
     points = scipy.stats.qmc.LatinHypercube(len(best), rng=random).random(_SETTINGS.searches)
     tolerance, most_steps = _SETTINGS.first_tolerance, _SETTINGS.first_steps
-    near = minimise(logarithms, points, tolerance=tolerance, most_steps=most_steps, tell=tell).position
+    near = minimise(logarithms, points, tolerance=tolerance, most_steps=most_steps, callback=callback).position
     direct = cooled = _within(near, _SETTINGS.margin)
-    rough: dict[str, Any] = {"tolerance": _SETTINGS.rough_tolerance, "tell": tell}
+    rough: dict[str, Any] = {"tolerance": _SETTINGS.rough_tolerance, "callback": callback}
     for weight in _SETTINGS.tempering:
         cooled = maximise_posterior(tempered(weight), cooled, most_steps=_SETTINGS.tempering_steps, **rough)
     ends = np.concatenate([direct, cooled, exchanged])
     ends = maximise_posterior(tempered(1.0), ends, most_steps=_SETTINGS.rough_steps, **rough)
     ends = ends[[bool((np.abs(ends[:row] - end) > _SETTINGS.same).any(axis=1).all()) for row, end in enumerate(ends)]]
-    modes = maximise_posterior(likelihood.posterior, np.concatenate([of_fit, ends[:refined]]), tell=tell)
+    modes = maximise_posterior(likelihood.posterior, np.concatenate([of_fit, ends[:refined]]), callback=callback)
     progress("modes", total, total)  # fewer may have been different
     return modes
 
@@ -164,11 +164,11 @@ def maximise_posterior(
     *,
     tolerance: float = _SETTINGS.tolerance,
     most_steps: int = _SETTINGS.steps,
-    tell: Callable[[], None] = lambda: None,
+    callback: Callable[[], None] = lambda: None,
 ) -> NDArray[np.float64]:
     """Search for a mode from each start z (n, p); return the ends of the searches (n, p), the highest first."""
     problem, cube = CubeResiduals(posterior), CubeResiduals.from_normal(starts)
-    minimum = minimise(problem, cube, tolerance=tolerance, most_steps=most_steps, tell=tell)
+    minimum = minimise(problem, cube, tolerance=tolerance, most_steps=most_steps, callback=callback)
     return CubeResiduals.to_normal(minimum.position[np.argsort(minimum.cost, kind="stable")])
 
 
