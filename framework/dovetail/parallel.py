@@ -30,13 +30,13 @@ FILE_MODULE = "dovetail_plugin_file_"
 _REACHED, _PATIENCE = 5.0, 60.0
 """Seconds in which a scheduler must answer, and for which it may have no worker."""
 _AHEAD = 2
-"""Tasks for each worker, of which one is at work: what is done and not yet fetched takes memory."""
+"""Tasks for each worker, of which one is running: what is done and not yet fetched takes memory."""
 _SAME = ("dovetail-frf", "numpy", "scipy", "llvmlite")
 """Packages of which every machine must have the same version, since results would differ."""
 _WHERE = "scheduler"
 
 _turn = threading.Lock()
-"""Held by the task that is at work in this worker: an assembly's engine is not made for several threads."""
+"""Held by the task that is running in this worker: an assembly's engine is not made for several threads."""
 
 _work: Callable[[int], Any] | None = None
 """The task of this worker process; set once, when it starts."""

@@ -13,7 +13,7 @@ __all__ = ["StageBars"]
 
 
 class _Clock(ProgressColumn):
-    """The time left; the time gone by where a stage does not tell how far it is."""
+    """The time left; the elapsed time if a stage does not report its progress."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -72,7 +72,7 @@ class StageBars:
             self._finish()
             self._stage = stage
             self._task = self._bars.add_task(stage, total=None, count="", note="")
-        # a single step tells nothing of how far it is: until it is done the bar only moves
+        # a single step has no progress to show: until it is done, the bar only moves
         known = None if total <= 1 and done < total else total
         count = "" if total <= 1 else f"{done:>{len(str(total))}}/{total}"
         self._bars.update(self._task, completed=done, total=known, count=count)

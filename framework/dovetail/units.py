@@ -41,7 +41,7 @@ _POWER = r"(?:\^|\*\*)\s*-?\d{1,2}(?:\.\d{1,3})?|[⁻⁰¹²³⁴⁵⁶⁷⁸⁹
 _UNIT = re.compile(rf"(?:[^\W\d⁰¹²³⁴⁵⁶⁷⁸⁹]|(?:{_POWER})(?![\d.⁻⁰¹²³⁴⁵⁶⁷⁸⁹]|\s*(?:\^|\*\*))|1(?!\d)|[\s*/·()°%])*+")
 """Names, small powers and products. Pint's parser would not return from a tower of powers."""
 _GLUED_POWER = re.compile(r"(?<=[a-z])(?=[234](?![\d.]))")
-"""Where a power stands behind its unit without a mark, as in kg/m3."""
+"""Where a power follows its unit without a mark, as in kg/m3."""
 
 
 @cache

@@ -25,7 +25,7 @@ __all__ = ["Assembly"]
 
 _Axes: TypeAlias = Sequence[NDArray[np.float64]]
 _STRUCTURE_SAMPLES = 5
-"""Random parameter vectors that show, beside the ends of the ranges, which entries of joints are filled."""
+"""Random parameter vectors that show, with the ends of the ranges, which entries of joints are filled."""
 _INTERPOLATION_SAMPLES = 256
 """Random parameter vectors whose FRFs decide how many lines are computed exactly when the others are interpolated."""
 _KEPT_ELSEWHERE = 2

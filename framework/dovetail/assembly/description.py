@@ -315,7 +315,7 @@ class Description:
         Parameters
         ----------
         section : mapping
-            Keys of the `identification` section as they stand in the text.
+            Keys of the `identification` section as in the text.
         **settings
             The values of the same keys in `IdentificationSettings`.
         """

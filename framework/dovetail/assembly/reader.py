@@ -232,7 +232,7 @@ def _read_identification(faults: FaultList, registry: Registry) -> Identificatio
 
 
 def _check_remaining_mass(responses: Iterable[Response], mass: float, faults: FaultList) -> None:
-    """Report a mass that training FRFs are to get at a point where they do not tell what it does."""
+    """Report a mass to be added to training FRFs at a point where they do not determine its effect."""
     if mass and any(response.rotation or not response.is_drive_point for response in responses):
         problem = "the mass is at the drive point, and a response is a rotation or has its force elsewhere."
         faults.add(("identification", "augmentation", "mass"), problem, remedy="Leave it out.")

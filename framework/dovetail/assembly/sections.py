@@ -281,7 +281,7 @@ class AugmentationSection(_Section):
 
 
 class CorrectionSection(_Section):
-    """Further regressors, each of which corrects the answer before by what the assembly's FRF there tells.
+    """Further regressors, each of which corrects the previous answer by means of the assembly's FRF there.
 
     Attributes
     ----------

@@ -199,7 +199,7 @@ def identify(
         raise typer.BadParameter("it divides several measurements, and this is one.", param_hint="--scheduler")
     frfs = reading.read_selected(measured, index, response, force, **contents)
     check_mass(assembly, accelerometer_mass)
-    lines = MeasuredLines.of(assembly, frfs)  # what is wrong is said before any work
+    lines = MeasuredLines.of(assembly, frfs)  # faults are reported before any work
     if network:
         lines.resampled(assembly)
     known = None if truth is None else read_truth(truth, assembly.parameters)

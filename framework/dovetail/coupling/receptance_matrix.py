@@ -59,8 +59,8 @@ class ReceptanceMatrix:
         Raises
         ------
         MeasurementError
-            The lines extend beyond the known ones, or these are too far apart to tell a receptance on the diagonal
-            between them.
+            The lines extend beyond the known ones, or these are too far apart to interpolate a receptance on the
+            diagonal.
         """
         lines, numbers = np.unique(frequency, return_inverse=True)
         values = np.empty((len(lines), *self.values.shape[1:]), dtype=np.complex128)

@@ -103,7 +103,7 @@ def number_unit(model: type[BaseModel], path: Path) -> str | None:
 
 
 def _is_float(annotation: Any) -> bool:
-    """Return whether a float may stand there, and no section."""
+    """Return whether a float is allowed there, and no section."""
     if isinstance(annotation, type):
         return annotation is float
     origin = get_origin(annotation)

@@ -138,7 +138,7 @@ class _Loader(yaml.SafeLoader):  # type: ignore[misc]
         return token(name, start, self.get_mark())
 
     def parse_block_mapping_key(self) -> yaml.Event:
-        """Give the key of an entry; where only a ':' stands, an empty one."""
+        """Return the key of an entry; an empty one if there is only a ':'."""
         if self.check_token(yaml.ValueToken):
             self.state = self.parse_block_mapping_value
             return self.process_empty_scalar(self.peek_token().start_mark)

@@ -103,13 +103,13 @@ class Calibration:
     reached : (n,) array
         Part of its searches that reached their target.
     seconds : (n,) array
-        For the fit and the samples of each case, others at work beside it.
+        For the fit and the samples of each case, while others run at the same time.
     believable : (n,) bool array
         Whether each result may be believed; those that may not count like the others.
     wall_seconds : float
         For the whole study.
     workers : int or None
-        Cases at work at once; None on a cluster, whose workers come and go.
+        Cases identified at the same time; None on a cluster, whose workers come and go.
     """
 
     setting: Setting
@@ -215,13 +215,13 @@ def calibrate(
     seed : int
         Case by case the same whatever their number and that of the workers.
     method : str or IdentificationMethod
-        ``"posterior"``, or another method that tells intervals: ``"network"`` with a `model` whose regressor does, or
+        ``"posterior"``, or another method with intervals: ``"network"`` with a `model` whose regressor has them, or
         that of a plugin. Of the options above it takes `seed` alone, if any.
     model : TrainedNetwork, optional
     noise_kind : {"uniform", "proportional"}
         The same standard deviation at every line, or `noise` times the magnitude of each.
     workers : int, optional
-        Cases at work at once, each in a process of its own; one a processor by default.
+        Cases identified at the same time, each in its own process; by default one for each processor.
     scheduler : str, optional
         Address of a Dask scheduler, whose workers do the cases in place of `workers` here.
     progress : bool or callable, optional
@@ -235,7 +235,7 @@ def calibrate(
     Raises
     ------
     ParameterError
-        There is nothing to identify, an option is out of its range, or the method tells no intervals.
+        There is nothing to identify, an option is out of its range, or the method has no intervals.
     KeyboardInterrupt
         Ctrl-C before any case was done.
 
@@ -281,7 +281,7 @@ class _Case:
 
 
 class _Study:
-    """What all cases have in common."""
+    """Simulates and identifies the cases of one study."""
 
     def __init__(
         self,

@@ -40,10 +40,10 @@ class PlannedPoint:
     position : float
         m.
     gain : mapping of str to float
-        Of each parameter: part of its prior variance that the FRF takes away, over the prior's mean.
+        Of each parameter: part of its prior variance that the FRF removes, on average over the prior.
     deviation : mapping of str to float
-        Of each parameter: mean standard deviation that is left, in fractions of its range. The width of its interval
-        goes with it.
+        Of each parameter: mean standard deviation that remains, in fractions of its range. The width of its interval is
+        proportional to it.
     hidden : tuple of float
         Hz; natural frequencies of the middle of the ranges that have a node of vibration near this point.
     """
@@ -72,10 +72,10 @@ class Plan:
     first : int
         Which of them is one of the two in `seconds`.
     seconds : tuple of PlannedPoint
-        For each other point, the gain of its FRF and the first point's together, the most telling pair first.
+        For each other point, the gain of its FRF and the first point's together, the most informative pair first.
     noise : float
     responses : str
-        The description's section for the most telling pair, as YAML; empty where there is a single point.
+        The description's section for the most informative pair, as YAML; empty if there is a single point.
     """
 
     points: tuple[PlannedPoint, ...]
@@ -140,7 +140,7 @@ def plan(
     noise : float
         Of every line, the same at all points, over the standard deviation of the FRF at the described response.
     beside_described : bool
-        Look for a second point beside the described response, which is measured already, not beside the best point.
+        Look for a second point in addition to the described response, which is measured already, not to the best point.
     seed : int
     progress : bool or callable, optional
         True shows bars in a terminal or a notebook; a function is called as `Progress` says.

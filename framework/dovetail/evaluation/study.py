@@ -96,7 +96,7 @@ def study(
     scheduler: str | None = None,
     progress: Progress | bool | None = None,
 ) -> Study:
-    """Try the settings that the section ``study:`` of a description names, and tell which are the best.
+    """Try the settings that the section ``study:`` of a description names, and report the best ones.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Proposals of a joint search, and which of them are given up early: by Optuna, from the trials that have ended.
 
-Optuna keeps nothing here. Its sampler and its pruner get the trials of the ledger each time, so that what a killed
-process was at is told by the ledger alone.
+Optuna keeps nothing here. Its sampler and its pruner get the trials of the ledger each time, so that the ledger
+alone says what a killed process was doing.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ References
 S. O. Rice, Mathematical analysis of random noise, Bell System Technical Journal 24 (1945) 46-156.
 
 C. G. Koay, P. J. Basser, Analytically exact correction scheme for signal extraction from noisy magnitude MR signals,
-J. Magn. Reson. 179 (2006) 317-322: the noise from mean square and scatter, as `noise_in_scatter` tells it.
+J. Magn. Reson. 179 (2006) 317-322: the noise from mean square and scatter, as in `noise_in_scatter`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What stands on `identify`: a trained model, which is saved and loaded, and batches of many measurements."""
+"""What builds on `identify`: a trained model, which can be saved and loaded, and batches of measurements."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Identifier(TrainedNetwork):
             it is interpolated; the other methods compare its own lines, as `dovetail.identify` says.
         method : str or IdentificationMethod, optional
             As of `dovetail.identify`: ``"posterior"``, with intervals, where the trained network's answer is one of the
-            starts and stands beside; or ``"network"``, its answer as it is, in milliseconds; and so on.
+            starts and is part of the result; or ``"network"``, its answer as it is, in milliseconds; and so on.
         **options
             Of the method, see `dovetail.identify`.
 
@@ -142,7 +142,7 @@ def train(
     DatasetError
         The dataset is not of this assembly, too small to be split, or holds values that are not finite.
     ParameterError
-        `minutes` are none, or the regressor takes no notice of them.
+        `minutes` is not a positive time, or the regressor ignores it.
     PluginError
         The reducer or the regressor breaks its contract.
     """

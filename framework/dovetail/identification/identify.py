@@ -40,7 +40,7 @@ _MOST_ZEROS = 0.01
 _LARGEST_SPIKE = 1e20
 """Times the median amplitude; above it squares and sums lose all other lines."""
 _DELAYS = 201
-"""Delays over their range with which a sign is told; enough for 25 turns of the phase."""
+"""Delays over their range with which a sign is determined; enough for 25 turns of the phase."""
 _CLEAR_SIGN = 0.2
 """Mean cosine of the phase differences below which the sign is doubtful: of a ruler, a wrong one had 0.11."""
 
@@ -83,13 +83,13 @@ def identify(
         over the ranges. ``"network"``: the answer of `model` as it is, which is the method of the publication. Or
         a method of a plugin, which is the default where the description names one.
     model : TrainedNetwork, optional
-        A trained network of this assembly: its answer is a start of the refined fit, and stands beside it in
-        the result (`Identification.network`).
+        A trained network of this assembly: its answer is a start of the refined fit, and is part of the result
+        (`Identification.network`).
     weights : {"coherence", "amplitude"} or (n_freq,) array, optional
         How much lines count in a fit: by their random error by default; by their coherence; by amplitude, so that
-        relative errors count; or an array for each measurement. The network does not ask.
+        relative errors count; or an array for each measurement. The network does not use them.
     phase : bool
-        False for a fit that takes no notice of the measurement's phase.
+        False for a fit that ignores the measurement's phase.
     progress : bool or callable, optional
         True shows bars in a terminal or a notebook; a function is called as `Progress` says.
     **options
@@ -120,11 +120,11 @@ def identify(
 
     Notes
     -----
-    What the measurement lacks of the band, at its ends or in a gap, is said in the result's warnings. The network
-    takes part only where it can be given the whole band.
+    If the measurement lacks part of the band, at its ends or in a gap, the result's warnings say so. The network is
+    used only if the measurement covers the whole band.
 
-    Meanwhile the linear algebra of this process takes one thread: the matrices are small, and more threads wait for
-    each other.
+    During an identification the linear algebra of this process uses one thread: the matrices are small, and more
+    threads would wait for each other.
     """
     assembly = as_assembly(assembly)
     measured = measured if isinstance(measured, ModalParameters) else as_frfs(measured)

@@ -172,7 +172,7 @@ def identify_from_modes(
     seed: int | None = None,
     progress: Progress = silent,
 ) -> ModalIdentification:
-    """Fit the joint to natural frequencies and damping ratios, and tell how far each parameter is known.
+    """Fit the joint to natural frequencies and damping ratios, and estimate the posterior of its parameters.
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ def identify_from_modes(
     form, samples, seed
         As of the method "posterior".
     model_error : float, optional
-        Relative error of natural frequencies that the model is allowed beside the standard deviations of the table;
+        Relative error of natural frequencies that the model is allowed, in addition to the deviations in the table;
         by default what the table shows, and 5e-4 at least.
     progress : Progress
         Called after the searches, and at the end.
@@ -273,7 +273,7 @@ def _size(off: Any, sd: Any, scale: Any, freedom: float, least: float, assumed: 
     size = float(brentq(excess, least, 1e6)) if excess(least) > 0.0 else least
     if sd is not None:
         return size
-    tails = scipy.stats.t.ppf((1.0 + LEVEL) / 2.0, [freedom, np.inf])  # told from few modes, it may be far larger
+    tails = scipy.stats.t.ppf((1.0 + LEVEL) / 2.0, [freedom, np.inf])  # estimated from few modes, it may be far larger
     return max(size, min(size * float(tails[0] / tails[1]), assumed))
 
 

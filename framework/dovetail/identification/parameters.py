@@ -117,7 +117,7 @@ class IdentifiedParameter:
 
 @dataclass(frozen=True)
 class TableRow:
-    """What is known of one parameter after an identification, in SI; None where the method cannot tell.
+    """What is known of one parameter after an identification, in SI; None where the method does not say.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ class TableRow:
         Ends of the 90 % interval; None too where the result is not to be believed.
     unit : str
     verdict : str
-        "identified", "weakly identified", "not identifiable", "not believed"; empty if the method cannot tell.
+        "identified", "weakly identified", "not identifiable", "not believed"; empty if the method does not judge it.
     why : str
         The reason of the verdict, in a sentence.
     range_low, range_high : float

@@ -76,7 +76,7 @@ def _known(result: AnyIdentification | Mapping[str, float | str]) -> Mapping[str
 
 
 def _with_signs(assembly: Assembly, known: Mapping[str, float | str]) -> Assembly:
-    """Return the assembly with the signs that were told from the measurement, where its own are unknown."""
+    """Return the assembly with the signs that were determined from the measurement, where its own are unknown."""
     names = unknown_signs(assembly.description)
     signs = {name: to_si(known[f"{name}.sign"], "1") for name in names if f"{name}.sign" in known}
     return assembly.with_description(with_signs(assembly.description, signs)) if signs else assembly

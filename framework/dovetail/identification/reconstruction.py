@@ -230,7 +230,7 @@ def _warnings(result: Identification, without_modes: str) -> tuple[str, ...]:
 def _warnings_at(at_point: AtPoint, where: str, by_coherence: bool) -> list[str]:
     """Return the warnings about the FRF at one response; `where` names it if there are several.
 
-    Lines of noise alone have no coherence, also where a fit is to the noise: it tells nothing there.
+    Lines of noise alone have no coherence, even if a fit reaches the noise: there it means nothing.
     """
     warnings = []
     if not at_point.measured.has_phase:

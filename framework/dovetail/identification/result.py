@@ -99,7 +99,7 @@ class _Answer:
     adequacy: Adequacy | None
 
     def __post_init__(self) -> None:
-        """Make mappings read-only, and tell the posterior, which may be used by itself, what speaks against it."""
+        """Make mappings read-only, and give the posterior, which may be used by itself, the caveat and the doubts."""
         self.__setstate__(dict(self.__dict__))
         if self.posterior is not None:
             definitions = [parameter.definition for parameter in self.parameters.values()]
@@ -115,12 +115,12 @@ class _Answer:
 
     @property
     def believable(self) -> bool:
-        """Whether the numbers may be believed, as far as the method can tell: False if the model does not fit."""
+        """Whether the numbers may be believed, as far as the method judges that: False if the model does not fit."""
         return self.adequacy is None or self.adequacy.fits
 
     @property
     def caveat(self) -> str:
-        """What must be said wherever a number of this result is shown, in a sentence; empty if nothing."""
+        """Sentence that must accompany every number of this result; empty if it is to be believed."""
         return "" if self.believable else _CAVEAT
 
     @property
@@ -191,13 +191,13 @@ class Identification(_Answer):
     fit : Fit or None
         How good the fit is; None if nothing was fitted.
     posterior : Posterior or None
-        Samples of the parameters and their uncertainty; None where the method tells no uncertainty.
+        Samples of the parameters and their uncertainty; None if the method has no uncertainty.
     point : str
         Where the first response is.
     further : tuple of AtPoint
         The other responses, if there are several.
     adequacy : Adequacy or None
-        How well the model explains the measurement; None if the method cannot tell.
+        How well the model explains the measurement; None if the method does not judge it.
     band : (float, float) or None
         The description's first and last frequency [Hz]; None with a result of an earlier version.
     network : mapping of str to float, or None

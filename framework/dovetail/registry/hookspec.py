@@ -31,7 +31,7 @@ class HookSpecification:
     @staticmethod
     @_hookspec
     def dovetail_defaults() -> Mapping[str, Any]:  # type: ignore[empty-body]
-        """Return what stands where a user says nothing; the plugins that ship with Dovetail give all.
+        """Return the defaults for what a user does not state; the plugins that ship with Dovetail give all of them.
 
         Returns
         -------

@@ -45,7 +45,7 @@ class Offer:
 
     @property
     def qualified_name(self) -> str:
-        """The name with that of the package or file before it, which tells it from another of the same name."""
+        """The name after that of its package or file, which distinguishes it from others of the same name."""
         package = Path(self.source).stem if self.source.endswith(".py") else self.source.partition(" ")[0]
         return f"{package}:{self.component.name}"
 
@@ -96,7 +96,7 @@ class Registry:
 
     @property
     def defaults(self) -> Mapping[str, Any]:
-        """What stands where a user says nothing, as plain values, by key."""
+        """Defaults for what a user does not state, as plain values, by key."""
         return MappingProxyType(self._defaults)
 
     @property

@@ -118,7 +118,7 @@ def time_rows(comparison: Comparison) -> Iterator[Row]:
 def parameter_value_rows(comparison: Comparison) -> Iterator[Row]:
     """Yield case, value of the series, method, parameter, unit, value, estimate, interval, verdict and truth, in SI.
 
-    The last cell tells whether the result may be believed.
+    The last cell says whether the result may be believed.
     """
     for row in comparison.rows:
         if row.identification is None:

@@ -72,7 +72,7 @@ _KNOWN = {"identified": "well known", "weakly identified": "roughly known", "not
 
 @dataclass(frozen=True)
 class ParameterRow:
-    """One row of the table of parameters: what was `identified`, as text, beside the truth if it is known.
+    """One row of the table of parameters: what was `identified`, as text, with the truth if it is known.
 
     Places are fractions of the range on the parameter's scale, None if nothing is drawn. The interval of a result that
     is not to be believed is withheld, since it would be valid only if the model were right.

@@ -45,7 +45,7 @@ def plot_assembly(assembly: AssemblySource) -> Figure:
     """Draw an assembly: parts, nodes, joints, forces and responses.
 
     Parts with an outline are drawn as a section along the axis, to scale, if necessary inside the bore of another part.
-    Others are boxes around their nodes. Parts that would overlap are drawn side by side. The title tells if the drawing
+    Others are boxes around their nodes. Parts that would overlap are drawn side by side. The title says if the drawing
     is stretched across the axis.
 
     Parameters

@@ -17,7 +17,7 @@ _GROWTH = 1.5
 """Growth of the state with four times as many samples above which it contains something of each sample; a state whose
 size is only limited by the number of samples grows less."""
 _MANY = 40_000
-"""Number of training FRFs of the collet assembly, for which a warning tells the size of the state."""
+"""Number of training FRFs of the collet assembly, for which a warning states the size of the state."""
 
 
 def check_state_is_arrays_and_plain_values(specimen: FittedSpecimen) -> None:

@@ -36,7 +36,7 @@ class ConformanceCheck:
         Raises
         ------
         AssertionError
-            The component does not pass; the text tells what is wrong and what to do.
+            The component does not pass; the text says what is wrong and what to do.
         """
         result = _results(self.model)[self.name]
         if not result.ok:

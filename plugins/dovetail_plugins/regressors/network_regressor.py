@@ -216,7 +216,7 @@ class NetworkRegressor(dovetail.Regressor):
                 break
             optimizer.adam.zero_grad()
             torch.autograd.backward(self.loss(network, *(values[batch] for values in samples)))
-            if self.is_distribution:  # one sample far from its mean may tell more than all others
+            if self.is_distribution:  # one sample far from its mean may outweigh all others
                 torch.nn.utils.clip_grad_norm_(network.parameters(), _LARGEST_GRADIENT)
             optimizer.adam.step()
 

@@ -135,7 +135,7 @@ def _table(columns: Mapping[str, Sequence[str]], where: str, size: int) -> DofTa
     count = len(columns["node"])
     if "row" in columns:
         numbers = _numbers(columns["row"], "row", where)
-        if np.any(numbers != np.round(numbers)) or np.any(np.abs(numbers) > 2**53):  # beyond, not every one is told
+        if np.any(numbers != np.round(numbers)) or np.any(np.abs(numbers) > 2**53):  # beyond, integers are not exact
             raise DovetailError(Fault(where, "a row of the table of DOFs is no whole number.", "1, 2, 3, ..."))
         rows = numbers.astype(np.intp) - 1
     elif count == size:

@@ -15,7 +15,7 @@ from dovetail.units import format_quantity
 __all__ = ["NOTHING_LEFT", "Adequacy", "AdequacyWord", "Cause", "word_for"]
 
 AdequacyWord: TypeAlias = Literal["to the noise", "good", "rough", "does not fit", "not judged"]
-"""From best to worst; "not judged" where a method cannot tell."""
+"""From best to worst; "not judged" if a method does not judge the model."""
 NOTHING_LEFT = "The measurement has no more values than there are unknowns: nothing is left to judge the fit by."
 """Why a fit is not judged that any model with as many unknowns would reach."""
 
@@ -90,7 +90,7 @@ class Adequacy:
     ----------
     word : {"to the noise", "good", "rough", "does not fit", "not judged"}
     size : ModelError or None
-        The errors of the model that the measurement shows; None if it shows none, or the method cannot tell.
+        The errors of the model that the measurement shows; None if it shows none, or the method does not estimate them.
     allowed : float or None
         Relative error of natural frequencies that the user allowed, which sets weights and intervals in place of
         `size`.
@@ -111,7 +111,7 @@ class Adequacy:
 
     @property
     def fits(self) -> bool:
-        """Whether an error of a plausible size explains the measurement, as far as the method can tell."""
+        """Whether an error of a plausible size explains the measurement, as far as the method judges that."""
         return self.word != "does not fit"
 
     @property

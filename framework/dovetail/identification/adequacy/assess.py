@@ -41,7 +41,7 @@ class Settings:
     same_missed: float = 0.01
     """Relative distance within which missed resonances of several FRFs are taken for the same one."""
     displaced: float = 2.0
-    """Times the error of natural frequencies that a peak lies beside the model's resonance to which it may belong."""
+    """Distance of a peak from the model's resonance to which it may belong, over the error of natural frequencies."""
     near: tuple[float, float] = (0.01, 0.05)
     """Relative distance that this is at least and at most."""
     mains: tuple[float, ...] = (50.0, 60.0)
@@ -49,7 +49,7 @@ class Settings:
     mains_lines: float = 2.0
     """Lines of the measurement within which a peak is at a multiple."""
     finest_part: float = 0.02
-    """Of the mains frequency, above which lines are too coarse to tell."""
+    """Of the mains frequency, above which lines are too coarse to recognise hum."""
     fewest_hums: int = 2
     fewest_lines: int = 3
     """Of one FRF, in which a resonance shows."""
@@ -177,8 +177,8 @@ def _followers_of_gain(assembly: Assembly, theta: NDArray[np.float64]) -> list[s
 def _typical_ratio(target: Observations, values: NDArray[np.complex128]) -> float:
     """Return the median of |log(measured / fitted amplitude)|.
 
-    It is needed beside the error of magnitude, which is relative to the fitted FRF and therefore never exceeds 1 where
-    that is much too large.
+    It complements the error of magnitude, which is relative to the fitted FRF and therefore never exceeds 1 where that
+    is much too large.
     """
     measured = target.amplitude
     clear = (measured > 0.0) & (values != 0.0)
@@ -207,7 +207,7 @@ def _reasons(
 def _missed_resonances(target: Observations, fit: Fit, estimated: FitWithError) -> Iterator[str]:
     """Yield which resonances of the measurement the model lacks.
 
-    A peak beside a resonance of the model, which has none in that FRF, is no other resonance.
+    A peak near a resonance of the model that makes no peak in that FRF is not another resonance.
     """
     missed = np.unique(missed_resonances(target, fit.variance, estimated.values))
     near = np.clip(_SETTINGS.displaced * estimated.size.natural_frequency, *_SETTINGS.near)

@@ -58,7 +58,7 @@ class Settings:
     """Relative change of the size of other errors at which its search ends."""
     usual_frequency: float = 4.0
     """Factor by which errors of natural frequencies usually differ from `MODEL_ERROR`: the standard deviation of a
-    log-normal prior. The parameters imitate most of a small error, and what they leave tells a size far too small."""
+    log-normal prior. The parameters imitate most of a small error, and the rest suggests a size far too small."""
     usual_ratio: float = 10.0
     """The same for the other errors' ratio to their typical sizes; a few resonances say little about it."""
     least: float = 1e-4
@@ -313,7 +313,7 @@ class _Linearised:
         return sizes(minimize(improbability, start, jac=True, method="L-BFGS-B", bounds=bounds).x)
 
     def estimate_beside_others(self) -> ModelError:
-        """Return them beside other errors of 5 %, without which huge ones of damping and magnitude may cancel."""
+        """Return the most probable sizes with other errors of 5 %, without which huge ones may cancel each other."""
         return self._estimate_shaped(replace(self._size, other=_SETTINGS.unexplained))
 
     def with_other(self, size: ModelError) -> ModelError:

@@ -56,7 +56,7 @@ class Fit:
         model and measurement. Ignored lines do not count.
     degrees_of_freedom : int
     variance : (n_lines,) array
-        E|random error|^2 of each line; the lines of a second response stand behind those of the first.
+        E|random error|^2 of each line; the lines of a second response follow those of the first.
     variance_known : bool
         Whether the variance came with the measurement; else it was estimated from the scatter from line to line.
     variance_assumed : bool

@@ -87,7 +87,7 @@ def known_variance(frf: Frf) -> NDArray[np.float64] | None:
 
     Lines with a coherence of 0, of which nothing is known, get the largest known variance or the square of their own
     value, whichever is larger. A coherence of 1 is taken as rounded and replaced by the highest one below 1; where a
-    file has more than a few of these, its coherences do not tell the variance.
+    file has more than a few of these, its coherences do not determine the variance.
 
     Notes
     -----

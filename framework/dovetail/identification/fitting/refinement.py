@@ -121,7 +121,7 @@ def refine(
     Each search first compares logarithms of amplitudes, whose sum of squares is shallow, on few lines, among them those
     around each resonance; then the FRF itself, complex where it has a phase. Isolated lines are left out. A fit is as
     good as the random error allows if chi-squared says so, and if the residuals are white: a smooth misfit is not
-    taken for noise, however small. Where the measurement does not tell its random error, it is then estimated from all
+    taken for noise, however small. Where the measurement does not state its random error, it is then estimated from all
     residuals. Where no fit reaches the random error, the model itself is wrong: by some part of each line's
     magnitude, and by some part of the FRF's level everywhere, as by modes that it lacks. The most likely parts enter
     the weights, so that the lines with the least noise do not dominate.

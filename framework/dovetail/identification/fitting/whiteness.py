@@ -33,7 +33,7 @@ class Settings:
     larger: float = 2.0
     """Ratio of a line's estimated variance to the smallest one, above which it counts as larger."""
     few_larger: int = 20
-    """Lines of a larger variance that hardly tell it."""
+    """Lines of a larger variance that are too few to estimate it."""
     shortest_run: int = 8
     """Lines of the shortest run; fewer may be a line of interference."""
     windows: tuple[int, ...] = (16, 64, 256)

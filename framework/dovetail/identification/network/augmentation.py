@@ -350,7 +350,7 @@ class ReducedEpochs:
 
 
 class FreshEpochs:
-    """FRFs of new samples, made when an epoch is asked for: beside a training that uses all cores both would wait.
+    """FRFs of new samples, made when an epoch is asked for: a training uses all cores, and both would wait.
 
     Each epoch after the first replaces one of `reuse` segments of the rows. The rows of the others are drawn from all
     samples that their place has had, so that the first epoch's rows, of which a regressor holds some back for its

@@ -84,7 +84,7 @@ class TrainedNetwork:
         Parameters
         ----------
         amplitude : (n_samples, n_responses n_freq) array
-            m/(N s^2); the lines of a second response stand behind those of the first.
+            m/(N s^2); the lines of a second response follow those of the first.
 
         Returns
         -------

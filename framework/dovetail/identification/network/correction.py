@@ -1,7 +1,7 @@
 """Correction of a network's answer by the assembly's FRF and Jacobian there.
 
 A network sees an FRF through a few features, which blur its details. The assembly's own FRF at the network's answer can
-be compared with the measured one line by line, and its Jacobian tells which parameters reduce the difference. A single
+be compared with the measured one line by line, and its Jacobian shows which parameters reduce the difference. A single
 Gauss-Newton step is not reliable, since resonances move by more than their widths. So steps are taken with several
 degrees of caution, and a second regressor learns from many examples how far to trust each of them.
 """

@@ -109,7 +109,7 @@ class Network:
         return self.target_scaling.inverse(targets)
 
     def predict_samples(self, amplitude: NDArray[np.floating]) -> NDArray[np.float64] | None:
-        """Predict how far parameters are known, where the regressor tells it.
+        """Draw samples of the parameters of one FRF, if the regressor predicts distributions.
 
         Parameters
         ----------

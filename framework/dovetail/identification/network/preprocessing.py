@@ -47,7 +47,7 @@ def blocks(rows: int) -> Iterator[slice]:
 
 
 def accelerance_amplitudes(measured: Sequence[Frf]) -> NDArray[np.float64]:
-    """Return the accelerance's amplitudes of all responses beside each other, as one row (1, n_responses n_freq)."""
+    """Return the accelerance's amplitudes of all responses side by side, as one row (1, n_responses n_freq)."""
     return np.concatenate([frf.to("accelerance").amplitude for frf in measured])[np.newaxis]
 
 

@@ -82,7 +82,7 @@ def train_network(
     timer = StageTimer(__name__, _seconds(assembly, minutes))
     if robust or fresh:
         assembly = _with_augmentation(assembly, fresh=fresh)
-    measured_noises(assembly)  # what is wrong with their files is said before any work
+    measured_noises(assembly)  # faults of their files are reported before any work
     _check_correction(assembly)
     if dataset is not None:
         return _train(assembly, dataset, timer, progress)
@@ -105,7 +105,7 @@ def _seconds(assembly: Assembly, minutes: float | None) -> float | None:
     Raises
     ------
     ParameterError
-        It is no time, or the regressor takes no notice of one.
+        It is not a positive time, or the regressor ignores it.
     """
     if minutes is None:
         return None
@@ -127,7 +127,7 @@ def _check_correction(assembly: Assembly) -> None:
     ParameterError
         No fresh samples are drawn.
     PluginError
-        The regressor tells values alone, or fails on a few random rows.
+        The regressor predicts values alone, or fails on a few random rows.
     """
     settings = assembly.description.identification
     if settings.correction is None:

@@ -73,9 +73,9 @@ class LaplaceApproximation:
 
         Notes
         -----
-        Along an axis v the residuals change by r'' s^2 / 2 beside their linear part. The parameters compensate the part
-        of r'' in the tangent space, z'' = -K^+ r'': the parameter-effects curvature of Bates and Watts (Relative
-        curvature measures of nonlinearity, 1980), which bends the valley.
+        Along an axis v the residuals change by r'' s^2 / 2 in addition to their linear part. The parameters compensate
+        the part of r'' in the tangent space, z'' = -K^+ r'': the parameter-effects curvature of Bates and Watts
+        (Relative curvature measures of nonlinearity, 1980), which bends the valley.
         """
         residuals, jacobian = posterior.linearise(mode[np.newaxis])
         tangent, triangle = np.linalg.qr(jacobian[0].T)

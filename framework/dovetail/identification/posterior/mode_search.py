@@ -154,7 +154,7 @@ def _on_few_lines(
     if likelihood.by_line is not None:
         misfit = FrfResiduals(model, likelihood.by_line.at(lines))
         errors = errors[:, likelihood.by_line.residuals_of(lines)]
-        full_weight = float(np.sqrt(step))  # with which these lines tell as much as all
+        full_weight = float(np.sqrt(step))  # with which these lines weigh as much as all
     return logarithms, lambda weight: PosteriorResiduals(MarginalisedResiduals(misfit, errors, weight * full_weight))
 
 

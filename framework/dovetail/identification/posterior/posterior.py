@@ -131,7 +131,7 @@ class Posterior:
     unreliable : tuple of str
         Parameters for which the Laplace approximation fails; their intervals are not to be trusted.
     caveat : str
-        That of the `Identification`: why no interval is to be believed, empty if nothing speaks against it.
+        That of the `Identification`: why no interval is to be believed; empty if they may be.
     doubts : mapping of str to str
         By parameter, what the `Identification` says of a change with which it lies far beyond its interval.
     log_likelihood : (n,) array or None

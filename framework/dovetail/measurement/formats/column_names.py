@@ -78,7 +78,7 @@ _ANGLES = {
 _PARTS = ("real", "imag", "amplitude", "db", "phase_deg", "phase_rad", "coherence")
 """Fields that the last word of a name may state, after the name of a signal."""
 _NO_FRF = frozenset(("force", "excitation", "hammer", "psd", "power", "autopower", "spectrum", "autospectrum", "time"))
-"""Words that tell that a signal is not an FRF."""
+"""Words which show that a signal is not an FRF."""
 _SHOWN = 60
 """Characters of a name that are shown."""
 _MOST_LISTED = 20

@@ -34,7 +34,7 @@ def closed_entry(path: Path, name: str, label: str, entries: Mapping[str, Entry]
     Raises
     ------
     MeasurementError
-        It is an frd, and no other entry is a frequency; the fault tells what to type in MATLAB.
+        It is an frd, and no other entry is a frequency; the message says what to type in MATLAB.
     """
     problem = f"'{name}' is an object of the class {label[:40]}, which only MATLAB opens."
     typed = f"{name} = chgFreqUnit({name},'Hz'); [H,f] = frdata({name},'v'); save('frf.mat','H','f')"

@@ -26,7 +26,7 @@ _VERSION_5 = (b"\x00\x01IM", b"\x01\x00MI")
 _CELL, _STRUCT, _OBJECT, _SPARSE, _FUNCTION, _OPAQUE = 1, 2, 3, 5, 16, 17
 """Numbers of classes in MATLAB's description of the format; those of numbers and texts are 4 and 6 to 15."""
 _NO_NUMBERS = (_CELL, _STRUCT, _OBJECT, _SPARSE, _FUNCTION, _OPAQUE)
-"""Classes whose shape does not tell the size of their contents."""
+"""Classes whose shape does not determine the size of their contents."""
 _HEADER = 1000
 """Number of bytes that contain the class, the shape and the name of a variable."""
 _COMPRESSED = 10_000
@@ -119,7 +119,7 @@ def _check_sizes(path: Path, variables: Sequence[tuple[str, tuple[int, ...], int
     """Refuse too many numbers before they are unpacked."""
     sizes = {name: 0 if kind in _NO_NUMBERS else prod(shape) for name, shape, kind, _ in variables}
     for number, (name, size) in enumerate(sizes.items(), start=1):
-        if not 0 <= size * _ITEM <= LARGEST_ARRAY:  # scipy takes a negative length for one that is to be told
+        if not 0 <= size * _ITEM <= LARGEST_ARRAY:  # scipy takes a negative length to be unknown
             problem = f"the workspace is damaged: '{name}' has {size:,} numbers, not as many as an FRF."
             raise MeasurementError(Fault(f"{path}: variable {number}", problem))
     if sum(sizes.values()) > _MOST_NUMBERS:

@@ -219,7 +219,7 @@ def _check_size(uff_set: UffSet, payload: bytes) -> None:
     fields = uff_set.fields
     numbers = (1 if fields["ord_data_type"] in _REAL else 2) + (fields["abscissa_spacing"] == 0)
     expected = fields["num_pts"] * numbers * (8 if fields["ord_data_type"] in _DOUBLE else 4)
-    if not expected <= len(payload) <= expected + 2:  # a line end may stand before the end tag
+    if not expected <= len(payload) <= expected + 2:  # a line end may precede the end tag
         raise MeasurementError(
             Fault(
                 uff_set.where,

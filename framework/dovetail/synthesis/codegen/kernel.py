@@ -110,7 +110,7 @@ class KernelWriter:
         return real, self.ir.value(f"add i64 {real}, 1")
 
     def invert(self, value: ComplexVector, size: str | None) -> tuple[ComplexVector, str, str]:
-        """Invert a pivot; also return 1 / |pivot|^2, and a mask of where it is tiny beside the summands' `size`."""
+        """Invert a pivot; also return 1 / |pivot|^2, and a mask of where it is tiny against the summands' `size`."""
         ir = self.ir
         real, imaginary = value
         square = ir.multiply_add(real, real, ir.product(imaginary, imaginary)) or "zeroinitializer"
