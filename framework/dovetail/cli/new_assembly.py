@@ -51,8 +51,17 @@ class _Part:
     inner: float
     material: str
 
-    def section(self, length: float, highest: float, least: int) -> str:
-        """Return the section of a length of the part, with elements for bending waves up to a frequency [Hz]."""
+    def described(self, template: str, cuts: set[float], contact: float, gaps: int, highest: float) -> str:
+        """Return the part's entry: sections between the cuts [m], that of the contact with an element in each gap."""
+        ends = pairwise(sorted({round(cut, 9) for cut in cuts}))
+        lengths = [round(end - begin, 9) for begin, end in ends]
+        sections = [self._section(length, highest, gaps if length == round(contact, 9) else 1) for length in lengths]
+        material = dict(zip(("young", "density", "poisson"), _MATERIALS[self.material], strict=True))
+        words = {"part": self.name, "sections": "\n".join(sections), "material": self.material, **material}
+        return Template(template).substitute(words).rstrip()
+
+    def _section(self, length: float, highest: float, least: int) -> str:
+        """Return a section of the part, with elements for bending waves up to a frequency [Hz]."""
         young, density, _ = _MATERIALS[self.material]
         gyration = math.hypot(self.outer, self.inner) / 4.0
         wave = math.sqrt(2.0 * math.pi * gyration / highest * math.sqrt(1e9 * young / density))
@@ -196,13 +205,8 @@ def _description(
     if not 0.0 <= place <= first.length:
         raise typer.BadParameter(f"'{first.name}' is from 0 to {_mm(first.length)}.", param_hint="--response")
     whole, of_part = (files("dovetail.cli") / "assembly.yaml.template").read_text(encoding="utf-8").split("=====\n")
-    described = []
-    for part, cuts in ((first, {0.0, place, outside, first.length}), (second, {0.0, contact, second.length})):
-        lengths = [round(end - begin, 9) for begin, end in pairwise(sorted({round(cut, 9) for cut in cuts}))]
-        sections = [part.section(length, stop, gaps if length == round(contact, 9) else 1) for length in lengths]
-        material = dict(zip(("young", "density", "poisson"), _MATERIALS[part.material], strict=True))
-        words = {"part": part.name, "sections": "\n".join(sections), "material": part.material, **material}
-        described.append(Template(of_part).substitute(words).rstrip())
+    cuts = {0.0, place, outside, first.length}, {0.0, contact, second.length}
+    described = [part.described(of_part, at, contact, gaps, stop) for part, at in zip(pair, cuts, strict=True)]
     connect = []
     for port, part, offset in zip(joint.ports, pair, (outside, 0.0), strict=True):
         at = ", ".join(_mm(offset + contact * node / max(port.nodes - 1, 1)) for node in range(port.nodes))
