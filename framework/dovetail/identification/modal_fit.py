@@ -230,7 +230,8 @@ def identify_from_modes(
     names = tuple(name for name, failed in zip(posterior.names, unreliable, strict=True) if failed)
     posterior = replace(posterior, form=form, mode=best if form == "laplace" else None, unreliable=names)
     progress("searching", 2, 2)
-    return _result(residuals, best, posterior, shown, sum(freedom), model_error, seed)
+    adequacy = _judged(shown, sum(freedom), model_error, has_deviations=measured.frequency_sd is not None)
+    return _result(residuals, best, posterior, adequacy, sum(freedom), seed)
 
 
 def _search(residuals: _ModalResiduals, random: np.random.Generator) -> NDArray[np.float64]:
@@ -277,35 +278,44 @@ def _size(off: Any, sd: Any, scale: Any, freedom: float, least: float, assumed: 
     return max(size, min(size * float(tails[0] / tails[1]), assumed))
 
 
-def _result(
-    residuals: _ModalResiduals,
-    best: NDArray[np.float64],
-    posterior: Posterior,
-    shown: ModelError,
-    freedom: float,
-    allowed: float | None,
-    seed: int,
-) -> ModalIdentification:
-    assembly, measured = residuals.assembly, residuals.measured
-    ((poles, _),) = residuals.poles(best[np.newaxis])
+def _judged(shown: ModelError, freedom: float, allowed: float | None, *, has_deviations: bool) -> Adequacy:
+    """Return how well the model explains a table, from the errors that it shows."""
+    sizes = (shown.natural_frequency, shown.damping)
+    plain = has_deviations and all(a <= b for a, b in zip(sizes, _LEAST_ERRORS, strict=True))
+    adequacy = Adequacy("to the noise" if plain else word_for(shown), None if plain else shown, allowed)
+    if adequacy.fits and freedom < 1.0:  # not one value more than unknowns
+        return Adequacy("not judged", allowed=allowed, reasons=(NOTHING_LEFT,))
+    return adequacy
+
+
+def _matched_modes(residuals: _ModalResiduals, best: NDArray[np.float64]) -> tuple[MatchedMode, ...]:
+    """Return the modes of the model with SI parameters (p,), up to the last of the table, with those of the table."""
+    measured, ((poles, _),) = residuals.measured, residuals.poles(best[np.newaxis])
     row_of = {int(pole): row for row, pole in enumerate(residuals.matched(poles))}
     columns = [[] if values is None else values.tolist() for values in (measured.frequency, measured.damping_ratio)]
     modes = []
     for pole, s in enumerate(poles[: max(row_of) + 1].tolist()):
         known = [column[row_of[pole]] if pole in row_of and column else None for column in columns]
         modes.append(MatchedMode(abs(s) / (2.0 * np.pi), -s.real / abs(s), *known))
+    return tuple(modes)
+
+
+def _result(
+    residuals: _ModalResiduals,
+    best: NDArray[np.float64],
+    posterior: Posterior,
+    adequacy: Adequacy,
+    freedom: float,
+    seed: int,
+) -> ModalIdentification:
+    assembly, measured = residuals.assembly, residuals.measured
     off = residuals.residuals(assembly.to_unit(best)[None])[0]
-    sizes = (shown.natural_frequency, shown.damping)
-    plain = measured.frequency_sd is not None and all(a <= b for a, b in zip(sizes, _LEAST_ERRORS, strict=True))
-    adequacy = Adequacy("to the noise" if plain else word_for(shown), None if plain else shown, allowed)
-    if adequacy.fits and freedom < 1.0:  # not one value more than unknowns
-        adequacy = Adequacy("not judged", allowed=allowed, reasons=(NOTHING_LEFT,))
     origin = provenance(assembly, [measured], None, seed) | {"posterior_form": posterior.form}
     result = ModalIdentification(
         parameters=identified_parameters(assembly, best),
         known={name: at for name, at in known_parameters(assembly).items() if np.isfinite(at)},
         measured=measured,
-        modes=tuple(modes),
+        modes=_matched_modes(residuals, best),
         chi_squared=float(off @ off) / freedom if freedom >= _LEAST_FREEDOM else None,
         degrees_of_freedom=freedom,
         adequacy=adequacy,
