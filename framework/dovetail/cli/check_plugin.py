@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
-from dovetail.cli.completion import complete_models
-from dovetail.cli.options import AsJson, PluginFiles
+from dovetail.cli.options import AsJson, ModelName, PluginFiles
 from dovetail.cli.terminal import print_json, progress_bars, say, title
 
 if TYPE_CHECKING:
@@ -21,12 +20,7 @@ __all__ = ["check_plugin"]
 
 
 def check_plugin(
-    model: Annotated[
-        str,
-        typer.Argument(
-            metavar="MODEL", help="The word after 'model:' in a description.", autocompletion=complete_models
-        ),
-    ],
+    model: ModelName,
     plugin: PluginFiles = None,
     as_json: AsJson = False,
 ) -> None:

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from dovetail.cli.completion import complete_models
-from dovetail.cli.options import AsJson, PluginFiles
+from dovetail.cli.options import AsJson, ModelName, PluginFiles
 from dovetail.cli.terminal import heading, print_json, range_text, say, table, title
 
 if TYPE_CHECKING:
@@ -67,12 +64,7 @@ def _registry_as_dict(registry: Registry, offers: list[Offer]) -> dict[str, Any]
 
 
 def describe(
-    model: Annotated[
-        str,
-        typer.Argument(
-            metavar="MODEL", help="The word after 'model:' in a description.", autocompletion=complete_models
-        ),
-    ],
+    model: ModelName,
     plugin: PluginFiles = None,
     as_json: AsJson = False,
 ) -> None:

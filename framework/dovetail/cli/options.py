@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
-from dovetail.cli.completion import complete_files
+from dovetail.cli.completion import complete_files, complete_models
 from dovetail.cli.terminal import note
 
 if TYPE_CHECKING:
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 __all__ = [
     "AsJson",
     "AssemblyFile",
+    "ModelName",
     "Overwrite",
     "PluginFiles",
     "PointNumber",
@@ -56,6 +57,11 @@ PluginFiles = Annotated[
 AssemblyFile = Annotated[
     Path,
     typer.Argument(metavar="ASSEMBLY", help="The assembly's description (YAML).", autocompletion=complete_files),
+]
+
+ModelName = Annotated[
+    str,
+    typer.Argument(metavar="MODEL", help="The word after 'model:' in a description.", autocompletion=complete_models),
 ]
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, for a program.")]

@@ -19,16 +19,7 @@ from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import FrfResiduals
 from dovetail.interfaces import Progress, silent
 
-__all__ = [
-    "Fit",
-    "Objective",
-    "bounds_reached",
-    "count_agreeing",
-    "fit_at",
-    "fractions_within",
-    "highest_agreeing",
-    "multistart",
-]
+__all__ = ["Fit", "Objective", "bounds_reached", "count_agreeing", "fit_at", "highest_agreeing", "multistart"]
 
 Objective: TypeAlias = Literal["frf", "weighted"]
 """Residuals that are minimised: differences of the FRFs as they are, or over their random error."""

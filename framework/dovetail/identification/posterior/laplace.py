@@ -114,18 +114,10 @@ def laplace_posterior(
 
     Parameters
     ----------
-    assembly : Assembly
-        The distributions of its parameters over their ranges, uniform or normal on their scales, are the prior.
-    measured : Frf or sequence of Frf
-        One for each response, on its frequencies in the assembly.
-    fit : Fit
-        Of the same measurement.
+    assembly, measured, fit, model_error, seed, progress
+        As in `sample_posterior`.
     samples : int
         Number of samples drawn from the Gaussian.
-    model_error : ModelError
-        As in `sample_posterior`.
-    seed : int
-    progress : Progress
 
     Returns
     -------

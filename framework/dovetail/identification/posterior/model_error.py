@@ -316,10 +316,8 @@ def error_shapes(
 
     Parameters
     ----------
-    frfs : sequence of Frf
-        Their frequencies and quantities, one for each response.
-    values : sequence of (n_freq,) complex arrays
-        The FRF of each response, in place of the values in `frfs`.
+    frfs, values
+        As in `fit_resonances`.
     size : ModelError
 
     Returns
