@@ -23,15 +23,7 @@ if TYPE_CHECKING:
     import pint
     from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 
-__all__ = [
-    "Frequency",
-    "InUnit",
-    "Mass",
-    "dimension",
-    "format_quantity",
-    "is_unit",
-    "to_si",
-]
+__all__ = ["Frequency", "InUnit", "Mass", "dimension", "format_quantity", "is_unit", "to_si"]
 
 _LONGEST_TEXT = 100
 _WRITTEN_TOGETHER = ("newton_meter = N m = Nm", "newton_millimeter = N mm = Nmm", "newton_second = N s = Ns",

@@ -19,11 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["check_plugin"]
 
 
-def check_plugin(
-    model: ModelName,
-    plugin: PluginFiles = None,
-    as_json: AsJson = False,
-) -> None:
+def check_plugin(model: ModelName, plugin: PluginFiles = None, as_json: AsJson = False) -> None:
     """Check a model against its contract: the conformance kit.
 
     Every check of its kind is run, and printed. The exit code is 1 where one fails; a warning is only printed.

@@ -63,11 +63,7 @@ def _registry_as_dict(registry: Registry, offers: list[Offer]) -> dict[str, Any]
     }
 
 
-def describe(
-    model: ModelName,
-    plugin: PluginFiles = None,
-    as_json: AsJson = False,
-) -> None:
+def describe(model: ModelName, plugin: PluginFiles = None, as_json: AsJson = False) -> None:
     """Describe a model: options, parameters, ports.
 
     A name that models of several kinds bear shows all of them.

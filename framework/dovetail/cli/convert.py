@@ -44,8 +44,7 @@ def convert(
         ),
     ] = None,
     to: Annotated[
-        str | None,
-        typer.Option("--to", metavar="QUANTITY_OR_UNIT", help="What is written, such as mobility or um/N."),
+        str | None, typer.Option("--to", metavar="QUANTITY_OR_UNIT", help="What is written, such as mobility or um/N.")
     ] = None,
     accelerometer_mass: reading.AccelerometerMass = 0.0,
     drive_point: Annotated[Path | None, _OtherFile] = None,
@@ -108,10 +107,7 @@ def _dofs_of(text: str | None) -> tuple[str, str] | None:
 
 def describe_frf(frf: Frf) -> str:
     """Return one sentence with the lines, the quantity and other properties of an FRF."""
-    known = [
-        f"{frf.frequency.size} lines from {frf.frequency[0]:g} to {frf.frequency[-1]:g} Hz",
-        frf.quantity,
-    ]
+    known = [f"{frf.frequency.size} lines from {frf.frequency[0]:g} to {frf.frequency[-1]:g} Hz", frf.quantity]
     if frf.rotation or frf.by_moment:
         known.append(frf.kind)
     if not frf.has_phase:

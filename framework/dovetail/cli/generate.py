@@ -50,8 +50,7 @@ def generate(
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with a dataset that was interrupted.")] = False,
     shard: Annotated[
-        str,
-        typer.Option(metavar="I/N", help="Compute only part I of N, for another machine each; 'merge' joins them."),
+        str, typer.Option(metavar="I/N", help="Compute only part I of N, for another machine each; 'merge' joins them.")
     ] = "1/1",
     scheduler: Scheduler = None,
     plugin: PluginFiles = None,

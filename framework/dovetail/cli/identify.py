@@ -68,8 +68,7 @@ WithNetwork = Annotated[
 Starts = Annotated[int | None, typer.Option(metavar="N", min=1, help="Searches of multistart.", show_default=False)]
 Seconds = Annotated[float | None, typer.Option(metavar="S", help="Time that multistart may take.", show_default=False)]
 PosteriorForm = Annotated[
-    str | None,
-    typer.Option(metavar="NAME", help="Of the posterior: samples, or laplace, faster.", show_default=False),
+    str | None, typer.Option(metavar="NAME", help="Of the posterior: samples, or laplace, faster.", show_default=False)
 ]
 Samples = Annotated[int | None, typer.Option(metavar="N", min=1, help="Samples of the posterior.", show_default=False)]
 AllowedError = Annotated[

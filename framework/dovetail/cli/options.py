@@ -55,8 +55,7 @@ PluginFiles = Annotated[
 ]
 
 AssemblyFile = Annotated[
-    Path,
-    typer.Argument(metavar="ASSEMBLY", help="The assembly's description (YAML).", autocompletion=complete_files),
+    Path, typer.Argument(metavar="ASSEMBLY", help="The assembly's description (YAML).", autocompletion=complete_files)
 ]
 
 ModelName = Annotated[

@@ -284,11 +284,7 @@ class _Study:
     """Simulates and identifies the cases of one study."""
 
     def __init__(
-        self,
-        assembly: Assembly,
-        setting: Setting,
-        method: str | IdentificationMethod,
-        model: TrainedNetwork | None,
+        self, assembly: Assembly, setting: Setting, method: str | IdentificationMethod, model: TrainedNetwork | None
     ) -> None:
         if not assembly.parameters:
             raise ParameterError(Fault(assembly.name, "all parameters are known: there is nothing to identify."))

@@ -39,11 +39,7 @@ class SearchSpace:
     """
 
     def __init__(
-        self,
-        options: Mapping[str, SearchRange | tuple[Any, ...]],
-        described: Mapping[str, Any],
-        trials: int,
-        seed: int,
+        self, options: Mapping[str, SearchRange | tuple[Any, ...]], described: Mapping[str, Any], trials: int, seed: int
     ) -> None:
         try:
             import optuna

@@ -73,10 +73,7 @@ def resonance_peaks(frf: Frf, prominence: float = _SETTINGS.prominence) -> NDArr
 
 
 def counterpart(
-    frequency: float,
-    among: NDArray[np.float64],
-    others: NDArray[np.float64],
-    closeness: float = _SETTINGS.closeness,
+    frequency: float, among: NDArray[np.float64], others: NDArray[np.float64], closeness: float = _SETTINGS.closeness
 ) -> float | None:
     """Return the frequency in `others` that belongs to one in `among`: each is the other's nearest, and they are close.
 

@@ -265,11 +265,7 @@ def as_frfs(measured: Measurement) -> tuple[Frf, ...]:
 
 
 def _prepared(
-    assembly: Assembly,
-    measured: Frf | Sequence[Frf],
-    weights: Weights | Sequence[Weights] | None,
-    *,
-    phase: bool,
+    assembly: Assembly, measured: Frf | Sequence[Frf], weights: Weights | Sequence[Weights] | None, *, phase: bool
 ) -> tuple[Frf, ...]:
     """Return the measurements with the requested weights, and without phase if it is to be ignored."""
     frfs = one_per_response(assembly, measured)

@@ -20,11 +20,7 @@ from dovetail.identification.adequacy.adequacy import NOTHING_LEFT, word_for
 from dovetail.identification.adequacy.assess import check_limits
 from dovetail.identification.fitting.least_squares import Linearisation
 from dovetail.identification.posterior import LEVEL, TYPICAL, Form, ModelError, Posterior, typical_model_error
-from dovetail.identification.posterior.likelihood import (
-    PosteriorResiduals,
-    normal_from_unit,
-    unit_from_normal,
-)
+from dovetail.identification.posterior.likelihood import PosteriorResiduals, normal_from_unit, unit_from_normal
 from dovetail.identification.posterior.mode_search import maximise_posterior
 from dovetail.identification.posterior.posterior import check_options
 from dovetail.identification.posterior.sampling import draw

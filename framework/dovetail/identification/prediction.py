@@ -245,11 +245,7 @@ class Band:
 
 
 def predict_band(
-    assembly: AssemblySource,
-    result: AnyIdentification | str | Path,
-    *,
-    level: float = LEVEL,
-    seed: int = 0,
+    assembly: AssemblySource, result: AnyIdentification | str | Path, *, level: float = LEVEL, seed: int = 0
 ) -> Band:
     """Predict the amplitudes between which the FRF of another assembly with the identified joint lies.
 
@@ -320,10 +316,7 @@ def _frfs(assembly: Assembly, result: AnyIdentification, theta: NDArray[np.float
 
 
 def _linearised_frfs(
-    assembly: Assembly,
-    result: AnyIdentification,
-    fraction: NDArray[np.float64],
-    mode: NDArray[np.float64],
+    assembly: Assembly, result: AnyIdentification, fraction: NDArray[np.float64], mode: NDArray[np.float64]
 ) -> NDArray[np.complex128]:
     """Return the FRFs (n, n_freq) of samples, linear in the normal coordinates about the posterior mode."""
     parameters = [parameter.definition for parameter in result.parameters.values()]

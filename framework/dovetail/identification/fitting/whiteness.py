@@ -63,12 +63,7 @@ def is_of_few_lines(variance: NDArray[np.float64]) -> bool:
 
 
 def has_size_of_noise(
-    squares: float,
-    degrees_of_freedom: int,
-    lines: int,
-    *,
-    variance_known: bool,
-    false_alarm: float = NOISE_ALARM,
+    squares: float, degrees_of_freedom: int, lines: int, *, variance_known: bool, false_alarm: float = NOISE_ALARM
 ) -> bool:
     """Return whether a sum of squared whitened residuals is one that noise has by chance.
 

@@ -70,13 +70,7 @@ _PILOT_SHARE, _PILOT_EPOCHS = 0.02, 3
 
 
 def train_network(
-    assembly: Assembly,
-    dataset: Dataset | None,
-    *,
-    robust: bool,
-    fresh: bool,
-    minutes: float | None,
-    progress: Progress,
+    assembly: Assembly, dataset: Dataset | None, *, robust: bool, fresh: bool, minutes: float | None, progress: Progress
 ) -> TrainedNetwork:
     """Train the network of an assembly's description; parameters and errors as `dovetail.train` has them."""
     timer = StageTimer(__name__, _seconds(assembly, minutes))
@@ -311,11 +305,7 @@ def _fit_correction(
 
 
 def _context(
-    assembly: Assembly,
-    dataset: Dataset,
-    is_test: NDArray[np.bool_],
-    noisy: NoisyFeatures | None,
-    seconds: float | None,
+    assembly: Assembly, dataset: Dataset, is_test: NDArray[np.bool_], noisy: NoisyFeatures | None, seconds: float | None
 ) -> FeatureContext:
     """Return the context of the features, with the FRFs' phases if they are stored and no noise is added."""
     return FeatureContext(

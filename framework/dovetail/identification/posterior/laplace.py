@@ -15,11 +15,7 @@ from dovetail.frf import Frf
 from dovetail.identification.fitting import Fit
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import ModelFrfs
-from dovetail.identification.posterior.likelihood import (
-    PosteriorResiduals,
-    build_likelihood,
-    unit_from_normal,
-)
+from dovetail.identification.posterior.likelihood import PosteriorResiduals, build_likelihood, unit_from_normal
 from dovetail.identification.posterior.mode_search import likelihood_at_mode, maximise_posterior, starts_near
 from dovetail.identification.posterior.model_error import TYPICAL, ModelError
 from dovetail.identification.posterior.posterior import Posterior, check_options
