@@ -53,6 +53,17 @@ class Settings:
 SETTINGS = Settings()
 
 
+@dataclass(frozen=True, eq=False)
+class _Job:
+    """The parameter vectors of one call of a kernel, the factors of its FRFs, and the arrays that it fills."""
+
+    kernel_of: Callable[[Plan], MachineKernel]
+    theta: Theta
+    factors: Factors
+    result: NDArray[Any]
+    jacobian: NDArray[np.complex128] | None = None
+
+
 class Engine:
     """FRFs of one graph on one frequency axis between chosen points, all from one elimination.
 
@@ -167,7 +178,7 @@ class Engine:
         """
         prepared = self.prepared(factors)
         result = aligned_empty((sample_count(theta), *prepared.values.shape), np.complex128)
-        samples = self._run_kernel(lambda plan: plan.receptance_kernel, theta, prepared, result)
+        samples = self._run(_Job(lambda plan: plan.receptance_kernel, theta, prepared, result))
         for single, sample, lines in self._failed_lines(theta, result, samples):
             result[sample][:, lines] = self.plan.pivoted.frfs(single, lines) * prepared.values[:, lines]
         return result[..., : self._lines]
@@ -185,7 +196,7 @@ class Engine:
         """
         prepared = self.prepared(factors).magnitudes
         result = aligned_empty((sample_count(theta), *prepared.values.shape), np.float32)
-        samples = self._run_kernel(lambda plan: plan.amplitude_kernel, theta, prepared, result)
+        samples = self._run(_Job(lambda plan: plan.amplitude_kernel, theta, prepared, result))
         for single, sample, lines in self._failed_lines(theta, result, samples):
             result[sample][:, lines] = np.abs(self.plan.pivoted.frfs(single, lines)) * prepared.values.real[:, lines]
         return result[..., : self._lines]
@@ -209,23 +220,16 @@ class Engine:
         prepared = self.prepared(factors)
         result = aligned_empty((sample_count(theta), *prepared.values.shape), np.complex128)
         jacobian = aligned_empty((*result.shape[:2], self.plan.inputs.parameters, result.shape[2]), np.complex128)
-        samples = self._run_kernel(lambda plan: plan.jacobian_kernel, theta, prepared, result, jacobian)
+        samples = self._run(_Job(lambda plan: plan.jacobian_kernel, theta, prepared, result, jacobian))
         for single, sample, lines in self._failed_lines(theta, result, samples):
             result[sample][:, lines] = self.plan.pivoted.frfs(single, lines) * prepared.values[:, lines]
             derivatives = self.plan.pivoted.derivatives(single, lines)
             jacobian[sample][..., lines] = derivatives * prepared.values[:, np.newaxis, lines]
         return result[..., : self._lines], np.swapaxes(jacobian, 2, 3)[:, :, : self._lines]
 
-    def _run_kernel(
-        self,
-        kernel_of: Callable[[Plan], MachineKernel],
-        theta: Theta,
-        factors: Factors,
-        result: NDArray[Any],
-        jacobian: NDArray[np.complex128] | None = None,
-    ) -> NDArray[np.intp]:
-        """Fill `result`; return the samples in which a pivot nearly vanished."""
-        return self._planned(lambda plan: self._run_plan(plan, kernel_of, theta, factors, result, jacobian))
+    def _run(self, job: _Job) -> NDArray[np.intp]:
+        """Fill the job's arrays; return the samples in which a pivot nearly vanished."""
+        return self._planned(lambda plan: self._run_plan(plan, job))
 
     def _planned(self, compute: Callable[[Plan], NDArray[Any]]) -> NDArray[Any]:
         """Compute with the plan; if entries occur that are not planned for, extend it and compute again."""
@@ -235,40 +239,25 @@ class Engine:
             except UnplannedEntries as unplanned:
                 self.plan = self.plan.widened(unplanned.sparsity)
 
-    def _run_plan(
-        self,
-        plan: Plan,
-        kernel_of: Callable[[Plan], MachineKernel],
-        theta: Theta,
-        factors: Factors,
-        result: NDArray[Any],
-        jacobian: NDArray[np.complex128] | None,
-    ) -> NDArray[np.intp]:
-        """Fill `result` with one plan, a block of samples in each thread; return the samples as `_run_kernel`."""
-        count, derivatives = len(result), jacobian is not None
+    def _run_plan(self, plan: Plan, job: _Job) -> NDArray[np.intp]:
+        """Fill the job's arrays with one plan, a block of samples in each thread; return the samples as `_run`."""
+        count, derivatives = len(job.result), job.jacobian is not None
         flags = np.zeros(count, dtype=np.uint8)
-        outputs = (result, np.empty((count, 0)) if jacobian is None else jacobian, flags)
+        outputs = (job.result, np.empty((count, 0)) if job.jacobian is None else job.jacobian, flags)
 
         def run_block(first: int, theta: Theta, terms: NDArray[np.float64], weights: NDArray[np.float64]) -> None:
             block = slice(first, first + len(terms))
             spectral, spectral_weights = _gather_spectral(plan, theta, len(terms), derivatives=derivatives)
-            inputs = (plan.omega, factors.vectors, plan.static, terms, spectral, weights, spectral_weights)
-            kernel_of(plan)(len(plan.omega), len(terms), result.shape[-1], (*inputs, *(a[block] for a in outputs)))
+            inputs = (plan.omega, job.factors.vectors, plan.static, terms, spectral, weights, spectral_weights)
+            arrays = (*inputs, *(array[block] for array in outputs))
+            job.kernel_of(plan)(len(plan.omega), len(terms), job.result.shape[-1], arrays)
 
-        self._run_in_blocks(plan, kernel_of, theta, count, run_block, derivatives=derivatives)
+        self._run_in_blocks(plan, job, run_block)
         return np.flatnonzero(flags)
 
-    def _run_in_blocks(
-        self,
-        plan: Plan,
-        kernel_of: Callable[[Plan], MachineKernel],
-        theta: Theta,
-        count: int,
-        run_block: Callable[..., None],
-        *,
-        derivatives: bool,
-    ) -> None:
+    def _run_in_blocks(self, plan: Plan, job: _Job, run_block: Callable[..., None]) -> None:
         """Evaluate the joints for some samples while the threads compute the previous ones."""
+        theta, count, derivatives = job.theta, len(job.result), job.jacobian is not None
         if not count:
             return
         size = self._block_size(plan, count, derivatives=derivatives)
@@ -282,7 +271,7 @@ class Engine:
                 chunk = _samples(theta, start, number)
                 terms, weights = _gather(plan, chunk, number, derivatives=derivatives)
                 _wait(blocks)
-                kernel_of(plan)  # compiled here, before several threads want it
+                job.kernel_of(plan)  # compiled here, before several threads want it
                 blocks = [
                     pool.submit(
                         run_block, start + i, _samples(chunk, i, size), terms[i : i + size], weights[i : i + size]
