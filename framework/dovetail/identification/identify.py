@@ -152,21 +152,20 @@ def identify(
         lines = _with_signs(lines, report)
         if isinstance(chosen, str):
             result = METHODS[chosen](lines, model, progress=report, **options)
-            given = {"weights": weights, "phase": None if phase else False, **options}
-            said = {name: value for name, value in given.items() if isinstance(value, (str, int, float))}
-            return replace(result, provenance={**result.provenance, **({"options": said} if said else {})})
-        keys = _option_names(chosen)
-        own = {name: options.pop(name) for name in list(options) if name in keys}
-        return by_plugin(_with_options(chosen, own) if own else chosen, lines, progress=report, **options)
+            requested = {"weights": weights, "phase": None if phase else False, **options}
+            stated = {name: value for name, value in requested.items() if isinstance(value, (str, int, float))}
+            return replace(result, provenance={**result.provenance, **({"options": stated} if stated else {})})
+        of_config = {name: options.pop(name) for name in _option_names(chosen) if name in options}
+        return by_plugin(_with_options(chosen, of_config) if of_config else chosen, lines, progress=report, **options)
 
 
 def _check_model(assembly: Assembly, trained: Assembly) -> None:
     """Raise ParameterError unless a network's assembly has the same parameters and FRFs; a band may differ."""
     if trained.description.fingerprint == assembly.description.fingerprint:
         return
-    parameters, names = ([parameter.name for parameter in one.parameters] for one in (trained, assembly))
-    if parameters == names and len(trained.description.responses) == len(assembly.description.responses):
-        middle = trained.from_unit(np.full((1, len(parameters)), 0.5))
+    names, expected = ([parameter.name for parameter in known.parameters] for known in (trained, assembly))
+    if names == expected and len(trained.description.responses) == len(assembly.description.responses):
+        middle = trained.from_unit(np.full((1, len(names)), 0.5))
         amplitude = trained.accelerance_amplitude(middle)
         if largest_frf_difference(assembly.on(trained.frequency), middle, amplitude) <= FRF_TOLERANCE:
             return
@@ -350,8 +349,9 @@ def _sign(assembly: Assembly, theta: NDArray[np.float64], frf: Frf) -> float:
 
 def method_options(method: str | IdentificationMethod) -> tuple[str, ...]:
     """Return the names of the options that a method takes."""
-    own = () if isinstance(method, str) else _option_names(method)
-    return (*own, *_keywords(METHODS[method] if isinstance(method, str) else by_plugin))
+    if isinstance(method, str):
+        return _keywords(METHODS[method])
+    return (*_option_names(method), *_keywords(by_plugin))
 
 
 def _option_names(method: IdentificationMethod) -> tuple[str, ...]:
