@@ -343,9 +343,9 @@ def beside(target: Path) -> Path:
 def _sweep(path: Path) -> None:
     """Remove the remains that killed processes have left beside `path`; if they had moved it away, move it back."""
     start = f".{path.name}."
-    left = re.compile(re.escape(start) + r"[0-9a-f]{16}\.(part|old)")
+    remains = re.compile(re.escape(start) + r"[0-9a-f]{16}\.(part|old)")
     for name in os.listdir(path.parent):  # of ten thousand files perhaps
-        if not name.startswith(start) or not left.fullmatch(name):
+        if not name.startswith(start) or not remains.fullmatch(name):
             continue
         entry = path.parent / name
         if entry.suffix == ".old" and not path.exists():

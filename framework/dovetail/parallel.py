@@ -151,11 +151,11 @@ def on_cluster(
         from distributed import wait
 
         packed = client.submit(_packed, _pack(work), pure=False)
-        left = enumerate(tasks)
+        waiting = enumerate(tasks)
         running: dict[Any, int] = {}
         while True:
             room = _AHEAD * len(client.nthreads()) - len(running)
-            for number, task in islice(left, max(room, 0 if running else 1)):
+            for number, task in islice(waiting, max(room, 0 if running else 1)):
                 running[client.submit(_run_on_worker, packed, task, pure=False)] = number
             if not running:
                 return

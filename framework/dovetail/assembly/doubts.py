@@ -53,11 +53,11 @@ def find_doubts(assembly: Assembly) -> tuple[str, ...]:
     highest = float(assembly.frequency[-1])
     for name, part in assembly.description.substructures.items():
         with plugin_errors(part, f"substructure '{name}' ({part.name})"):
-            own = part.doubts(highest)
-            if not isinstance(own, (list, tuple)) or not all(isinstance(problem, str) for problem in own):
-                problem = f"its doubts are {own!r:.60}."
+            problems = part.doubts(highest)
+            if not isinstance(problems, (list, tuple)) or not all(isinstance(problem, str) for problem in problems):
+                problem = f"its doubts are {problems!r:.60}."
                 raise PluginError(Fault(f"substructure '{name}' ({part.name})", problem, "a list of sentences"))
-            doubts += [f"substructures.{name}: {problem}" for problem in own]
+            doubts += [f"substructures.{name}: {problem}" for problem in problems]
     return (*doubts, *_of_band(assembly))
 
 

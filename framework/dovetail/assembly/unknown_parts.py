@@ -345,8 +345,8 @@ def add_unknown_part(
         faults.add(("substructures", name), problem, f"{_MOST_DOFS} DOFs or fewer", key=True)
         return None
     for sought in _corners(stated):
-        own = {option: tie for option, tie in stated.ties.items() if tie.owner == name and tie.parameter in sought}
-        corner = {**sought, **{option: tie.ratio * sought[tie.parameter] for option, tie in own.items()}}
+        ties = {option: tie for option, tie in stated.ties.items() if tie.owner == name and tie.parameter in sought}
+        corner = {**sought, **{option: tie.ratio * sought[tie.parameter] for option, tie in ties.items()}}
         if problem := _objection(model, corner):
             faults.add(("substructures", name, *steps_of(next(iter(corner)))), problem)
             return None

@@ -40,9 +40,9 @@ def check_plugin(model: ModelName, plugin: PluginFiles = None, as_json: AsJson =
 def _print(results: Sequence[CheckResult]) -> None:
     for component in dict.fromkeys(result.component for result in results):
         title(component)
-        own = [result for result in results if result.component == component]
-        for result in own:
+        of_component = [result for result in results if result.component == component]
+        for result in of_component:
             say(str(result))
-        counts = Counter(result.outcome for result in own)
+        counts = Counter(result.outcome for result in of_component)
         run = counts["passed"] + counts["warning"] + counts["failed"]
         say(f"{run} checks run: " + ", ".join(f"{count} {outcome}" for outcome, count in counts.items()) + ".")

@@ -63,8 +63,8 @@ class Commands(TyperGroup):
         """Return a command, which also accepts -q and -v."""
         command = super().get_command(ctx, cmd_name)
         if command is not None:
-            own = {option.name for option in command.params}
-            command.params += [o for o in self.params if o.name in ("_quiet", "_verbose") and o.name not in own]
+            names = {option.name for option in command.params}
+            command.params += [o for o in self.params if o.name in ("_quiet", "_verbose") and o.name not in names]
         return command
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:

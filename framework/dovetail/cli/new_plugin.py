@@ -90,8 +90,8 @@ def _write(folder: Path, words: dict[str, str]) -> list[str]:
             Fault(str(folder), "there is such a file or folder already.", remedy="Choose another name.")
         )
     templates = files("dovetail.cli") / "plugin_template"
-    own = {f"{words['kind']}.{suffix}": path for suffix, path in _OWN.items()}
-    paths = {source: Template(path).substitute(words) for source, path in {**_COMMON, **own}.items()}
+    of_kind = {f"{words['kind']}.{suffix}": path for suffix, path in _OWN.items()}
+    paths = {source: Template(path).substitute(words) for source, path in {**_COMMON, **of_kind}.items()}
     with new_folder(folder) as fresh:
         for source, path in paths.items():
             target = fresh / path

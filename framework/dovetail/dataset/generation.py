@@ -207,9 +207,9 @@ def _fill(folder: Path, assembly: Assembly, shard: tuple[int, int], scheduler: s
     compute = Assembly.accelerance_amplitude if dataset.storage == "amplitude" else complex_accelerance
     chunk, samples = frfs.chunks[0], len(parameters)
     complete = dataset.amplitude.complete_chunks()
-    own = range(shard[0] - 1, len(complete), shard[1])
-    missing = [index for index in own if not complete[index]]
-    size = sum(min(chunk, samples - index * chunk) for index in own)
+    of_shard = range(shard[0] - 1, len(complete), shard[1])
+    missing = [index for index in of_shard if not complete[index]]
+    size = sum(min(chunk, samples - index * chunk) for index in of_shard)
     done = size - sum(min(chunk, samples - index * chunk) for index in missing)
     progress("generate", done, size)
 

@@ -88,8 +88,8 @@ def _checked(folder: Path, dtype: str, axes: int, *, whole: bool) -> dict[str, A
     except (KeyError, TypeError, AttributeError, IndexError):
         codecs, plain = [], (False,)
     if codecs not in _CODECS[0]:
-        found = ", ".join(str(name)[:40] for name in codecs[:5]) or "none"
-        raise DatasetError(Fault(str(folder), f"its codecs are {found}.", _CODECS[1], _REMEDY))
+        names = ", ".join(str(name)[:40] for name in codecs[:5]) or "none"
+        raise DatasetError(Fault(str(folder), f"its codecs are {names}.", _CODECS[1], _REMEDY))
     if not all(plain):
         raise DatasetError(
             Fault(str(folder), f"this is no array of {dtype} as 'dovetail generate' writes it.", "", _REMEDY)

@@ -53,11 +53,11 @@ def read_source(source: str | os.PathLike[str] | Mapping[str, object], faults: F
         _check_exists(chain[-1], base, faults)
         file = base
         seen.append(os.path.realpath(file))
-        own = FaultList()
-        item = read_yaml(file, len(chain), own)
+        of_base = FaultList()
+        item = read_yaml(file, len(chain), of_base)
         if not {*_FORMATS, _EXTENDS} & item.entries.keys():
             raise _no_description(chain[-1], base, faults)
-        faults.take(own)
+        faults.take(of_base)
         chain.append(item)
     merged = chain.pop()
     while chain:

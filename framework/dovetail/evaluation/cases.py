@@ -179,8 +179,8 @@ def read_cases(source: str | os.PathLike[str], **reading: Any) -> Cases:
     assert read is not None
 
     def measurement(measured: _Measured) -> Measurement:
-        own = measured.model_dump(exclude={"file"}, exclude_none=True)
-        options = {"accelerometer_mass": read.accelerometer_mass, **reading, **own}
+        stated = measured.model_dump(exclude={"file"}, exclude_none=True)
+        options = {"accelerometer_mass": read.accelerometer_mass, **reading, **stated}
         return Measurement(folder / measured.file, options.pop("accelerometer_mass"), options)
 
     folder = Path(source).parent

@@ -84,8 +84,8 @@ class Study:
 
 
 def _plain(trial: Trial) -> dict[str, Any]:
-    own = asdict(trial)
-    return {name: own[name] for name in ("number", "kind", "changes", "state", "first", "answer", "reason", "claims")}
+    row = asdict(trial)
+    return {name: row[name] for name in ("number", "kind", "changes", "state", "first", "answer", "reason", "claims")}
 
 
 def study(

@@ -122,11 +122,11 @@ class _ModalResiduals:
 
     def matched(self, poles: NDArray[np.complex128]) -> NDArray[np.intp]:
         """Return the pole of each mode of the table, -1 for none, by the least sum of log distances."""
-        found = np.full(len(self.measured.frequency), -1, dtype=np.intp)
+        pole_of_mode = np.full(len(self.measured.frequency), -1, dtype=np.intp)
         distance = np.abs(np.log(self.measured.frequency[:, None] * 2.0 * np.pi / np.abs(poles)))
         rows, columns = linear_sum_assignment(distance)
-        found[rows] = columns
-        return found
+        pole_of_mode[rows] = columns
+        return pole_of_mode
 
     def residuals(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return residuals (n, m) at fractions of the ranges (n, p)."""
@@ -146,8 +146,8 @@ class _ModalResiduals:
         )
         for slope, (poles, derivatives) in zip(slopes, self.poles(theta, differentiate=differentiate), strict=True):
             # a mode that the model lacks has the frequency and the damping 0
-            found = self.matched(poles)
-            s, ds = np.append(poles, 0.0)[found], np.vstack([derivatives * slope, np.zeros_like(slope)])[found]
+            matched = self.matched(poles)
+            s, ds = np.append(poles, 0.0)[matched], np.vstack([derivatives * slope, np.zeros_like(slope)])[matched]
             size = np.maximum(np.abs(s), np.finfo(float).tiny)
             of_size = (np.conj(s)[:, None] * ds).real / size[:, None]
             values, jacobian = [np.abs(s) / (2.0 * np.pi)], [of_size / (2.0 * np.pi)]

@@ -305,8 +305,8 @@ def load_matplotlib() -> None:
         return
     with contextlib.chdir(Path(__file__).parent):
         import matplotlib
-    own = {name: value for name, value in matplotlib.rcParamsDefault.items() if not name.startswith("backend")}
-    matplotlib.rcParams.update(own)
+    defaults = {name: value for name, value in matplotlib.rcParamsDefault.items() if not name.startswith("backend")}
+    matplotlib.rcParams.update(defaults)
 
 
 def set_title(figure: Figure, *lines: str) -> None:

@@ -308,8 +308,8 @@ def _refined(A: Any, C: Any, M: Any, s: Any, X: Any) -> tuple[Any, Any]:
         turned = Cx + 2.0 * at * Mx
         change = np.sum(x * (Ax + at * (Cx + at * Mx)), axis=1) / np.sum(x * turned, axis=1)
         s[going] -= change
-        left = np.abs(change) > _CONVERGED * np.abs(s[going])
-        going, turned = going[left], turned[left]
+        unconverged = np.abs(change) > _CONVERGED * np.abs(s[going])
+        going, turned = going[unconverged], turned[unconverged]
         try:
             solved = [np.linalg.solve(A + z * (C + z * M), b) for z, b in zip(s[going], turned, strict=True)]
         except np.linalg.LinAlgError:  # exactly at a pole, or no pole at all

@@ -67,9 +67,9 @@ def check_options_are_described_with_their_units(model: type[Component]) -> None
 def check_overrides_are_spelt_as_in_the_contract(model: type[Component]) -> None:
     """No method or attribute has nearly the name of one that may be overridden and is not."""
     contract = next(base for base in model.__mro__ if base.__module__.startswith(_CONTRACTS))
-    own = {name for base in model.__mro__[: model.__mro__.index(contract)] for name in vars(base)}
-    missing = {_plain(name): name for name in dir(contract) if not name.startswith("_") and name not in own}
-    for name in sorted(own - {*dir(contract)}):
+    defined = {name for base in model.__mro__[: model.__mro__.index(contract)] for name in vars(base)}
+    missing = {_plain(name): name for name in dir(contract) if not name.startswith("_") and name not in defined}
+    for name in sorted(defined - {*dir(contract)}):
         if name.startswith("__") or f"_{model.__name__}__" in name:
             continue
         for near in difflib.get_close_matches(_plain(name), missing, n=1, cutoff=_NEARLY):

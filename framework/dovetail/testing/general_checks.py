@@ -23,9 +23,9 @@ def check_config_survives_json(specimen: Specimen) -> None:
 
 def check_a_component_keeps_its_config(specimen: Specimen) -> None:
     """`config` of a component is the Config with which it was constructed."""
-    given = specimen.model.Config.model_validate(dict(specimen.options))
-    if specimen.model(given).config != given or specimen.component.config != given:
+    config = specimen.model.Config.model_validate(dict(specimen.options))
+    if specimen.model(config).config != config or specimen.component.config != config:
         raise Nonconformity(
-            f"made from {given!r:.100} it has the config {specimen.component.config!r:.100}.",
+            f"made from {config!r:.100} it has the config {specimen.component.config!r:.100}.",
             "Call super().__init__(config), and change nothing in it.",
         )

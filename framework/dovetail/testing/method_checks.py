@@ -65,10 +65,10 @@ class MethodSpecimen(Specimen):
 
     def estimate(self, problem: IdentificationProblem | None = None) -> Estimate:
         """Return the method's estimate, after a check of its type."""
-        found = self.component.identify(problem or self.problem(), seed=SEED, progress=silent)
-        if not isinstance(found, Estimate):
-            raise Nonconformity(f"identify returned {type(found).__name__}.", "Return a dovetail.Estimate.")
-        return found
+        estimate = self.component.identify(problem or self.problem(), seed=SEED, progress=silent)
+        if not isinstance(estimate, Estimate):
+            raise Nonconformity(f"identify returned {type(estimate).__name__}.", "Return a dovetail.Estimate.")
+        return estimate
 
     @cached_property
     def first(self) -> Estimate:
@@ -78,10 +78,10 @@ class MethodSpecimen(Specimen):
 
 def check_the_estimate_is_within_the_ranges(specimen: MethodSpecimen) -> None:
     """`theta` and `samples` are finite vectors, in the order of the parameters and within their ranges."""
-    found = specimen.first
-    arrays = [("theta", np.asarray(found.theta)[np.newaxis])]
-    if found.samples is not None:
-        arrays.append(("samples", np.asarray(found.samples)))
+    estimate = specimen.first
+    arrays = [("theta", np.asarray(estimate.theta)[np.newaxis])]
+    if estimate.samples is not None:
+        arrays.append(("samples", np.asarray(estimate.samples)))
     for name, array in arrays:
         if array.ndim != 2 or array.shape[1] != len(_PARAMETERS) or not np.isfinite(array).all():
             raise Nonconformity(f"{name} has the shape {array.shape} or is not finite.", "Give a number a parameter.")
@@ -142,7 +142,7 @@ def check_nothing_is_printed_or_changed(specimen: MethodSpecimen) -> None:
         raise Nonconformity(f"it changes {', '.join(changed)}.", "Leave it as it is; report by `progress`.")
 
 
-def _misfit(exact: IdentificationProblem, found: Estimate) -> float:
+def _misfit(exact: IdentificationProblem, estimate: Estimate) -> float:
     """Return the relative error of the estimate's FRF, over all lines."""
-    difference = exact.frf(np.asarray(found.theta, dtype=np.float64)[np.newaxis])[0] - exact.values
+    difference = exact.frf(np.asarray(estimate.theta, dtype=np.float64)[np.newaxis])[0] - exact.values
     return float(np.linalg.norm(difference) / np.linalg.norm(exact.values))

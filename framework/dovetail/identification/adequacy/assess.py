@@ -170,8 +170,8 @@ def _followers_of_gain(assembly: Assembly, theta: NDArray[np.float64]) -> list[s
     parameters, gains = zip(assembly.parameters, share, strict=True), unknown_gains(assembly.description)
     followers = [parameter for parameter, part in parameters if abs(part) > _SETTINGS.follows]
     told = any(parameter.prior == "normal" or parameter.name in gains for parameter in followers)
-    left = np.linalg.norm(columns @ share - gain) / np.linalg.norm(gain)
-    return [] if told or left > _SETTINGS.not_followed else [parameter.name for parameter in followers]
+    remainder = np.linalg.norm(columns @ share - gain) / np.linalg.norm(gain)
+    return [] if told or remainder > _SETTINGS.not_followed else [parameter.name for parameter in followers]
 
 
 def _typical_ratio(target: Observations, values: NDArray[np.complex128]) -> float:

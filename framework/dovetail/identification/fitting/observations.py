@@ -152,8 +152,8 @@ class Observations:
         """Return whether a response's variance (n_lines,) is assumed, since it has too few lines to estimate it."""
         responses = zip(self.frfs, self._known_variances, self.split(variance), strict=True)
         return any(
-            known is None and is_too_short(frf) and np.array_equal(own, estimated_variance(frf))
-            for frf, known, own in responses
+            known is None and is_too_short(frf) and np.array_equal(variances, estimated_variance(frf))
+            for frf, known, variances in responses
         )
 
     def residual_variance(

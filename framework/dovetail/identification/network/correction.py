@@ -221,9 +221,9 @@ def _corrections(
         transposed = np.swapaxes(weighted, 1, 2)
         spreading = factors @ np.linalg.inv(np.eye(parameters) + transposed @ weighted)
         step = (spreading @ (transposed @ scaled[..., np.newaxis]))[..., 0]
-        left = 0.5 * np.log(np.maximum(np.sum(spreading * factors, axis=2), _LEAST_VARIANCE))
+        log_deviation = 0.5 * np.log(np.maximum(np.sum(spreading * factors, axis=2), _LEAST_VARIANCE))
         size = np.log(np.mean(scaled**2, axis=1, keepdims=True) + _LEAST_VARIANCE)
-        features += [means + step, step, left, size]
+        features += [means + step, step, log_deviation, size]
     return features
 
 

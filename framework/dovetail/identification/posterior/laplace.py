@@ -180,7 +180,7 @@ def half_about_the_fit(
     """
     target, values = Observations.of(assembly, measured), ModelFrfs.of(assembly).frf(fit.theta[np.newaxis])[0]
     pairs = zip(target.frfs, target.split(values), strict=True)
-    of_fit = [replace(frf, values=own if frf.has_phase else np.abs(own)) for frf, own in pairs]
+    of_fit = [replace(frf, values=modelled if frf.has_phase else np.abs(modelled)) for frf, modelled in pairs]
     residuals = build_likelihood(assembly, of_fit, fit, model_error).posterior
     starts = starts_near(assembly.to_unit(fit.theta))
     mode = maximise_posterior(residuals, starts, tolerance=_SETTINGS.tolerance)[0]

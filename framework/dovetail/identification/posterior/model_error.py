@@ -271,9 +271,9 @@ def _common_poles(
             groups.setdefault(frequency.tobytes(), (frequency, []))[1].append(frf)
     poles = np.empty(0, dtype=np.complex128)
     for frequency, frfs in groups.values():
-        found = _poles(frequency, frfs)
-        apart = np.abs(found[:, np.newaxis] - poles) > _SETTINGS.same_pole * found.imag[:, np.newaxis]
-        poles = np.concatenate([poles, found[apart.all(axis=1)]])
+        candidates = _poles(frequency, frfs)
+        apart = np.abs(candidates[:, np.newaxis] - poles) > _SETTINGS.same_pole * candidates.imag[:, np.newaxis]
+        poles = np.concatenate([poles, candidates[apart.all(axis=1)]])
     return np.sort_complex(poles)
 
 

@@ -158,8 +158,8 @@ def _check_arrays(frf: RecordedFrf, label: str) -> None:
             continue
         kinds = "fiuc" if name == "values" else "fiu"
         if not isinstance(array, np.ndarray) or array.dtype.kind not in kinds or array.shape != size or not size[0]:
-            found = f"shape {array.shape}, {array.dtype}" if isinstance(array, np.ndarray) else type(array).__name__
-            raise PluginError(Fault(label, f"its {name} are {found}.", "vectors of numbers of one length"))
+            kind = f"shape {array.shape}, {array.dtype}" if isinstance(array, np.ndarray) else type(array).__name__
+            raise PluginError(Fault(label, f"its {name} are {kind}.", "vectors of numbers of one length"))
     if any(not isinstance(text, str) for text in (frf.unit, frf.response, frf.force, frf.note)):
         raise PluginError(Fault(label, "its unit, DOFs and note are not all texts.", "texts, empty where it is silent"))
     averages = frf.averages
