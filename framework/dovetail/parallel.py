@@ -241,7 +241,7 @@ def _pack(work: Callable[..., Any]) -> bytes:
 
 
 def _packed(content: bytes) -> bytes:
-    """Return what was sent, as a result that other workers fetch and the scheduler can have made anew."""
+    """Return what was sent, as a result that other workers fetch and the scheduler can have computed again."""
     return content
 
 

@@ -68,7 +68,7 @@ class Assembly:
     def __repr__(self) -> str:
         return f"Assembly({self.name!r}, {len(self.parameters)} parameters, {len(self.frequency)} lines)"
 
-    def __reduce__(self) -> tuple[Any, ...]:  # without engines, which are compiled anew elsewhere
+    def __reduce__(self) -> tuple[Any, ...]:  # without engines, which are compiled again elsewhere
         made = partial(type(self), rigid=self._rigid, interpolation=self._interpolation)
         return partial(made, further_frequencies=self._axes[1:]), (self.description,)
 

@@ -2,8 +2,8 @@
 
 Gain and delay change the FRF. A sensor's mass and a window change the structure that is computed for a response: the
 mass is one more part of it, and the window of decay rate s, which multiplies signals by exp(-s t), moves the frequency
-to omega - i s. That is the same as other matrices, K + s C + s^2 M and C + 2 s M in place of K and C, and i omega + s
-in place of i omega where a quantity is the derivative of the displacement.
+to omega - i s. That is the same as other matrices, K + s C + s^2 M and C + 2 s M instead of K and C, and i omega + s
+instead of i omega where a quantity is the derivative of the displacement.
 """
 
 from __future__ import annotations
@@ -170,7 +170,7 @@ def with_signs(description: Description, signs: Mapping[str, float]) -> Descript
 class Chain:
     """The factor by which a measurement chain multiplies an FRF, and its derivatives by the chain's parameters.
 
-    Under a window of decay rate s, each time derivative is a factor of i omega + s in place of i omega.
+    Under a window of decay rate s, each time derivative is a factor of i omega + s instead of i omega.
 
     Parameters
     ----------

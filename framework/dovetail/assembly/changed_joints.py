@@ -57,7 +57,7 @@ class ChangedJoint(JointModel):
 
 
 class _StructurallyDamped(ChangedJoint):
-    """A joint with structural damping in place of its viscous damping C, equally strong at one frequency [Hz].
+    """A joint with structural damping instead of its viscous damping C, equally strong at one frequency [Hz].
 
     A damper c becomes the structural damping 2 pi f c, which gives a parallel spring k the loss factor 2 pi f c / k.
     """
@@ -67,7 +67,7 @@ class _StructurallyDamped(ChangedJoint):
         self._omega = 2.0 * np.pi * frequency
 
     def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
-        """Return the model's matrices (n, d, d), with D in place of C."""
+        """Return the model's matrices (n, d, d), with D instead of C."""
         return self._structural(self.model.matrices(theta))
 
     def matrices_jacobian(self, theta: NDArray[np.float64]) -> Sequence[StructuralMatrices]:

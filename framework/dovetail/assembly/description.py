@@ -96,7 +96,7 @@ class Place:
 
     @property
     def rotation(self) -> bool:
-        """Whether it is a rotation, by a moment, in place of a displacement, by a force."""
+        """Whether it is a rotation, by a moment, instead of a displacement, by a force."""
         return self.direction == "rz"
 
     @property
@@ -120,7 +120,7 @@ class Response(Place):
 
     @property
     def moment(self) -> bool:
-        """Whether a moment acts in place of a force."""
+        """Whether a moment acts instead of a force."""
         return (self.force or self).rotation
 
     def frf(self, frequency: NDArray[np.float64], values: NDArray[np.complex128], **fields: Any) -> Frf:

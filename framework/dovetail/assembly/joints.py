@@ -28,7 +28,7 @@ _KEYS = ("connect", "parameters", "structural_damping")
 """Of a joint, beside the options of its model."""
 
 Substructures = Mapping[str, SubstructureModel | None]
-"""Substructures by name; None in place of one with faults."""
+"""Substructures by name; None instead of one with faults."""
 
 
 def read_joint(name: str, substructures: Substructures, faults: FaultList, registry: Registry) -> JointEntry | None:

@@ -60,7 +60,7 @@ def as_assembly(source: AssemblySource) -> Assembly:
     ParameterError
         It is neither.
     DescriptionError
-        As of `load`.
+        As in `load`.
     """
     if isinstance(source, Assembly):
         return source

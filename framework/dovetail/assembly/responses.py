@@ -29,7 +29,7 @@ def read_responses(
     Parameters
     ----------
     substructures : mapping of str to SubstructureModel or None
-        None in place of a substructure with faults.
+        None instead of a substructure with faults.
     faults : FaultList
     """
     shared = read_calibration((SHARED,), faults, ["at"])

@@ -84,7 +84,7 @@ class FrequencySection(_Section):
     step : float
         Distance of the lines [Hz].
     lines : int
-        Number of lines, in place of the step.
+        Number of lines, instead of the step.
     bands : sequence of two frequencies each
         Lower and upper end of what is computed and compared; all by default.
     without : sequence of two frequencies each
@@ -130,7 +130,7 @@ class ParameterSection(_Section):
     value : float
         Of a parameter that is known, and so is not identified.
     about, sd : float
-        In place of a range: middle and standard deviation of a normal prior, log-normal on a logarithmic scale. `sd`
+        Instead of a range: middle and standard deviation of a normal prior, log-normal on a logarithmic scale. `sd`
         may be a part of the middle, such as '2 %'.
     same_as : str
         Another parameter that this one equals, as 'joint.parameter'.
@@ -249,9 +249,9 @@ class AugmentationSection(_Section):
     mass : float
         Standard deviation of the mass at the drive point that compensation for the accelerometer leaves over [kg].
     copies : int
-        Different augmentations of each FRF where a reducer makes each costly; they are gone through in turn.
+        Different augmentations of each FRF where a reducer makes each costly; they are used in turn.
     fresh : bool
-        Draw new samples from the engine in every epoch in place of the dataset's.
+        Draw new samples from the engine in every epoch instead of the dataset's.
     reuse : int
         How often such a sample is drawn on average: one in so many is new in each epoch. By default none is seen twice;
         more where the regressor is faster than the engine.
@@ -349,7 +349,7 @@ class DescriptionSection(_Section):
     response : section
         The drive point and the quantity.
     responses : sequence of sections
-        In place of `response`: several drive points, each of which is measured.
+        Instead of `response`: several drive points, each of which is measured.
     calibration : section
         Of all measurement chains, and of sensors that are on the structure in every measurement.
     identification : section

@@ -62,7 +62,7 @@ def generate(
         (`Assembly.interpolated`). By default every line is computed.
     resume : bool
         Continue a dataset that was interrupted. Complete chunks are not computed again, and the result is bit for bit
-        that of an uninterrupted run. Missing or truncated chunks are computed anew.
+        that of an uninterrupted run. Missing or truncated chunks are computed again.
     shard : (int, int)
         Number of a part, from 1, and number of parts: of the same samples only the chunks of this part are computed.
         `merge` joins the parts, which may have been made on different machines, to the dataset that is made in one go.

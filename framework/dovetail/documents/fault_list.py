@@ -41,7 +41,7 @@ class FaultList:
         problem, accepted, remedy : str
             As in `Fault`.
         key : bool
-            Point at the key in place of the value.
+            Point at the key instead of the value.
         """
         if not any(path[:length] in self._garbled for length in range(len(path) + 1)):
             self.add_at(self._mark(path, key), path, problem, accepted, remedy)

@@ -13,7 +13,7 @@ from dovetail.documents.yaml_reader import LARGEST_TREE, LARGEST_WHOLE, MOST_LEV
 __all__ = ["DICT", "read_mapping"]
 
 DICT = "<dict>"
-"""Name of a dict in messages, in place of a file's name."""
+"""Name of a dict in messages, instead of a file's name."""
 
 
 def read_mapping(source: Mapping[str, object], faults: FaultList) -> Item:

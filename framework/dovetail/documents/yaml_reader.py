@@ -117,7 +117,7 @@ def _mark_after(text: str, file: str, rank: int) -> Mark:
 
 
 class _Loader(yaml.SafeLoader):  # type: ignore[misc]
-    """PyYAML's loader, with three rules of YAML 1.2 in place of those of YAML 1.1."""
+    """PyYAML's loader, with three rules of YAML 1.2 instead of those of YAML 1.1."""
 
     def scan_to_next_token(self) -> None:
         """Skip blanks and comments; in a flow collection tabs are blanks too."""

@@ -213,7 +213,7 @@ def calibrate(
     finer_mesh : int
         The measurements come from a mesh so many times finer than the model's.
     seed : int
-        Case by case the same whatever their number and that of the workers.
+        The cases do not depend on their number, nor on that of the workers.
     method : str or IdentificationMethod
         ``"posterior"``, or another method with intervals: ``"network"`` with a `model` whose regressor has them, or
         that of a plugin. Of the options above it takes `seed` alone, if any.
@@ -223,7 +223,7 @@ def calibrate(
     workers : int, optional
         Cases identified at the same time, each in its own process; by default one for each processor.
     scheduler : str, optional
-        Address of a Dask scheduler, whose workers do the cases in place of `workers` here.
+        Address of a Dask scheduler, whose workers do the cases instead of `workers` here.
     progress : bool or callable, optional
         True shows bars in a terminal or a notebook; a function is called as `Progress` says.
 

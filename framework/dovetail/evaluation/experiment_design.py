@@ -127,7 +127,7 @@ def plan(
     seed: int = 0,
     progress: Progress | bool | None = None,
 ) -> Plan:
-    """Rank the nodes of an assembly, but for those inside a joint, as points where force and response are measured.
+    """Rank the nodes of an assembly, except those inside a joint, as points where force and response are measured.
 
     Parameters
     ----------

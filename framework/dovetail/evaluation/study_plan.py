@@ -143,7 +143,7 @@ class StudyPlan:
         return variant
 
     def variant(self, changes: Mapping[str, Any]) -> Assembly:
-        """Return the assembly with other settings, and with the validation part in place of the test part."""
+        """Return the assembly with other settings, and with the validation part instead of the test part."""
         description = read_description({**self._plain, "identification": self.identification(changes)}, self._registry)
         identification = replace(description.identification, test_fraction=self.section.validation_fraction)
         stated = replace(self.assembly.description, text=description.text, identification=identification)

@@ -146,7 +146,7 @@ class Frf:
 
     @property
     def by_moment(self) -> bool:
-        """Whether a moment acts in place of a force."""
+        """Whether a moment acts instead of a force."""
         return self.rotation if self.moment is None else self.moment
 
     @property
@@ -170,7 +170,7 @@ class Frf:
 
         It is `variance`, or follows from coherence c and n averages: ``|H|^2 (1 - c) / (c (n - 1))``, twice the square
         of the normalised random error of an amplitude (Bendat and Piersol, Random Data, 4th ed., Table 9.6). The table
-        has n in place of n - 1 and the true coherence. A measured coherence is estimated from the same n averages as
+        has n instead of n - 1 and the true coherence. A measured coherence is estimated from the same n averages as
         H, which costs one of them. The variance is infinite where the coherence is 0, and None for a single average,
         whose coherence is always 1.
         """

@@ -23,9 +23,9 @@ def unit_of(quantity: Quantity, *, rotation: bool = False, moment: bool | None =
     ----------
     quantity : Quantity
     rotation : bool
-        Of a rotation in place of a displacement.
+        Of a rotation instead of a displacement.
     moment : bool, optional
-        By a moment in place of a force; by default as `rotation`.
+        By a moment instead of a force; by default as `rotation`.
     """
     below = ("N m" if (rotation if moment is None else moment) else "N") + _PER_TIME[quantity]
     return f"{'rad' if rotation else 'm'}/{f'({below})' if ' ' in below else below}"

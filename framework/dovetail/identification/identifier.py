@@ -63,7 +63,7 @@ class Identifier(TrainedNetwork):
             One for each response, of any quantity. For the network it must cover the assembly's frequencies, to which
             it is interpolated; the other methods compare its own lines, as `dovetail.identify` says.
         method : str or IdentificationMethod, optional
-            As of `dovetail.identify`: ``"posterior"``, with intervals, where the trained network's answer is one of the
+            As in `dovetail.identify`: ``"posterior"``, with intervals, where the trained network's answer is one of the
             starts and is part of the result; or ``"network"``, its answer as it is, in milliseconds; and so on.
         **options
             Of the method, see `dovetail.identify`.
@@ -244,17 +244,17 @@ def identify_many(
     measurements : sequence
         An FRF or its file each; or for several responses a sequence of them each, as `identify` takes it.
     method : str or IdentificationMethod, optional
-        As of `identify`.
+        As in `identify`.
     model : TrainedNetwork, optional
-        As of `identify`; with it, one measurement follows the other.
+        As in `identify`; with it, one measurement follows the other.
     processes : int, optional
         How many work at once; one for each core by default.
     scheduler : str, optional
-        Address of a Dask scheduler, whose workers identify in place of processes here, with a `model` too.
+        Address of a Dask scheduler, whose workers identify instead of processes here, with a `model` too.
     progress : bool or callable, optional
         True shows a bar in a terminal or a notebook; a function is called after each measurement.
     **options
-        As of `identify`.
+        As in `identify`.
 
     Returns
     -------

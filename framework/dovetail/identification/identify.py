@@ -75,7 +75,7 @@ def identify(
     measured : Frf or path, or sequence of them; or ModalParameters
         One for each response of the description, in its order; of any quantity, without the accelerometer. The lines
         within the description's band count, each measurement on its own: the model is computed there, and measured
-        values are never interpolated, but for the features of a network. From natural frequencies and damping ratios
+        values are never interpolated, except for the features of a network. From natural frequencies and damping ratios
         the method is ``"posterior"``, with the same options.
     method : str or IdentificationMethod, optional
         ``"posterior"``, the default: the refined fit, with intervals and verdicts for each parameter. ``"refined"``: a
@@ -98,7 +98,7 @@ def identify(
         ``"multistart"``; ``form`` (``"samples"`` or ``"laplace"``),
         ``samples`` and ``model_error`` for ``"posterior"``; ``cause_seconds``, the time after which no further cause
         of a misfit is tried (20 by default, none with 0), for all but the network. For a plugin's method those of its
-        `Config`, in place of the description's, ``seed``, ``model_error`` and ``cause_seconds``.
+        `Config`, instead of the description's, ``seed``, ``model_error`` and ``cause_seconds``.
 
     Returns
     -------

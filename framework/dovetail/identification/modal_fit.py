@@ -176,7 +176,7 @@ def identify_from_modes(
     measured : ModalParameters
         Modes may be missing; what is there belongs to the model's nearest modes, each to one.
     form, samples, seed
-        As of the method "posterior".
+        As in the method "posterior".
     model_error : float, optional
         Relative error of natural frequencies that the model is allowed, in addition to the deviations in the table;
         by default what the table shows, and 5e-4 at least.

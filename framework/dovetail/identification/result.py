@@ -337,7 +337,7 @@ class ModalIdentification(_Answer):
     Parameters
     ----------
     parameters : mapping of str to IdentifiedParameter
-        By name, in the order of ``assembly.parameters``, at the most probable place.
+        By name, in the order of ``assembly.parameters``, at the posterior mode.
     known : mapping of str to float
         As in `Identification`.
     measured : ModalParameters
@@ -367,7 +367,7 @@ class ModalIdentification(_Answer):
     method: str = "modal parameters"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return everything as plain values, fit for JSON; the keys are those of `Identification` but for the FRFs."""
+        """Return everything as plain values, fit for JSON; the keys are those of `Identification` except the FRFs."""
         return {
             **self._common(),
             "modes": [asdict(mode) for mode in self.modes],

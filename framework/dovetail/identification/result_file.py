@@ -213,7 +213,7 @@ def _kept(kept: _StoredAdequacy) -> Adequacy:
 
 
 def _posterior(file: Path, parameters: Mapping[str, IdentifiedParameter], stored: _StoredPosterior) -> Posterior:
-    """Return the posterior with its samples; what follows from them is computed anew."""
+    """Return the posterior with its samples; what follows from them is computed again."""
     weight = np.array(stored.samples.weight)
     theta = np.array(stored.samples.theta, dtype=np.float64)
     total = float(weight.sum())

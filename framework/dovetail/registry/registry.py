@@ -82,7 +82,7 @@ class Registry:
 
     Notes
     -----
-    A plugin that fails to load is listed in `failures` and affects no other, whatever it raises, Ctrl-C apart. Of a
+    A plugin that fails to load is listed in `failures` and affects no other, whatever it raises except Ctrl-C. Of a
     name that two plugins offer for one kind, each is used as ``package:name``. `slow` has the seconds of imports that
     keep every command waiting. Of each default the first plugin that gives it counts.
     """
@@ -155,7 +155,7 @@ class Registry:
         Raises
         ------
         PluginError
-            As of `find`; or an option has no default, or its constructor fails.
+            As in `find`; or an option has no default, or its constructor fails.
         """
         return made_by_default(self.find(kind, name))
 
@@ -248,7 +248,7 @@ class Registry:
         source : str
             Its name in messages.
         strict : bool
-            Raise an error for a single unfit component, in place of adding it to `failures`.
+            Raise an error for a single unfit component, instead of adding it to `failures`.
 
         Raises
         ------

@@ -60,7 +60,7 @@ def inline_svg(figure: Figure, name: str, title: str, *, themed: bool = False) -
 
 
 def page_figure(figure: Figure, name: str, title: str) -> Any:
-    """Return a figure in the colours of a page, as markup for its template; parameters as of `inline_svg`."""
+    """Return a figure in the colours of a page, as markup for its template; parameters as in `inline_svg`."""
     from markupsafe import Markup
 
     return Markup(inline_svg(figure, name, title, themed=True))

@@ -265,7 +265,7 @@ Sparsity = Mapping[str, JointSparsity]
 """The sparsity of each joint, by its name."""
 
 
-class UnplannedEntries(Exception):  # noqa: N818 (a reason to plan anew, not an error)
+class UnplannedEntries(Exception):  # noqa: N818 (a reason to plan again, not an error)
     """Parameter vectors fill entries for which the elimination is not planned.
 
     Parameters

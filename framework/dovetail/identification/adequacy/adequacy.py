@@ -92,7 +92,7 @@ class Adequacy:
     size : ModelError or None
         The errors of the model that the measurement shows; None if it shows none, or the method does not estimate them.
     allowed : float or None
-        Relative error of natural frequencies that the user allowed, which sets weights and intervals in place of
+        Relative error of natural frequencies that the user allowed, which sets weights and intervals instead of
         `size`.
     causes : tuple of Cause
         What makes the model fit better, the best first; at most three.

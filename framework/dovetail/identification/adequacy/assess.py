@@ -90,7 +90,7 @@ def assess(
     cause_seconds: float,
     progress: Progress,
 ) -> tuple[Adequacy, Fit]:
-    """Judge how well a fit explains a measurement, and fit anew with the errors that the model turns out to have.
+    """Judge how well a fit explains a measurement, and refit with the errors that the model turns out to have.
 
     Parameters
     ----------

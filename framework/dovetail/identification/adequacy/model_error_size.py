@@ -165,7 +165,7 @@ class _Problem:
 
 
 def fit_with_error(model: ModelFrfs, target: Observations, fit: Fit, size: ModelError) -> FitWithError:
-    """Fit the parameters anew from those of a fit, with errors of the model of a given size allowed."""
+    """Refit the parameters, starting from a fit, with errors of the model of a given size allowed."""
     problem = _Problem(model, target, fit)
     return _Linearised(problem, problem.refit(size), size).result(size)
 

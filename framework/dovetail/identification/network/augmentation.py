@@ -224,7 +224,7 @@ class NoisyFeatures:
         DatasetError
             A remaining mass is asked for, which needs phases, but `clean` has none and samples are not drawn afresh.
         MeasurementError, FileError
-            As of `measured_noises`.
+            As in `measured_noises`.
         """
         settings = assembly.description.identification.augmentation
         assert settings is not None

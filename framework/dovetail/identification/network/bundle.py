@@ -114,7 +114,7 @@ class TrainedNetwork:
         Raises
         ------
         MeasurementError
-            As of `predict_parameters`.
+            As in `predict_parameters`.
         """
         return self.network.predict_samples(self._checked(np.asarray(amplitude)[np.newaxis])[0])
 

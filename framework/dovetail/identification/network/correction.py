@@ -269,7 +269,7 @@ def restore_corrections(
     Raises
     ------
     ValueError
-        As of `ZScore.restore`.
+        As in `ZScore.restore`.
     """
     stored: defaultdict[str, defaultdict[str, dict[str, Any]]] = defaultdict(lambda: defaultdict(dict))
     for key, value in state.items():

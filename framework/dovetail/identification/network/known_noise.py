@@ -41,7 +41,7 @@ class Settings:
     band_lines: int = 20
     """Fewest lines of a band: the roughness of fewer scatters too much."""
     least_noise: float = 1e-3
-    """Noise over the amplitude that no network minds."""
+    """Noise over the amplitude that matters to no network."""
     scaling_frfs: int = 400
     """FRFs from which the standard deviation is taken that is the unit of additive noise."""
     smoothed_lines: int = 5

@@ -75,7 +75,7 @@ class Manifest(_Strict):
         Arrays of each section's state.
     evaluation : Evaluation
     sha256 : str or None
-        Of all other entries. It shows damage and changes made by hand, not those of somebody who writes it anew.
+        Of all other entries. It shows damage and changes made by hand, not those of somebody who rewrites it.
     """
 
     format: Literal["dovetail-model"]

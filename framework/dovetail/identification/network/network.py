@@ -135,7 +135,7 @@ class Network:
         Raises
         ------
         PluginError
-            As of `predict_samples`.
+            As in `predict_samples`.
         """
         return self._distribution(*self._last(amplitude))
 

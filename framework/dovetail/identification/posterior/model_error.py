@@ -229,7 +229,7 @@ def fit_resonances(frfs: Sequence[Frf], values: Sequence[NDArray[np.complex128]]
     frfs : sequence of Frf
         Their frequencies and quantities, one for each response.
     values : sequence of (n_freq,) complex arrays
-        The FRF of each response, in place of the values in `frfs`.
+        The FRF of each response, instead of the values in `frfs`.
 
     Returns
     -------

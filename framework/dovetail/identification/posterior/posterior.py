@@ -135,7 +135,7 @@ class Posterior:
     doubts : mapping of str to str
         By parameter, what the `Identification` says of a change with which it lies far beyond its interval.
     log_likelihood : (n,) array or None
-        Of the measurement at each sample, but for a constant; None with the form
+        Of the measurement at each sample, up to a constant; None with the form
         "laplace" and with a result of an earlier version.
     normal : tuple of str
         Parameters whose prior is normal; that of the others is even over the range.

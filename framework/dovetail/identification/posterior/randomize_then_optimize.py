@@ -1,4 +1,4 @@
-"""Randomize-then-optimize: independent samples, each the solution of a least-squares problem with data drawn anew.
+"""Randomize-then-optimize: independent samples, each the solution of a least-squares problem with perturbed data.
 
 The tangent map takes z to the components of the residuals along their tangent space at an anchor. Where the residuals
 are normal these components are standard normal, however curved the valley of the posterior is. A sample is the z whose

@@ -311,7 +311,7 @@ def draw(
 
 
 def _separate_modes(modes: LinearisedPoints) -> LinearisedPoints:
-    """Return the modes that are not within one another's Gaussians, but for those of hardly any probability."""
+    """Return the modes that are not within one another's Gaussians, except those of hardly any probability."""
     precision = modes.jacobian @ modes.jacobian.transpose(0, 2, 1)
     log_mass = modes.log_posterior - np.linalg.slogdet(precision)[1] / 2.0
     kept: list[int] = []
