@@ -10,7 +10,7 @@ import typer
 
 from dovetail.cli import reading
 from dovetail.cli.completion import complete_files
-from dovetail.cli.options import AssemblyFile, PluginFiles, note_doubts
+from dovetail.cli.options import AssemblyFile, PluginFiles, load_assembly
 from dovetail.cli.terminal import note, say
 
 __all__ = ["explore"]
@@ -48,13 +48,11 @@ def explore(
     each parameter. The measured FRF stands behind; "Fit from here" fits to it and shows intervals. The values can be
     saved as JSON, as a description and as a report. The command ends with Ctrl-C, or when the page is closed.
     """
-    import dovetail
     from dovetail.identification.identify import check_mass
     from dovetail.report.explorer import Explorer
     from dovetail.report.page_server import PageServer
 
-    loaded = dovetail.load(assembly, plugins=plugin or ())
-    note_doubts(loaded)
+    loaded = load_assembly(assembly, plugin)
     check_mass(loaded, accelerometer_mass)
     contents = reading.reading_options(quantity, unit, names, columns, reader, plugin, accelerometer_mass)
     frfs = reading.read_selected(measured, index, response, force, **contents) if measured else []

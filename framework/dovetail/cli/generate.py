@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dovetail.cli.commands import INTERRUPTED
-from dovetail.cli.options import AssemblyFile, PluginFiles, Scheduler, note_doubts
+from dovetail.cli.options import AssemblyFile, PluginFiles, Scheduler, load_assembly
 from dovetail.cli.terminal import progress_bars, say, say_on_stderr
 
 if TYPE_CHECKING:
@@ -63,8 +63,7 @@ def generate(
     import dovetail
 
     part, shards = _shard(shard)
-    loaded = dovetail.load(assembly, plugins=plugin or ())
-    note_doubts(loaded)
+    loaded = load_assembly(assembly, plugin)
     kept: Storage = storage.value
     chosen: dict[str, object] = {"samples": samples, "seed": seed, "storage": kept, "interpolation": interpolation}
     chosen |= {"shard": None if shards == 1 else shard, "scheduler": scheduler}

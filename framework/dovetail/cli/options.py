@@ -29,6 +29,7 @@ __all__ = [
     "at_point",
     "check_new_files",
     "chosen_method",
+    "load_assembly",
     "note_doubts",
     "one_of",
     "part",
@@ -119,14 +120,21 @@ def note_doubts(assembly: Assembly) -> None:
         note(f"This looks wrong: {doubt}")
 
 
+def load_assembly(file: Path, plugins: Sequence[Path] | None) -> Assembly:
+    """Read a description, and print what looks wrong in it."""
+    import dovetail
+
+    assembly = dovetail.load(file, plugins=plugins or ())
+    note_doubts(assembly)
+    return assembly
+
+
 def assembly_or_model(source: Path, plugins: Sequence[Path] | None) -> tuple[Assembly, Identifier | None]:
     """Read a trained model (a folder) or a description, and print what looks wrong in the latter."""
     import dovetail
 
     if not source.is_dir():
-        assembly = dovetail.load(source, plugins=plugins or ())
-        note_doubts(assembly)
-        return assembly, None
+        return load_assembly(source, plugins), None
     model = dovetail.load_model(source, plugins=plugins or ())
     return model.assembly, model
 

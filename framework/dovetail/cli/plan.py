@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dovetail.cli.options import AsJson, AssemblyFile, PluginFiles, note_doubts, part
+from dovetail.cli.options import AsJson, AssemblyFile, PluginFiles, load_assembly, part
 from dovetail.cli.terminal import heading, print_json, progress_bars, say, table, title
 
 if TYPE_CHECKING:
@@ -44,8 +44,7 @@ def plan(
     """
     import dovetail
 
-    loaded = dovetail.load(assembly, plugins=plugin or ())
-    note_doubts(loaded)
+    loaded = load_assembly(assembly, plugin)
     with progress_bars() as progress:
         ranking = dovetail.plan(loaded, at or (), noise=noise, beside_described=beside_described, progress=progress)
     if as_json:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dovetail.cli.options import AsJson, AssemblyFile, PluginFiles, note_doubts, part
+from dovetail.cli.options import AsJson, AssemblyFile, PluginFiles, load_assembly, part
 from dovetail.cli.terminal import print_json, progress_bars, table, title
 
 if TYPE_CHECKING:
@@ -61,8 +61,7 @@ def robustness(
     from dovetail.registry import components
 
     chosen = [name.strip() for name in models.split(",")] if models else []
-    loaded, registry = dovetail.load(assembly, plugins=plugin or ()), components(plugin or ())
-    note_doubts(loaded)
+    loaded, registry = load_assembly(assembly, plugin), components(plugin or ())
     for name in chosen:
         variant(loaded, name, registry)
     prepare_folder(output, _FILES, _FILES[0])

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dovetail.cli.options import AsJson, AssemblyFile, PluginFiles, Scheduler, note_doubts
+from dovetail.cli.options import AsJson, AssemblyFile, PluginFiles, Scheduler, load_assembly
 from dovetail.cli.terminal import heading, note, print_json, progress_bars, say, table, title
 
 if TYPE_CHECKING:
@@ -40,8 +40,7 @@ def study(
     import dovetail
     from dovetail.cli.result_files import prepare_folder
 
-    loaded = dovetail.load(assembly, plugins=plugin or ())
-    note_doubts(loaded)
+    loaded = load_assembly(assembly, plugin)
     prepare_folder(output, (*_FILES, _SWEEPS, _SEARCH), _FILES[0])
     with progress_bars() as progress:
         work = output / _WORK

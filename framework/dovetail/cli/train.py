@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dovetail.cli.options import AsJson, AssemblyFile, PluginFiles, note_doubts
+from dovetail.cli.options import AsJson, AssemblyFile, PluginFiles, load_assembly
 from dovetail.cli.terminal import note, print_json, progress_bars, say, table, title
 
 if TYPE_CHECKING:
@@ -46,8 +46,7 @@ def train(
 
     check_replaceable(output)
     check_target(output)
-    loaded = dovetail.load(assembly, plugins=plugin or ())
-    note_doubts(loaded)
+    loaded = load_assembly(assembly, plugin)
     dataset = None if data is None else dovetail.Dataset(data)
     with progress_bars() as progress:
         model = dovetail.train(loaded, dataset, robust=robust, fresh=fresh, minutes=minutes, progress=progress)
