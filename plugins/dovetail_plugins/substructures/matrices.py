@@ -160,15 +160,10 @@ class Matrices(SubstructureModel):
                 names = ", ".join(sorted(archive)[:12]) or "nothing"
                 raise DovetailError(Fault(config.file, f"there is no matrix '{name}'; there is: {names}."))
         matrices = {name: sound_matrix(name, value, where[name]) for name, value in values.items() if value is not None}
-        size = matrices["K"].shape[0]
-        for name, matrix in matrices.items():
-            if matrix.shape[0] != size:
-                raise DovetailError(Fault(where[name], f"{name} has {matrix.shape[0]} rows, K has {size}."))
-        if (masses := matrices["M"].diagonal()).min() < 0:
-            row = int(np.argmin(masses))
-            raise DovetailError(Fault(where["M"], f"the mass of row {row + 1} is negative: {masses[row]:g}."))
+        _check_together(matrices, where)
         if config.loss_factor and "D" in matrices:
             raise DovetailError(Fault(where["D"], "there is a matrix D beside 'loss_factor'.", "one of the two"))
+        size = matrices["K"].shape[0]
         table = read_dof_table(Path(config.dofs), size) if config.dofs else table_in(archive, config.file, size)
         if table is None:
             remedy = "Name a CSV file with 'dofs'."
@@ -227,3 +222,14 @@ class Matrices(SubstructureModel):
         entries += [(int(row), first + index, 1.0) for index, row in enumerate(inner)]
         rows, columns, values = zip(*entries, strict=True)
         return coo_array((values, (rows, columns)), shape=(size, first + len(inner))).tocsc()
+
+
+def _check_together(matrices: Mapping[str, Any], where: Mapping[str, Any]) -> None:
+    """Raise a DovetailError if the matrices differ in size, or if a mass is negative."""
+    size = matrices["K"].shape[0]
+    for name, matrix in matrices.items():
+        if matrix.shape[0] != size:
+            raise DovetailError(Fault(where[name], f"{name} has {matrix.shape[0]} rows, K has {size}."))
+    if (masses := matrices["M"].diagonal()).min() < 0:
+        row = int(np.argmin(masses))
+        raise DovetailError(Fault(where["M"], f"the mass of row {row + 1} is negative: {masses[row]:g}."))

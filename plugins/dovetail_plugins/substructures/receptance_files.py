@@ -57,6 +57,11 @@ def from_archive(file: str) -> KnownReceptance:
         archive = {}  # what is wrong with it, `read_receptance` says in its own words
     if "nodes" not in archive and "directions" not in archive:
         return KnownReceptance(_reciprocal(read_receptance(path), ("x", "rz"), file), {"m1": 0.0}, (0, 1))
+    return _with_table(archive, file)
+
+
+def _with_table(archive: Mapping[str, NDArray[np.generic]], file: str) -> KnownReceptance:
+    """Return the receptance of an archive with a table of DOFs."""
     missing = [name for name in ("frequency", "receptance") if name not in archive]
     if missing:
         raise DovetailError(Fault(file, f"there is no '{missing[0]}'; there is: {', '.join(sorted(archive)[:12])}."))
@@ -70,10 +75,10 @@ def from_archive(file: str) -> KnownReceptance:
     if table.positions is not None:
         nodes = dict(zip(table.nodes, table.positions.tolist(), strict=True))
     index_of = {label: index for index, label in enumerate(nodes)}
-    pairs = zip(table.nodes, table.directions, strict=True)
+    pairs = list(zip(table.nodes, table.directions, strict=True))
     dofs = tuple(2 * index_of[node] + _DIRECTIONS.index(direction) for node, direction in pairs)
     chosen = whole.values[:, table.rows[:, np.newaxis], table.rows]
-    names = [f"{node} {direction}" for node, direction in zip(table.nodes, table.directions, strict=True)]
+    names = [f"{node} {direction}" for node, direction in pairs]
     return KnownReceptance(_reciprocal(_matrix(whole.frequency, chosen, file), names, file), nodes, dofs)
 
 
