@@ -6,7 +6,7 @@ the same assembly exceeds, among those that were not used for training.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, Self
 
@@ -255,15 +255,22 @@ def learn_novelty(
     levels, limits = [], []
     for level in _SETTINGS.noise_levels:
         noisy = [noisy_frf(frf, level, generator) for frf in clean]
-        predicted = network.predict(np.stack([frf.amplitude for frf in noisy]))
-        finite = np.isfinite(predicted).all(axis=1)  # far from what it was trained on, the network may have no answer
-        answers = np.zeros((len(predicted), amplitude.shape[1]))
-        answers[finite] = assembly.accelerance_amplitude(predicted[finite]) if finite.any() else 0.0
-        answers[~np.isfinite(answers)] = 0.0
+        answers = _answers(assembly, network, noisy)
         compared = [_statistics(basis, frf, answer) for frf, answer in zip(noisy, answers, strict=True)]
-        levels.append(float(np.median([noise_level for _, noise_level, _ in compared])))
-        limits.append([_limit(np.array(column)) for column in zip(*(row for row, _, _ in compared), strict=True)])
+        statistics, noise_levels, _ = zip(*compared, strict=True)
+        levels.append(float(np.median(noise_levels)))
+        limits.append([_limit(column) for column in np.array(statistics).T])
     return Novelty(basis, np.maximum.accumulate(np.array(levels)), np.maximum(limits, [0.0, near_maximum, 0.0]))
+
+
+def _answers(assembly: Assembly, network: Network, measured: Sequence[Frf]) -> NDArray[np.float64]:
+    """Return the amplitudes (n, n_freq) of the accelerances that belong to a network's answers; 0 where it has none."""
+    predicted = network.predict(np.stack([frf.amplitude for frf in measured]))
+    finite = np.isfinite(predicted).all(axis=1)  # far from what it was trained on, the network may have no answer
+    answers = np.zeros((len(predicted), len(assembly.frequency)))
+    answers[finite] = assembly.accelerance_amplitude(predicted[finite]) if finite.any() else 0.0
+    answers[~np.isfinite(answers)] = 0.0
+    return answers
 
 
 def _limit(values: NDArray[np.float64]) -> float:
