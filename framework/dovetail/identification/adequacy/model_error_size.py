@@ -280,12 +280,7 @@ class _Linearised:
         Parameters and nonlinear terms, of sizes that are known, are marginalised first.
         """
         residuals, changes = self._whitened(size)
-        known = np.concatenate([change for name, change in changes.items() if name not in KINDS])
-        both = np.concatenate([*(changes[kind] for kind in KINDS), residuals[np.newaxis]])
-        cross = known @ both.T
-        inner = np.linalg.pinv(np.eye(len(known)) + known @ known.T, hermitian=True)  # it may be huge, and singular
-        products = both @ both.T - cross.T @ inner @ cross
-        gram, along = products[:-1, :-1], products[:-1, -1]
+        gram, along = _marginalised_products(residuals, changes)
         counts = [len(changes[kind]) for kind in KINDS]
 
         def sizes(logarithms: NDArray[np.float64]) -> ModelError:
@@ -295,12 +290,10 @@ class _Linearised:
             """Return -2 log of the density of residuals and sizes, up to a constant, and its derivatives."""
             tried = sizes(logarithms)
             scale = np.repeat(list(self._factors(tried).values()), counts)
-            squares, axes = np.linalg.eigh(gram * np.outer(scale, scale))
-            variance, on_axes = 1.0 / (1.0 + np.maximum(squares, 0.0)), axes.T @ (scale * along)
-            moments = (axes @ (variance * on_axes)) ** 2 + axes**2 @ variance  # of the errors, in units of their sizes
+            misfit, moments = _misfit_and_moments(gram * np.outer(scale, scale), scale * along)
             slopes = [2.0 * float(np.sum(1.0 - part)) for part in np.split(moments, np.cumsum(counts)[:-1])]
             prior, prior_slopes = _improbability(tried)
-            return prior - float(np.sum(np.log(variance) + variance * on_axes**2)), prior_slopes + slopes
+            return prior + misfit, prior_slopes + slopes
 
         least, start = np.log(_SETTINGS.smallest), np.log([getattr(size, kind) for kind in KINDS])
         ends = np.log([self._most, *(3 * [_SETTINGS.most])])
@@ -340,6 +333,33 @@ class _Linearised:
         inner = np.linalg.solve(np.eye(len(errors)) + errors @ errors.T, along.T)
         information = PRIOR_PRECISION * (parameters @ parameters.T - along @ inner)
         return FitWithError(self.fraction, self._frf[0], size, information, _mean_square(residuals, columns))
+
+
+def _marginalised_products(
+    residuals: NDArray[np.float64], changes: dict[str, NDArray[np.float64]]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the products (k, k) of the changes by errors of `KINDS`, and those (k,) with the residuals.
+
+    All other changes, by errors of known sizes, are marginalised.
+    """
+    known = np.concatenate([change for name, change in changes.items() if name not in KINDS])
+    both = np.concatenate([*(changes[kind] for kind in KINDS), residuals[np.newaxis]])
+    cross = known @ both.T
+    inner = np.linalg.pinv(np.eye(len(known)) + known @ known.T, hermitian=True)  # it may be huge, and singular
+    products = both @ both.T - cross.T @ inner @ cross
+    return products[:-1, :-1], products[:-1, -1]
+
+
+def _misfit_and_moments(gram: NDArray[np.float64], along: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+    """Return -2 log of the density of residuals with unit errors marginalised, and second moments (k,) of the errors.
+
+    Both follow from the products of the errors' changes with each other (k, k) and with the residuals (k,); the density
+    is known up to a constant.
+    """
+    squares, axes = np.linalg.eigh(gram)
+    variance, on_axes = 1.0 / (1.0 + np.maximum(squares, 0.0)), axes.T @ along
+    moments = (axes @ (variance * on_axes)) ** 2 + axes**2 @ variance
+    return -float(np.sum(np.log(variance) + variance * on_axes**2)), moments
 
 
 def _mean_square(residuals: NDArray[np.float64], changes: NDArray[np.float64]) -> float:
