@@ -44,12 +44,17 @@ def test_the_truth_of_a_tied_parameter_is_in_the_table_that_is_written(run, mode
         "{range: [2e5 N/m, 2e7 N/m], scale: log}", "{same_as: mount.k}"
     )
     (tmp_path / "two.yaml").write_text(text.replace(mount, mount + tied))
-    (tmp_path / "truth.json").write_text('{"parameters": {"mount.k": 8.88e5}}')
     options = ("--form", "laplace", "--truth", tmp_path / "truth.json", "-o", tmp_path / "result")
-    run("identify", tmp_path / "two.yaml", modes, *options)
-    with (tmp_path / "result" / "parameters.csv").open() as stream:
-        truths = {row["name"]: row["truth"] for row in csv.DictReader(stream)}
-    assert (truths["mount.k"], truths["second.k"]) == ("888000.0", "888000.0")
+    for stated, expected in (
+        ('"mount.k": 8.88e5', ("888000.0", "888000.0")),
+        ('"second.k": "888 kN/m"', ("", "888000.0")),
+        ('"mount.k": 8.88e5, "second.k": 9e5', ("888000.0", "900000.0")),
+    ):
+        (tmp_path / "truth.json").write_text(f'{{"parameters": {{{stated}}}}}')
+        run("identify", tmp_path / "two.yaml", modes, *options)
+        with (tmp_path / "result" / "parameters.csv").open() as stream:
+            truths = {row["name"]: row["truth"] for row in csv.DictReader(stream)}
+        assert (truths["mount.k"], truths["second.k"]) == expected
 
 
 def test_what_was_written_is_read_back_and_predicts(run, modes, tmp_path):

@@ -162,7 +162,6 @@ def identify(
     from dovetail.identification.identify import check_mass
     from dovetail.identification.measured_lines import MeasuredLines
     from dovetail.measurement import is_modal_table
-    from dovetail.report.truth import read_truth
 
     stated = {
         "starts": starts,
@@ -201,7 +200,7 @@ def identify(
     lines = MeasuredLines.of(assembly, frfs)  # faults are reported before any work
     if network:
         lines.resampled(assembly)
-    known = None if truth is None else read_truth(truth, assembly.parameters)
+    known = None if truth is None else _truth(truth, assembly)
     prepare_folder(output)
     model = _model(assembly, model, chosen, network, plugin or [], retrain=retrain)
     with progress_bars() as progress:
@@ -212,6 +211,14 @@ def identify(
         else:
             _print(result, known)
     exit_unless_believable(result)
+
+
+def _truth(file: Path, assembly: Assembly) -> Truth:
+    """Read the true values of parameters that are sought, and of those that follow them."""
+    from dovetail.identification.reconstruction import identified_parameters
+    from dovetail.report.truth import read_truth
+
+    return read_truth(file, identified_parameters(assembly, assembly.vector(None)).values())
 
 
 def _model(
@@ -241,10 +248,9 @@ def _identify_from_modes(
     """Identify the joint from a table of modal parameters, print the result and write its files."""
     import dovetail
     from dovetail.cli.result_files import MODAL_FILES, prepare_folder, write_modal_results, writing
-    from dovetail.report.truth import read_truth
 
     modes = dovetail.read_modal_parameters(file)
-    known = None if truth is None else read_truth(truth, assembly.parameters)
+    known = None if truth is None else _truth(truth, assembly)
     prepare_folder(output, MODAL_FILES)
     with progress_bars() as progress:
         result = dovetail.identify(assembly, modes, progress=progress, **options)

@@ -56,12 +56,12 @@ class Truth:
         object.__setattr__(self, "natural_frequencies", tuple(self.natural_frequencies))
 
     def with_followers(self, parameters: Iterable[IdentifiedParameter]) -> dict[str, float]:
-        """Return the true values by name, with those of the parameters that follow another one."""
-        values = dict(self.parameters)
+        """Return the true values by name; those of parameters that follow another one are derived unless stated."""
+        values: dict[str, float] = {}
         for parameter in parameters:
-            if parameter.name in values:
-                values |= parameter.with_followers(values[parameter.name])
-        return values
+            if parameter.name in self.parameters:
+                values |= parameter.with_followers(self.parameters[parameter.name])
+        return {**values, **self.parameters}
 
 
 def read_truth(path: str | Path, parameters: Iterable[_Named]) -> Truth:
@@ -73,7 +73,8 @@ def read_truth(path: str | Path, parameters: Iterable[_Named]) -> Truth:
         JSON: ``{"synthetic": true, "note": "...", "parameters": {"Dc": "34.6 mm", ...}, "natural_frequencies_Hz":
         [1319.0, ...]}``. Each key may be missing; a value without a unit is SI.
     parameters : iterable
-        All parameters that the file may contain, with ``name`` and ``unit``, such as ``assembly.parameters``.
+        All parameters that the file may contain, with ``name`` and ``unit``, such as ``assembly.parameters``; those of
+        a result, ``result.parameters.values()``, with the parameters that follow them.
 
     Returns
     -------
@@ -126,7 +127,11 @@ def _parameters(file: Path, entries: object, parameters: Iterable[_Named], fault
     if not isinstance(entries, dict):
         faults.append(Fault(f"{file}  parameters", f"{entries!r:.40} is not an object of names and values."))
         return {}
-    units = {parameter.name: parameter.unit for parameter in parameters}
+    every = list(parameters)
+    units = {parameter.name: parameter.unit for parameter in every}
+    for parameter in every:
+        if isinstance(parameter, IdentifiedParameter):
+            units |= {follower.name: parameter.unit for follower in parameter.followers}
     values = {}
     for name, value in entries.items():
         if name not in units:
