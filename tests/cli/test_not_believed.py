@@ -208,6 +208,9 @@ def test_intervals_are_withheld_and_no_verdict_is_given(made):
         assert ("withheld" in text) != made.believable
         assert not made.believable or re.search(r"2\.99\d to 3\.00\d", text)
     assert ('stroke-width="7"' in page) == made.believable  # the interval drawn on the range
+    with (made.folder / "compare" / "parameters.csv").open(encoding="utf-8") as stream:
+        ends = {bool(row["lower"]) for row in csv.DictReader(stream) if row["method"] == "posterior"}
+    assert ends == {made.believable}
     words = {verdict.word for verdict in made.result.posterior.verdicts.values()}
     assert made.result.posterior.form == ("samples" if made.believable else "laplace")  # samples take minutes
     assert (words == {"not believed"}) != made.believable

@@ -118,12 +118,13 @@ def time_rows(comparison: Comparison) -> Iterator[Row]:
 def parameter_value_rows(comparison: Comparison) -> Iterator[Row]:
     """Yield case, value of the series, method, parameter, unit, value, estimate, interval, verdict and truth, in SI.
 
-    The last cell says whether the result may be believed.
+    The last cell says whether the result may be believed; if not, there is no interval.
     """
     for row in comparison.rows:
         if row.identification is None:
             continue
-        posterior, intervals = row.identification.posterior, row.identification.interval or {}
+        posterior = row.identification.posterior
+        intervals = {} if posterior is None or not row.believable else posterior.interval()
         for index, (name, parameter) in enumerate(row.identification.parameters.items()):
             low, high = intervals.get(name, ("", ""))
             estimate = "" if posterior is None else float(posterior.estimate[index])
