@@ -44,7 +44,7 @@ def predict(
     not to be believed: the FRF is written all the same, and its files say so.
     """
     import dovetail
-    from dovetail.identification.prediction import joint_values, predicted_band, predicted_frf
+    from dovetail.identification.prediction import determined_signs, joint_values, predicted_band, predicted_frf
     from dovetail.identification.result_file import load_result
 
     files = output or []
@@ -54,6 +54,7 @@ def predict(
     loaded = at_point(dovetail.load(assembly, plugins=plugin or ()), point)
     identified = load_result(result)
     values = joint_values(loaded, identified)
+    signs = {f"{name}.sign": sign for name, sign in determined_signs(loaded, identified).items()}
     frf = predicted_frf(loaded, identified)
     natural, reason = natural_frequencies(loaded, values)
     amplitudes = None if band is None else predicted_band(loaded, identified)
@@ -61,7 +62,7 @@ def predict(
     write_frf_files(frf, files, natural, bands, overwrite=overwrite)
     if as_json:
         caveat = {"believable": identified.believable, "caveat": identified.caveat}
-        print_json({"name": loaded.name, **caveat, "parameters": values, "natural_frequencies": natural})
+        print_json({"name": loaded.name, **caveat, "parameters": values | signs, "natural_frequencies": natural})
     else:
         from dovetail.identification.posterior import NOT_BELIEVED
 
@@ -69,6 +70,7 @@ def predict(
         say_caveat(identified)
         doubt = "" if identified.believable else NOT_BELIEVED
         rows = [(p.name, quantity_text(values[p.name], p), doubt) for p in loaded.parameters]
+        rows += [(name, f"{sign:g}", doubt) for name, sign in signs.items()]
         if rows:
             table(["parameter", "value", "note"], rows)
         heading(f"Natural frequencies, {doubt}" if doubt else "Natural frequencies")

@@ -21,7 +21,7 @@ from dovetail.identification.posterior.likelihood import normal_from_unit, unit_
 from dovetail.identification.result_file import AnyIdentification, load_result
 from dovetail.units import to_si
 
-__all__ = ["Band", "joint_values", "predict", "predict_band", "predicted_band", "predicted_frf"]
+__all__ = ["Band", "determined_signs", "joint_values", "predict", "predict_band", "predicted_band", "predicted_frf"]
 
 
 def predict(assembly: AssemblySource, result: AnyIdentification | str | Path | Mapping[str, float | str]) -> Frf:
@@ -67,18 +67,20 @@ def predicted_frf(assembly: Assembly, result: AnyIdentification | Mapping[str, f
     """Return the same as `predict`, without a warning: the callers show the note of the FRF."""
     values, caveat = joint_values(assembly, result), "" if isinstance(result, Mapping) else result.caveat
     response, label = assembly.description.response, f"{assembly.name}, predicted"
-    frf = _with_signs(assembly, _known(result)).frf(values)
+    frf = _with_signs(assembly, result).frf(values)
     return response.frf(assembly.frequency, frf, label=label, note=caveat)
 
 
-def _known(result: AnyIdentification | Mapping[str, float | str]) -> Mapping[str, float | str]:
-    return result if isinstance(result, Mapping) else result.known
-
-
-def _with_signs(assembly: Assembly, known: Mapping[str, float | str]) -> Assembly:
-    """Return the assembly with the signs that were determined from the measurement, where its own are unknown."""
+def determined_signs(assembly: Assembly, result: AnyIdentification | Mapping[str, float | str]) -> dict[str, float]:
+    """Return the signs, by response, that the measurement determined and that the description leaves unknown."""
+    known = result if isinstance(result, Mapping) else result.known
     names = unknown_signs(assembly.description)
-    signs = {name: to_si(known[f"{name}.sign"], "1") for name in names if f"{name}.sign" in known}
+    return {name: to_si(known[f"{name}.sign"], "1") for name in names if f"{name}.sign" in known}
+
+
+def _with_signs(assembly: Assembly, result: AnyIdentification | Mapping[str, float | str]) -> Assembly:
+    """Return the assembly with the signs that were determined from the measurement, where its own are unknown."""
+    signs = determined_signs(assembly, result)
     return assembly.with_description(with_signs(assembly.description, signs)) if signs else assembly
 
 
@@ -307,7 +309,7 @@ def predicted_band(assembly: Assembly, result: AnyIdentification, level: float =
 
 def _frfs(assembly: Assembly, result: AnyIdentification, theta: NDArray[np.float64]) -> NDArray[np.complex128]:
     """Return the FRFs (n, n_freq) of the assembly with samples (n, p) of the identified joint."""
-    assembly = _with_signs(assembly, result.known)
+    assembly = _with_signs(assembly, result)
     samples: list[dict[str, float]] = []
     for row in theta.tolist():
         values = zip(result.parameters.values(), row, strict=True)
