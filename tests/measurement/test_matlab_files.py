@@ -39,6 +39,13 @@ def test_version_5(tmp_path: Path, compressed: bool, oned: str) -> None:
     assert (frf.quantity, frf.averages) == ("accelerance", 10)
 
 
+@pytest.mark.parametrize("unit", ["m/N", "m/(N m)", "rad/N", "rad/(N m)"])
+def test_motions_and_excitations(tmp_path: Path, unit: str) -> None:
+    path = saved(tmp_path / "frf.mat", frequency=FREQUENCY, values=VALUES, unit=unit)
+    frf = read_frf(path)
+    assert frf.unit == unit
+
+
 @pytest.mark.usefixtures("unguarded")
 def test_a_struct_and_integers(tmp_path: Path) -> None:
     inner = {"freq": FREQUENCY.astype(np.int16) * 4, "compliance": VALUES, "comment": "hit", "axes": [1, 2]}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import fields
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
@@ -18,10 +19,7 @@ from dovetail.measurement.recording import ReadOptions, Recording
 __all__ = ["answer", "decode", "read_arrays"]
 
 Form = Literal["HDF5", "MATLAB 7.3", "MATLAB 5"]
-_HELD = (
-    *("frequency", "values", "coherence", "variance", "has_phase", "quantity", "is_stated", "how_to_state_quantity"),
-    *("note", "factor", "unit", "averages", "rotation", "response", "force", "taken"),
-)
+_HELD = tuple(field.name for field in fields(Recording) if field.name not in ("where", "label", "locate"))
 """Fields of a recording that the guarded process returns."""
 
 
