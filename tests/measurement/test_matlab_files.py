@@ -177,6 +177,10 @@ def test_what_cannot_be_read_is_passed_over(tmp_path: Path) -> None:
             "a.mat  line 1 of the arrays\n  the frequency is nan, which is",
         ),
         ({"f": FREQUENCY, "mobility": VALUES + np.inf}, "a.mat  line 1 of the arrays\n  the value is "),
+        (
+            {"X": np.ones((7, 3))},
+            "a.mat\n  the only array, 'X', has the shape (7, 3), and its columns have no names.\n",
+        ),
         ({}, "a.mat\n  the frequency is not to be found by its name; the file holds: nothing\n"),
     ],
 )

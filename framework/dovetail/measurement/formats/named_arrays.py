@@ -76,6 +76,7 @@ def read_recording(archive: Archive, options: ReadOptions) -> Recording:
         Fields that are missing or ambiguous, with a list of the file's contents; shapes and types that do not fit.
     """
     where = str(archive.path)
+    _check_is_no_table(archive)
     names = assign_fields(where, {name: entry.what for name, entry in archive.entries.items()}, options.names)
     fields = _load_fields(archive, names, options)
 
@@ -107,6 +108,20 @@ def read_recording(archive: Archive, options: ReadOptions) -> Recording:
         force=_read_text(archive, names, "force"),
         taken=taken_for(names, list(archive.entries)),
     )
+
+
+def _check_is_no_table(archive: Archive) -> None:
+    """Refuse a file whose only array is a matrix: its columns have no names."""
+    if len(archive.entries) != 1:
+        return
+    ((name, entry),) = archive.entries.items()
+    array = entry.load()
+    if array.ndim == 2 and min(array.shape) > 1:
+        problem = f"the only array, '{name}', has the shape {array.shape}, and its columns have no names."
+        remedy = "Save each column under a name of its own, or all as a table (.csv), to be read with --columns."
+        raise MeasurementError(
+            Fault(str(archive.path), problem, "frequency and values | real, imag | amplitude", remedy)
+        )
 
 
 def _load_fields(archive: Archive, names: Mapping[str, str], options: ReadOptions) -> dict[str, NDArray[Any]]:
