@@ -142,6 +142,27 @@ def test_a_tied_parameter_is_held_against_its_model_at_the_ends_of_what_it_follo
     assert not [parameter for parameter in dovetail.load(changed).parameters if parameter.name == "stiff.k"]
 
 
+def test_options_that_follow_those_of_another_part_are_tried_at_the_ends_of_their_ranges():
+    changed = with_value("substructures.arm.sections.0.outer", {"range": ["20 mm", "40 mm"]})
+    other = copy.deepcopy(SOUND["substructures"]["arm"])
+    for key, ratio in (("outer", 1), ("inner", 0.9)):
+        other["sections"][0][key] = {"same_as": "arm.sections.0.outer", "ratio": ratio}
+    changed["substructures"]["other"] = other
+    changed["joints"]["knee"] = {
+        "model": "rigid",
+        "connect": {"a": {"to": "arm", "at": 0.3}, "b": {"to": "other", "at": 0}},
+    }
+    assert "arm.sections.0.outer" in [parameter.name for parameter in dovetail.load(changed).parameters]
+    other["sections"][0]["inner"] = "19 mm"
+    other["sections"][0]["outer"]["ratio"] = 0.7
+    with pytest.raises(dovetail.DescriptionError) as raised:
+        dovetail.load(changed)
+    (fault,) = raised.value.faults
+    assert fault.where.endswith("substructures.other.sections[0].outer")
+    assert fault.problem == "the part cannot have 14 mm there: the inner diameter must be smaller than the outer one."
+    assert fault.remedy == "Narrow the range of 'arm.sections.0.outer', which it follows."
+
+
 def test_a_part_with_very_many_degrees_of_freedom():
     changed = with_value(YOUNG, {"range": [1e11, 2e11]})
     changed["substructures"]["arm"]["sections"][0]["elements"] = 400

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Any
@@ -16,9 +17,17 @@ from numpy.typing import NDArray
 
 from dovetail.assembly.calibration import SHARED
 from dovetail.assembly.component_sections import LabelledComponent, build_component, locate_files, read_property
-from dovetail.assembly.description import Description, IdentificationSettings, JointEntry, ParameterEntry, Response
+from dovetail.assembly.description import (
+    Description,
+    IdentificationSettings,
+    JointEntry,
+    ParameterEntry,
+    Response,
+    Tie,
+    follow,
+)
 from dovetail.assembly.joints import Substructures, add_model_faults, check_connected, read_joint
-from dovetail.assembly.parameter_sections import check_ranges, check_ties, ends_of
+from dovetail.assembly.parameter_sections import check_ranges, check_ties, ends_of, steps_of
 from dovetail.assembly.responses import RESPONSE, RESPONSES, calibration_place, read_responses
 from dovetail.assembly.sections import (
     FORMAT,
@@ -30,7 +39,7 @@ from dovetail.assembly.sections import (
     IdentificationSection,
 )
 from dovetail.assembly.study_section import read_study
-from dovetail.assembly.unknown_parts import add_unknown_part, take_unknown_options
+from dovetail.assembly.unknown_parts import UnknownPart, add_unknown_part, objection, take_unknown_options
 from dovetail.documents.extends import read_source
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.mapping_reader import read_mapping
@@ -143,6 +152,29 @@ def _check_parameters(
             model = joint.connection.model
             ends = {parameter.name: ends_of(entries, name, parameter.name) for parameter in joint.parameters}
             check_ranges(LabelledComponent(model, f"joint '{name}' ({model.name})"), ("joints", name), ends, faults)
+    for name in substructures if not len(faults) else ():
+        _check_followers(name, entries, faults)
+
+
+def _check_followers(name: str, entries: Mapping[str, ParameterEntry], faults: FaultList) -> None:
+    """Report options of a substructure that it cannot have where what they follow elsewhere is at an end of its range.
+
+    Those that follow an option of the same substructure were tried with it.
+    """
+    entry, followers = entries[name], defaultdict[tuple[str, str], list[str]](list)
+    assert isinstance(entry, JointEntry)
+    assert isinstance(entry.connection.model, UnknownPart)
+    for option in entry.ties:
+        end = follow(entries, Tie(name, option))
+        if end.owner != name:
+            followers[end.owner, end.parameter].append(option)
+    for (owner, parameter), options in followers.items():
+        for value in ends_of(entries, owner, parameter):
+            corner = {option: follow(entries, Tie(name, option)).ratio * value for option in options}
+            if problem := objection(entry.connection.model, corner):
+                remedy = f"Narrow the range of '{owner}.{parameter}', which it follows."
+                faults.add(("substructures", name, *steps_of(options[0])), problem, remedy=remedy)
+                break
 
 
 def _names(section: str, noun: str, faults: FaultList) -> list[str]:

@@ -37,6 +37,7 @@ __all__ = [
     "UnknownPart",
     "UnknownReceptance",
     "add_unknown_part",
+    "objection",
     "take_unknown_options",
 ]
 
@@ -347,7 +348,7 @@ def add_unknown_part(
     for sought in _corners(stated):
         ties = {option: tie for option, tie in stated.ties.items() if tie.owner == name and tie.parameter in sought}
         corner = {**sought, **{option: tie.ratio * sought[tie.parameter] for option, tie in ties.items()}}
-        if problem := _objection(model, corner):
+        if problem := objection(model, corner):
             faults.add(("substructures", name, *steps_of(next(iter(corner)))), problem)
             return None
     connection = Connection(model, (Attachment(name, tuple(range(len(part.nodes)))),))
@@ -364,7 +365,7 @@ def _corners(stated: StatedParameters) -> Iterator[dict[str, float]]:
         yield {p.name: p.upper if high else p.lower for p, high in zip(sought, upper, strict=True)}
 
 
-def _objection(model: UnknownPart, options: Mapping[str, float]) -> str:
+def objection(model: UnknownPart, options: Mapping[str, float]) -> str:
     """Return a sentence that says why a part cannot have some options, or an empty text if it can."""
     units = {parameter.name: parameter.unit for parameter in model.parameters}
     said = [format_quantity(value, units[option]) for option, value in options.items()]
