@@ -7,6 +7,7 @@ import json
 import numpy as np
 import pytest
 import yaml
+from mass_on_mount import mass_on_mount
 from typer.testing import CliRunner
 
 import dovetail
@@ -163,3 +164,22 @@ def test_nodes_of_a_part_with_unknown_options_are_ranked_too(collet):
 def test_a_plan_over_no_samples_is_refused(sdof):
     with pytest.raises(dovetail.ParameterError, match="samples"):
         dovetail.plan(sdof, samples=0)
+
+
+def test_nodes_in_one_place_are_told_apart_by_their_labels(tmp_path):
+    springs = 1e6 * np.array([[1.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
+    table = {"nodes": ["end", "front", "back"], "directions": ["x"] * 3, "positions": [0.0, 0.1, 0.1]}
+    np.savez(tmp_path / "chain.npz", M=np.diag([0.2, 0.4, 0.2]), K=springs, **table)
+    description = mass_on_mount({"start": 20, "stop": 600, "step": 5}, {})
+    description["substructures"]["mass"] = {"model": "matrices", "file": str(tmp_path / "chain.npz")}
+    description["response"] = {"at": "mass", "position": "node back"}
+    (tmp_path / "chain.yaml").write_text(yaml.safe_dump(description))
+    found = plan(tmp_path / "chain.yaml", samples=2)
+    assert {point.place for point in found.points} == {"100 mm (front)", "100 mm (back)"}
+    pair = dovetail.load(
+        {**{k: v for k, v in description.items() if k != "response"}, **yaml.safe_load(found.responses)}
+    )
+    assert len({response.node for response in pair.description.responses}) == 2
+    printed = CliRunner().invoke(app, ["plan", str(tmp_path / "chain.yaml")]).output
+    assert printed.count("(as described)") == 1
+    assert "100 (front)" in printed

@@ -54,18 +54,17 @@ def plan(
     headers = ["point", "position [mm]", "mean", *names, "modes not seen [Hz]"]
     title(f"{loaded.name}: part of the prior variance that one FRF takes away, noise {noise:g}")
     substructures = loaded.description.substructures
-    described = {
-        (r.substructure, substructures[r.substructure].nodes[r.node].position) for r in loaded.description.responses
-    }
+    nodes = [(r.substructure, substructures[r.substructure].nodes[r.node]) for r in loaded.description.responses]
+    described = {(name, node.position, label) for name, node in nodes for label in ("", node.label)}
     rows = []
     for rank, point in enumerate(ranking.points):
-        is_described = (point.substructure, point.position) in described
+        is_described = (point.substructure, point.position, point.label) in described
         if rank < _SHOWN or is_described:
             rows.append(_row(point, "  (as described)" if is_described else ""))
     table(headers, rows, numbers=headers[1:-1])
     first = ranking.points[ranking.first]
     if ranking.seconds:
-        heading(f"Together with {first.substructure} at {first.position * 1e3:g} mm")
+        heading(f"Together with {first.substructure} at {first.place}")
         table(headers, [_row(point, "") for point in ranking.seconds[:_SHOWN]], numbers=headers[1:-1])
     say()
     say("1: the measurement tells all; 0: it tells nothing that the range does not say.")
@@ -75,7 +74,7 @@ def plan(
 
 def _print_pair(ranking: Plan, assembly: Path) -> None:
     points = (ranking.points[ranking.first], ranking.seconds[0])
-    heading(" and ".join(f"{point.substructure} at {point.position * 1e3:g} mm" for point in points))
+    heading(" and ".join(f"{point.substructure} at {point.place}" for point in points))
     table(
         ["parameter", "interval, of that from the first alone"],
         [(name, f"{share:.2f}") for name, share in ranking.narrowing.items()],
@@ -90,4 +89,4 @@ def _print_pair(ranking: Plan, assembly: Path) -> None:
 def _row(point: PlannedPoint, note: str) -> list[str]:
     hidden = ", ".join(f"{frequency:.0f}" for frequency in point.hidden)
     gains = [f"{gain:.2f}" for gain in point.gain.values()]
-    return [f"{point.substructure}{note}", f"{point.position * 1e3:g}", f"{point.mean_gain:.3f}", *gains, hidden]
+    return [f"{point.substructure}{note}", point.place.replace(" mm", ""), f"{point.mean_gain:.3f}", *gains, hidden]

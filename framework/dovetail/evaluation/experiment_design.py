@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly, AssemblySource, as_assembly, natural_in_band
+from dovetail.assembly.description import Place
 from dovetail.dataset import latin_hypercube
 from dovetail.errors import Fault, ParameterError
 from dovetail.evaluation.truncated_gaussian import RemainingUncertainty, remaining_uncertainty
@@ -39,6 +40,8 @@ class PlannedPoint:
     substructure : str
     position : float
         m.
+    label : str
+        Of the node, where others have its position; else empty.
     gain : mapping of str to float
         Of each parameter: part of its prior variance that the FRF removes, on average over the prior.
     deviation : mapping of str to float
@@ -50,6 +53,7 @@ class PlannedPoint:
 
     substructure: str
     position: float
+    label: str
     gain: dict[str, float]
     deviation: dict[str, float]
     hidden: tuple[float, ...]
@@ -58,6 +62,11 @@ class PlannedPoint:
     def mean_gain(self) -> float:
         """Mean gain of all parameters."""
         return float(np.mean(list(self.gain.values())))
+
+    @property
+    def place(self) -> str:
+        """The node in words: ``"100 mm"``, or ``"100 mm (front)"`` where others have its position."""
+        return f"{self.position * 1e3:g} mm{f' ({self.label})' if self.label else ''}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +119,7 @@ def _plain(point: PlannedPoint) -> dict[str, Any]:
     return {
         "substructure": point.substructure,
         "position": point.position,
+        "label": point.label,
         "mean_gain": point.mean_gain,
         "gain": dict(point.gain),
         "deviation": dict(point.deviation),
@@ -256,9 +266,11 @@ def _points(
     points, rows = [], zip(candidates, remaining.variance, remaining.deviation, hidden, strict=True)
     for candidate, variance, deviation, frequencies in rows:
         response, names = candidate.description.response, [parameter.name for parameter in candidate.parameters]
+        position, label = _node(candidate, response)
         point = PlannedPoint(
             substructure=response.substructure,
-            position=candidate.description.substructures[response.substructure].nodes[response.node].position,
+            position=position,
+            label=label,
             gain=dict(zip(names, (1.0 - PRIOR_PRECISION * variance).tolist(), strict=True)),
             deviation=dict(zip(names, deviation.tolist(), strict=True)),
             hidden=tuple(frequencies.tolist()),
@@ -267,17 +279,27 @@ def _points(
     return points
 
 
+def _node(assembly: Assembly, place: Place) -> tuple[float, str]:
+    """Return the position of a node [m], and its label where others have this position."""
+    nodes = assembly.description.substructures[place.substructure].nodes
+    node, positions = nodes[place.node], [other.position for other in nodes]
+    return node.position, node.label if positions.count(node.position) > 1 else ""
+
+
+def _stated(position: float, label: str) -> str:
+    """Return a node as the value of ``position:`` in a description."""
+    return json.dumps(f"node {label}", ensure_ascii=False) if label else format_quantity(position, "m", 8)
+
+
 def _section(assembly: Assembly, first: PlannedPoint, second: PlannedPoint) -> str:
     """Return the section of a description that has both points, with quantity and chain of the described response."""
     response = assembly.description.response
     keys = f"direction: {response.direction}, quantity: {response.quantity}"
     if force := response.force:
-        at = format_quantity(assembly.description.substructures[force.substructure].nodes[force.node].position, "m", 8)
+        at = _stated(*_node(assembly, force))
         keys += f", force: {{at: {force.substructure}, position: {at}, direction: {force.direction}}}"
     stated = json.loads(assembly.description.at(0).text)["response"]
     if chain := stated.get("calibration"):
         keys += f", calibration: {json.dumps(chain, ensure_ascii=False)}"
-    entries = [
-        f"at: {point.substructure}, position: {format_quantity(point.position, 'm', 8)}" for point in (first, second)
-    ]
+    entries = [f"at: {p.substructure}, position: {_stated(p.position, p.label)}" for p in (first, second)]
     return "responses:\n" + "".join(f"  - {{{entry}, {keys}}}\n" for entry in entries)
