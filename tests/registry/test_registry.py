@@ -11,12 +11,14 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from mass_on_mount import mass_on_mount
 from pydantic import create_model
 
+import dovetail
 from dovetail import StructuralMatrices, hookimpl
 from dovetail.errors import PluginError
 from dovetail.interfaces import ComponentConfig, JointModel, Parameter, Port
-from dovetail.registry import Registry
+from dovetail.registry import Registry, components
 from dovetail.registry import registry as module
 
 GOOD = '''
@@ -329,6 +331,23 @@ def test_the_first_default_of_each_key_counts():
     registry.add(_Giving({"compare": ["a"]}), "first 1.0")
     registry.add(_Giving({"compare": ["b"], "robustness": ["c"]}), "second 1.0")
     assert dict(registry.defaults) == {"compare": ["a"], "robustness": ["c"]}
+
+
+def test_a_default_means_the_model_of_the_plugin_that_gives_it(tmp_path):
+    file = tmp_path / "mine.py"
+    file.write_text(
+        "import dovetail\n\n\nclass Mine(dovetail.Reducer):\n    name, summary = 'pca', 'Another'\n\n"
+        "    def fit(self, features, *, seed):\n        raise NotImplementedError\n\n"
+        "    def restore(self, state):\n        raise NotImplementedError\n\n\n"
+        "@dovetail.hookimpl\ndef dovetail_components():\n    return [Mine]\n"
+    )
+    alone, both = components().defaults, components([file]).defaults
+    assert alone["identification"]["reducer"] == {"model": "pca", "n_components": 100}
+    assert both["identification"]["reducer"] == {"model": "dovetail-frf:pca", "n_components": 100}
+    assert both["compare"][:4] == ["umap", "dovetail-frf:pca", "none", "dovetail-frf:pca+robust"]
+    unsaid = mass_on_mount({"start": 20, "stop": 600, "step": 5}, {})
+    reducers = [dovetail.load(unsaid, plugins=files).description.identification.reducer for files in ([], [file])]
+    assert type(reducers[0]) is type(reducers[1])
 
 
 @pytest.mark.parametrize("returned", [["pca"], "pca", 3])

@@ -92,12 +92,33 @@ class Registry:
         self._failures: list[LoadFailure] = []
         self._files: set[Path] = set()
         self._defaults: dict[str, Any] = {}
+        self._givers: dict[tuple[str, str], str] = {}
         self.slow: dict[str, float] = {}
 
     @property
     def defaults(self) -> Mapping[str, Any]:
-        """Defaults for what a user does not state, as plain values, by key."""
-        return MappingProxyType(self._defaults)
+        """Defaults for what a user does not state, as plain values, by key.
+
+        A name that several plugins offer is qualified with the package of the plugin that gives the default.
+        """
+        return MappingProxyType({key: self._qualified(key, value) for key, value in self._defaults.items()})
+
+    def _qualified(self, key: str, value: Any) -> Any:
+        """Return a default with the packages of models whose names are offered more than once."""
+        if not isinstance(value, Mapping):
+            parts = [str(name).partition("+") for name in value]
+            return [self._name_of("reducer", name, (key, "")) + sign + addition for name, sign, addition in parts]
+        sections = dict(value)
+        for option, section in value.items():
+            if option in KINDS and isinstance(section, Mapping) and "model" in section:
+                sections[option] = {**section, "model": self._name_of(option, section["model"], (key, option))}
+        return sections
+
+    def _name_of(self, kind: Kind, name: str, default: tuple[str, str]) -> str:
+        """Return the name of a model in a default, with its package if others offer it too."""
+        offers = self._offers.get((kind, name), [])
+        own = [offer.qualified_name for offer in offers if offer.source == self._givers[default]]
+        return own[0] if own and len(offers) > 1 else name
 
     @property
     def failures(self) -> tuple[LoadFailure, ...]:
@@ -258,6 +279,8 @@ class Registry:
         offered, defaults = _contributions_of(plugin, source)
         for key, value in defaults.items():
             known = self._defaults.setdefault(key, value)
+            for option in ("", *(value if isinstance(value, Mapping) else ())):
+                self._givers.setdefault((key, option), source)
             if isinstance(value, Mapping) and isinstance(known, Mapping):
                 self._defaults[key] = {**value, **known}
         for component in offered:
