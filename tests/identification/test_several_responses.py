@@ -12,7 +12,7 @@ from noisy_measurements import frf_on, noisy
 import dovetail
 from dovetail.assembly import AugmentationSection
 from dovetail.dataset import complex_accelerance
-from dovetail.errors import MeasurementError
+from dovetail.errors import MeasurementError, ParameterError
 from dovetail.identification.fitting import multistart, refine
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs
@@ -184,6 +184,16 @@ def test_the_bundle_and_the_dataset_keep_their_responses(chain, dataset, model, 
     np.testing.assert_allclose(np.abs(phased.accelerance[:]), phased.amplitude[:])
     with pytest.raises(dovetail.DovetailError, match="another description"):
         dataset.require(chain.at(0))
+
+
+@pytest.mark.parametrize("of_the_second", [{}, {"gain": {"same_as": "response_1.gain"}}])
+def test_a_response_alone_is_not_trained_with_the_chain_of_another(chain, of_the_second):
+    """A saved model is read by its description, which has that response only."""
+    description = json.loads(chain.description.text)
+    first, second = description["responses"]
+    first["calibration"], second["calibration"] = {"gain": {"range": [0.8, 1.2]}}, of_the_second
+    with pytest.raises(ParameterError, match="it has parameters of the chain of response_1, whose FRF is not among"):
+        dovetail.train(dovetail.load(description).at(1))
 
 
 def test_each_response_is_converted_on_its_own_lines(chain):

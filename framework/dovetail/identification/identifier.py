@@ -12,9 +12,10 @@ from typing import Any, Self
 
 import numpy as np
 
-from dovetail.assembly import AssemblySource, as_assembly
+from dovetail.assembly import Assembly, AssemblySource, as_assembly
+from dovetail.assembly.calibration import SHARED
 from dovetail.dataset import Dataset
-from dovetail.errors import DovetailError
+from dovetail.errors import DovetailError, Fault, ParameterError, listing
 from dovetail.frf import Frf
 from dovetail.identification.identify import Measurement, identify
 from dovetail.identification.network.bundle import TrainedNetwork, read_bundle, write_bundle
@@ -142,16 +143,29 @@ def train(
     DatasetError
         The dataset is not of this assembly, too small to be split, or holds values that are not finite.
     ParameterError
-        `minutes` is not a positive time, or the regressor ignores it.
+        `minutes` is not a positive time, or the regressor ignores it; or the assembly is one response of several
+        (`Assembly.at`) and has parameters of another one's measurement chain, which its FRF does not depend on.
     PluginError
         The reducer or the regressor breaks its contract.
     """
     samples = Dataset(dataset) if isinstance(dataset, (str, Path)) else dataset
+    known = as_assembly(assembly)
+    _check_chains(known)
     with progress_reporter(progress) as report:
-        trained = train_network(
-            as_assembly(assembly), samples, robust=robust, fresh=fresh, minutes=minutes, progress=report
-        )
+        trained = train_network(known, samples, robust=robust, fresh=fresh, minutes=minutes, progress=report)
     return Identifier.of(trained)
+
+
+def _check_chains(assembly: Assembly) -> None:
+    """Refuse what remains of other responses' chains: a saved model is read by its description, without those."""
+    description = assembly.description
+    here = {SHARED, *(response.name for response in description.responses)}
+    owners = {owner for owner, _ in description.identified_parameters}
+    owners |= {tie.owner for entry in description.entries.values() for tie in entry.ties.values()}
+    if strange := sorted((owners & set(description.calibrations)) - here):
+        problem = f"it has parameters of the chain of {listing(strange)}, whose FRF is not among its own."
+        remedy = "Train on all responses, or describe this one alone."
+        raise ParameterError(Fault(f"assembly {assembly.name}", problem, remedy=remedy))
 
 
 def load_model(path: str | Path, *, plugins: PluginPaths = ()) -> Identifier:
