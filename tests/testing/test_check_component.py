@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import ast
 from pathlib import Path
+from typing import Annotated
 
+import numpy as np
 import pytest
 from broken import BROKEN
 from broken_joints import SoundJoint
 
 import dovetail.testing
+from dovetail import InUnit
 from dovetail.errors import PluginError
-from dovetail.interfaces import KINDS
+from dovetail.interfaces import KINDS, ComponentConfig, Node, StructuralMatrices, SubstructureModel
 from dovetail.registry import Registry, installed_components
 from dovetail.testing import CheckResult, check_component, check_names, conformance
 
@@ -59,6 +62,43 @@ def test_nothing_in_a_class_switches_checks_off(switch):
     quiet = type("Quiet", (BROKEN["joint"]["matrices_are_symmetric"],), {"__doc__": "Quiet.", switch: True})
     (red,) = [result for result in check_component(quiet) if result.outcome == "failed"]
     assert red.name == "matrices_are_symmetric"
+
+
+class Spring(SubstructureModel):
+    """Two nodes, and a spring without mass between them."""
+
+    name = "link"
+    summary = "A spring without mass"
+
+    class Config(ComponentConfig):
+        """What it is made of.
+
+        Attributes
+        ----------
+        stiffness : float
+            Of the spring [N/m].
+        """
+
+        stiffness: Annotated[float, InUnit("N/m")] = 1e6
+
+    @property
+    def nodes(self) -> tuple[Node, ...]:
+        """Both ends."""
+        return Node("left", 0.0), Node("right", 0.1)
+
+    def matrices(self) -> StructuralMatrices:
+        """Return the (4, 4) matrices."""
+        stiffness = self.config.stiffness * np.outer([1, 0, -1, 0], [1, 0, -1, 0])
+        return StructuralMatrices(np.zeros((4, 4)), stiffness)
+
+
+def test_a_part_without_mass_conforms_and_has_no_receptance_by_itself():
+    results = {result.name: result for result in check_component(Spring)}
+    assert [result for result in results.values() if not result.ok] == []
+    assert results["receptance_has_its_shape"].outcome == "not applicable"
+    assert results["mass_is_symmetric_and_positive"].outcome == "warning"
+    for name in ("rigid_body_modes", "stiffness_is_symmetric_and_positive", "a_fresh_process_gives_the_same_answers"):
+        assert results[name].outcome == "passed"
 
 
 def test_no_examples_are_no_way_out():

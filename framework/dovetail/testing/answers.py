@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.interfaces import DIRECTIONS, JointModel, StructuralMatrices, SubstructureModel
+from dovetail.interfaces import DIRECTIONS, JointModel, SparseMatrices, StructuralMatrices, SubstructureModel
+from dovetail.testing.linear_algebra import dense, has_idle_motion
 
-__all__ = ["PARTS", "answers", "copied", "declarations", "difference", "varied"]
+__all__ = ["PARTS", "answers", "copied", "declarations", "difference", "has_receptance", "varied"]
 
 PARTS = {"M": "mass", "K": "stiffness", "C": "viscous damping", "D": "structural damping"}
 _VECTORS = 6
@@ -50,6 +51,18 @@ def declarations(component: Any) -> dict[str, str]:
     said["absent_dofs"] = repr(sorted(component.absent_dofs))
     said["dof_label"] = repr([component.dof_label(dof) for dof in range(len(DIRECTIONS) * len(component.nodes))])
     return said
+
+
+def has_receptance(part: SubstructureModel, matrices: StructuralMatrices | SparseMatrices | None) -> bool:
+    """Return whether forces should move a part with these matrices by finite amounts: no ground, nor free without mass.
+
+    Inner DOFs that move without a force while the nodes are held are no excuse.
+    """
+    if part.grounded or matrices is None:
+        return not part.grounded
+    whole = [dense(getattr(matrices, name)) for name in "KMCD"]
+    count = len(DIRECTIONS) * len(part.nodes)
+    return not has_idle_motion(*whole) or has_idle_motion(*(matrix[count:, count:] for matrix in whole))
 
 
 def copied(arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
@@ -120,7 +133,7 @@ def _of_substructure(substructure: SubstructureModel, lines: NDArray[np.float64]
     for part, noun in PARTS.items() if matrices is not None else ():
         matrix = getattr(matrices, part)
         said[f"the {noun} matrix"] = matrix if isinstance(matrices, StructuralMatrices) else matrix.data
-    if not substructure.grounded:
+    if has_receptance(substructure, matrices):
         absent = {*substructure.absent_dofs, *_empty(matrices, len(DIRECTIONS) * len(substructure.nodes))}
         dofs = [dof for dof in range(len(DIRECTIONS) * len(substructure.nodes)) if dof not in absent]
         said["the receptance"] = substructure.receptance(lines.copy(), dofs[:4])

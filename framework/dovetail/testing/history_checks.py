@@ -106,6 +106,6 @@ def _compute_others(specimen: Specimen) -> None:
     if isinstance(specimen, JointSpecimen):
         specimen.component.matrices(specimen.theta.copy())
         specimen.component.dynamic_stiffness(specimen.lines.copy(), specimen.some(3).copy())
-    elif isinstance(specimen, SubstructureSpecimen) and not specimen.component.grounded:
+    elif isinstance(specimen, SubstructureSpecimen) and specimen.has_receptance:
         specimen.component.receptance(specimen.lines.copy(), specimen.dofs[:1])
     answers(specimen.component, question=3)

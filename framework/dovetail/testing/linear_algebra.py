@@ -7,7 +7,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["asymmetry", "condensed", "least_effort", "least_eigenvalue", "loosest", "relative_difference", "unit_free"]
+__all__ = [
+    "asymmetry",
+    "condensed",
+    "dense",
+    "has_idle_motion",
+    "least_effort",
+    "least_eigenvalue",
+    "loosest",
+    "relative_difference",
+    "unit_free",
+]
 
 _SINGULAR = 1e-12
 """Eigenvalue of a scaled matrix below which a motion needs no effort."""
@@ -75,6 +85,22 @@ def unit_free(matrices: NDArray[Any], scale: NDArray[np.float64]) -> NDArray[Any
     """Divide rows and columns of (..., d, d) matrices by the square roots of a positive scale (..., d)."""
     root = 1.0 / np.sqrt(np.where(scale > 0, scale, 1.0))
     return np.asarray(root[..., :, None] * matrices * root[..., None, :])
+
+
+def has_idle_motion(*matrices: NDArray[np.float64]) -> bool:
+    """Return whether some motion needs no effort by any of several (d, d) matrices; DOFs without entries apart."""
+    scale = np.zeros(len(matrices[0]))
+    for matrix in matrices:
+        scale = np.where(scale > 0, scale, np.diag(matrix))
+    shares = [unit_free(matrix, scale) for matrix in matrices]
+    total = np.sum([share / (np.abs(share).max(initial=0.0) or 1.0) for share in shares], axis=0)
+    filled = np.flatnonzero(total.any(axis=0))
+    return bool(loosest(total[np.ix_(filled, filled)]) < _SINGULAR)
+
+
+def dense(matrix: Any) -> NDArray[np.float64]:
+    """Return a matrix as an array, whether it is sparse or not."""
+    return np.asarray(matrix.toarray() if hasattr(matrix, "toarray") else matrix, dtype=np.float64)
 
 
 def asymmetry(matrices: NDArray[np.complex128] | NDArray[np.float64]) -> float:

@@ -18,7 +18,9 @@ from dovetail.interfaces import (
     StructuralMatrices,
     SubstructureModel,
 )
+from dovetail.testing.answers import has_receptance
 from dovetail.testing.fitted_specimens import ReducerSpecimen, RegressorSpecimen
+from dovetail.testing.linear_algebra import dense
 from dovetail.testing.method_checks import MethodSpecimen
 from dovetail.testing.reader_checks import ReaderSpecimen
 from dovetail.testing.specimen import SEED, Specimen
@@ -29,7 +31,6 @@ __all__ = [
     "JointSpecimen",
     "Specimen",
     "SubstructureSpecimen",
-    "dense",
     "specimen_of",
 ]
 
@@ -160,6 +161,11 @@ class SubstructureSpecimen(Specimen):
         chosen = np.linspace(0, len(taking_part) - 1, min(len(taking_part), 5)).round().astype(int)
         return [int(dof) for dof in taking_part[chosen]]
 
+    @cached_property
+    def has_receptance(self) -> bool:
+        """Whether forces move it by finite amounts."""
+        return has_receptance(self.component, self.matrices)
+
     @property
     def lines(self) -> NDArray[np.float64]:
         """Lines [Hz] at which it is evaluated: 1 Hz to 20 kHz or, if known by FRFs only, those that it must cover."""
@@ -169,11 +175,6 @@ class SubstructureSpecimen(Specimen):
     def receptance(self) -> NDArray[np.complex128]:
         """Copy of the receptance (n_freq, n, n) between `dofs` at `lines`."""
         return np.array(self.component.receptance(self.lines.copy(), list(self.dofs)))
-
-
-def dense(matrix: Any) -> NDArray[np.float64]:
-    """Return a matrix as an array, whether it is sparse or not."""
-    return np.asarray(matrix.toarray() if hasattr(matrix, "toarray") else matrix, dtype=np.float64)
 
 
 def specimen_of(model: type[Component], options: Mapping[str, Any]) -> Specimen:

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from dovetail.assembly.doubts import numbers_within
 from dovetail.interfaces import DIRECTIONS, Node, SparseMatrices, StructuralMatrices, SubstructureModel
 from dovetail.testing.answers import PARTS
-from dovetail.testing.linear_algebra import asymmetry, least_effort, least_eigenvalue, relative_difference
-from dovetail.testing.outcomes import Nonconformity, NotApplicable
-from dovetail.testing.specimens import FREQUENCY, SubstructureSpecimen, dense
+from dovetail.testing.linear_algebra import asymmetry, dense, least_effort, least_eigenvalue, relative_difference
+from dovetail.testing.outcomes import Nonconformity, NotApplicable, Reservation
+from dovetail.testing.specimens import FREQUENCY, SubstructureSpecimen
 
 __all__: list[str] = []
 
@@ -103,7 +103,7 @@ def check_outline_is_sections_in_order(specimen: SubstructureSpecimen) -> None:
 
 def check_receptance_has_its_shape(specimen: SubstructureSpecimen) -> str:
     """`receptance` is a finite complex (n_freq, n, n) array for n DOFs."""
-    _only_if_movable(specimen)
+    _only_with_receptance(specimen)
     count = len(specimen.dofs)
     H = specimen.component.receptance(specimen.lines.copy(), list(specimen.dofs))
     wanted = (len(specimen.lines), count, count)
@@ -121,6 +121,10 @@ def check_mass_is_symmetric_and_positive(specimen: SubstructureSpecimen) -> None
     outer = np.diag(dense(_matrices(specimen).M))[: len(DIRECTIONS) * len(specimen.component.nodes)]
     if (outer[1::2] > 0).any() and not (outer[0::2] > 0).any():
         raise Nonconformity("it has rotary inertia, and no mass.", "The DOFs of a node are x, then rz.")
+    if not specimen.component.grounded and not specimen.has_receptance:
+        raise Reservation(
+            "a motion of the free part meets no mass.", "Give it mass, or use it between parts with mass."
+        )
 
 
 def check_stiffness_is_symmetric_and_positive(specimen: SubstructureSpecimen) -> None:
@@ -155,7 +159,7 @@ def check_rigid_body_modes(specimen: SubstructureSpecimen) -> None:
 
 def check_receptance_is_reciprocal(specimen: SubstructureSpecimen) -> None:
     """The motion at i per force at j equals the motion at j per force at i."""
-    _only_if_movable(specimen)
+    _only_with_receptance(specimen)
     if max(asymmetry(_unit_free(H)) for H in specimen.receptance) > _SOLVED:
         raise Nonconformity(
             "the receptance matrix is not symmetric.", "Mend receptance, or symmetrise what was measured."
@@ -164,7 +168,7 @@ def check_receptance_is_reciprocal(specimen: SubstructureSpecimen) -> None:
 
 def check_receptance_is_passive(specimen: SubstructureSpecimen) -> None:
     """No forces take energy out of the part: the imaginary part of the receptance is negative semi-definite."""
-    _only_if_movable(specimen)
+    _only_with_receptance(specimen)
     for line, H in zip(specimen.lines, specimen.receptance, strict=True):
         loss = -_unit_free(H).imag
         least = float(np.linalg.eigvalsh(0.5 * (loss + loss.T)).min())
@@ -178,7 +182,7 @@ def check_receptance_is_passive(specimen: SubstructureSpecimen) -> None:
 def check_receptance_meets_the_matrices(specimen: SubstructureSpecimen) -> None:
     """`receptance` is the inverse of the dynamic stiffness from `matrices`."""
     matrices = _matrices(specimen)
-    _only_if_movable(specimen)
+    _only_with_receptance(specimen)
     M, K, C, D = (dense(getattr(matrices, part)) for part in "MKCD")
     active = np.union1d(np.flatnonzero(((M != 0) | (K != 0) | (C != 0) | (D != 0)).any(axis=0)), specimen.dofs)
     rows = np.searchsorted(active, specimen.dofs)
@@ -196,7 +200,7 @@ def check_receptance_meets_the_matrices(specimen: SubstructureSpecimen) -> None:
 
 def check_dofs_can_be_asked_for_in_any_order(specimen: SubstructureSpecimen) -> None:
     """The receptance between any sequence of DOFs, even with repetition, is the same part of that between all."""
-    _only_if_movable(specimen)
+    _only_with_receptance(specimen)
     count = len(specimen.dofs)
     for order in (np.arange(count)[::-2], np.array([count - 1]), np.array([0, count - 1, 0])):
         part = specimen.component.receptance(specimen.lines.copy(), [specimen.dofs[index] for index in order])
@@ -208,7 +212,7 @@ def check_dofs_can_be_asked_for_in_any_order(specimen: SubstructureSpecimen) -> 
 
 def check_each_line_is_treated_alone(specimen: SubstructureSpecimen) -> None:
     """The receptance at a line is the same alone and among others, which may be unsorted or repeated."""
-    _only_if_movable(specimen)
+    _only_with_receptance(specimen)
     for order in ([1, 4, 7], [3], [6, 0, 2, 2, 5]):
         alone, whole = specimen.component.receptance(specimen.lines[order], specimen.dofs), specimen.receptance[order]
         if alone.shape != whole.shape or relative_difference(alone, whole) > _SOLVED:
@@ -218,7 +222,7 @@ def check_each_line_is_treated_alone(specimen: SubstructureSpecimen) -> None:
 
 def check_dofs_and_frequencies_may_be_any_sequence(specimen: SubstructureSpecimen) -> None:
     """DOFs may be a list, a tuple or an array; frequencies may be integers or read-only."""
-    _only_if_movable(specimen)
+    _only_with_receptance(specimen)
     whole = np.array([1500, 20, 333])
     read_only = whole.astype(np.float64)
     read_only.flags.writeable = False
@@ -237,6 +241,7 @@ def check_dofs_and_frequencies_may_be_any_sequence(specimen: SubstructureSpecime
 def check_refinement_converges(specimen: SubstructureSpecimen) -> None:
     """The receptance converges with meshes twice and four times as fine."""
     _matrices(specimen)
+    _only_with_receptance(specimen)
     finer = [specimen.component.refined(factor) for factor in _FACTORS]
     if finer == [None, None]:
         raise NotApplicable("the part has no mesh to refine.")
@@ -322,7 +327,7 @@ def check_dofs_have_labels(specimen: SubstructureSpecimen) -> None:
 
 def check_inputs_are_left_unchanged(specimen: SubstructureSpecimen) -> None:
     """The caller's `frequency` and `dofs` are not changed."""
-    _only_if_movable(specimen)
+    _only_with_receptance(specimen)
     frequency, dofs = specimen.lines.copy(), list(specimen.dofs)
     specimen.component.receptance(frequency, dofs)
     if not np.array_equal(frequency, specimen.lines) or dofs != specimen.dofs:
@@ -331,7 +336,7 @@ def check_inputs_are_left_unchanged(specimen: SubstructureSpecimen) -> None:
 
 def check_answers_are_fresh(specimen: SubstructureSpecimen) -> None:
     """Writing into a returned array does not change later results."""
-    _only_if_movable(specimen)
+    _only_with_receptance(specimen)
     kept = specimen.receptance.copy()
     first = specimen.component.receptance(specimen.lines.copy(), specimen.dofs)
     if first.flags.writeable:
@@ -352,6 +357,12 @@ def _matrices(specimen: SubstructureSpecimen) -> StructuralMatrices | SparseMatr
 def _only_if_movable(specimen: SubstructureSpecimen) -> None:
     if specimen.component.grounded:
         raise NotApplicable("the part does not move.")
+
+
+def _only_with_receptance(specimen: SubstructureSpecimen) -> None:
+    _only_if_movable(specimen)
+    if not specimen.has_receptance:
+        raise NotApplicable("some motion of the part by itself needs no force, so that it has no receptance.")
 
 
 def _check_semidefinite(specimen: SubstructureSpecimen, part: str) -> None:
