@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import os
 import shutil
 from collections import namedtuple
@@ -90,6 +91,20 @@ def test_results_in_the_working_folder_are_listed_and_replace_those_before(run, 
     assert sorted(path.name for path in Path.cwd().iterdir()) == first
     listed = Path("SHA256SUMS").read_text().splitlines()
     assert [line.split("  ")[1] for line in listed] == sorted({*first} - {"SHA256SUMS", "notes.txt"})
+
+
+@pytest.mark.usefixtures("untouched")
+@pytest.mark.parametrize("command", ["identify", "robustness"])
+def test_what_a_manifest_of_others_lists_is_not_removed(run, arguments, tmp_path, command):
+    """The user's own measurements with their hashes, or the results of another command."""
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    (folder / "measured.txt").write_text("mine")
+    (folder / "SHA256SUMS").write_text(f"{hashlib.sha256(b'mine').hexdigest()}  measured.txt\n")
+    message = run(*arguments[command], "-o", folder, code=1).stderr
+    problem = "SHA256SUMS would be replaced, and is not of an earlier run."
+    assert message == f"{folder}\n  {problem}\n  Choose another folder.\n"
+    assert (folder / "measured.txt").read_text() == "mine"
 
 
 def test_a_file_is_told_before_any_work_too(run, bench, tmp_path, monkeypatch):

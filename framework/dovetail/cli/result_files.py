@@ -54,7 +54,8 @@ def prepare_folder(folder: Path | None, files: Sequence[str] = _FILES, mark: str
     Raises
     ------
     DovetailError
-        The folder is a file, cannot be written, or contains files of these names that are not results.
+        The folder is a file, cannot be written, or contains files of these names, or a manifest, that are not of an
+        earlier run of the same command: what their manifest lists would be removed.
     """
     from dovetail.atomic_files import check_room
     from dovetail.errors import DovetailError, Fault, listing
@@ -64,7 +65,7 @@ def prepare_folder(folder: Path | None, files: Sequence[str] = _FILES, mark: str
     remedy = "Choose another folder."
     if folder.exists() and not folder.is_dir():
         raise DovetailError(Fault(str(folder), "this is a file, not a folder for results.", remedy=remedy))
-    taken = [name for name in files if (folder / name).exists()]
+    taken = [name for name in (*files, MANIFEST) if (folder / name).exists()]
     if taken and mark not in taken:
         problem = f"{listing(taken)} would be replaced, and {'is' if len(taken) == 1 else 'are'} not of an earlier run."
         raise DovetailError(Fault(str(folder), problem, remedy=remedy))
