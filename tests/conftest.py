@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator
+import tracemalloc
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -58,6 +59,21 @@ def memory_is_bounded(request: pytest.FixtureRequest) -> Iterator[None]:
     if peak > MOST_MEMORY and not slow and TOO_MUCH not in request.config.stash:
         request.config.stash[TOO_MUCH] = True
         pytest.fail(f"this process has taken {peak:.0f} MiB by now; {MOST_MEMORY} MiB are the limit of the suite.")
+
+
+@pytest.fixture
+def peak_of() -> Callable[[Callable[[], object]], float]:
+    """Return a function that tells the most memory in MB that arrays take while some work runs."""
+
+    def megabytes(work: Callable[[], object]) -> float:
+        tracemalloc.start()
+        try:
+            work()
+            return tracemalloc.get_traced_memory()[1] / 1e6
+        finally:
+            tracemalloc.stop()
+
+    return megabytes
 
 
 @pytest.fixture(scope="session", autouse=PARALLEL)

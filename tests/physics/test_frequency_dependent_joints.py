@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import tracemalloc
-
 import numpy as np
 import pytest
 from masses_in_a_row import SIGN, Viscoelastic, chain, spring
@@ -126,18 +124,8 @@ def test_where_a_pivot_vanishes_its_derivatives_are_solved_with_pivoting():
     assert jacobian[0, line, 2] == 0
 
 
-def peak_of(work) -> float:
-    """Return the most memory in MB that arrays took while it ran."""
-    tracemalloc.start()
-    try:
-        work()
-        return tracemalloc.get_traced_memory()[1] / 1e6
-    finally:
-        tracemalloc.stop()
-
-
 @pytest.mark.parametrize(("samples", "lines"), [(50_000, 16), (200, 4451)])
-def test_memory_is_bounded_for_many_samples_and_many_lines(samples, lines):
+def test_memory_is_bounded_for_many_samples_and_many_lines(samples, lines, peak_of):
     graph, points = chain(Viscoelastic())
     engine = Engine(graph, np.linspace(20.0, 900.0, lines), points, {"j0": THETA})
     engine.threads = 2

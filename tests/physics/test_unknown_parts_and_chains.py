@@ -116,6 +116,16 @@ def test_a_part_without_a_batch_of_matrices_is_made_anew_for_each_value(monkeypa
     assert difference(assembly.frf(theta), with_batch) < 1e-12
 
 
+def test_an_unknown_part_takes_no_memory_for_pairs_of_nodes_at_each_line(peak_of):
+    fine = with_option(PLAIN, "substructures.arm.sections.1.elements", 50)
+    fine = with_option(fine, "frequency.step", "0.5 Hz")
+    fine = with_option(fine, "substructures.arm.material.young", {"range": [190e9, 220e9]})
+    fine["joints"]["weld"]["connect"]["a"]["at"] = "node n55"
+    assembly = dovetail.load(fine)
+    lines, dofs = len(assembly.frequency), 2 * 55
+    assert peak_of(assembly.frf) < 0.25 * 16 * lines * dofs**2 / 1e6
+
+
 def test_one_frf_and_its_derivatives_ask_the_part_for_its_matrices_once(monkeypatch):
     sought = with_option(PLAIN, "substructures.arm.material.young", {"range": [190e9, 220e9]})
     assembly = dovetail.load(sought)

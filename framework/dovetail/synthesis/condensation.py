@@ -20,7 +20,7 @@ from dovetail.interfaces.matrices import refusing_complex_values
 from dovetail.synthesis.elimination import plan_elimination, run_elimination
 from dovetail.synthesis.sparse_condensation import PartitionedMatrices, condense_on_basis
 
-__all__ = ["boundary_dynamic_stiffness", "inverted_receptance", "substructure_matrices"]
+__all__ = ["BoundaryStiffness", "boundary_stiffness", "inverted_receptance", "substructure_matrices"]
 
 
 @dataclass(frozen=True)
@@ -42,9 +42,45 @@ class Settings:
 SETTINGS = Settings()
 
 
-def boundary_dynamic_stiffness(
+@dataclass(frozen=True, eq=False)
+class BoundaryStiffness:
+    """Dynamic stiffness of a substructure at its boundary DOFs, stored sparsely: a chain fills a third of it or less.
+
+    Parameters
+    ----------
+    numbers : (n,) int array
+        Numbers of the boundary DOFs.
+    entry : (n, n) int array
+        Row of each entry in `values`, two entries may share one; -1 for an entry that is 0 at every frequency.
+    values : (n_rows, n_freq) complex array
+        The other entries.
+    """
+
+    numbers: NDArray[np.intp]
+    entry: NDArray[np.intp]
+    values: NDArray[np.complex128]
+
+    @staticmethod
+    def of(Z: NDArray[np.complex128]) -> BoundaryStiffness:
+        """Store the entries of Z (n_freq, n, n) that are not 0 at every frequency, numbered from 0."""
+        filled = (Z != 0).any(axis=0)
+        entry = np.where(filled, np.cumsum(filled).reshape(filled.shape) - 1, -1)
+        return BoundaryStiffness(np.arange(len(entry)), entry, np.ascontiguousarray(Z[:, filled].T))
+
+    def numbered(self, numbers: NDArray[np.intp]) -> BoundaryStiffness:
+        """Return the same boundary with global numbers (n,), without the DOFs that are held: those below 0."""
+        moving = np.flatnonzero(numbers >= 0)
+        return BoundaryStiffness(numbers[moving], self.entry[np.ix_(moving, moving)], self.values)
+
+    def dense(self, lines: NDArray[np.intp] | slice) -> NDArray[np.complex128]:
+        """Return Z (n_lines, n, n) at some of the frequencies."""
+        values = np.pad(self.values[:, lines], ((0, 1), (0, 0)))  # the last row is that of the entries that are 0
+        return np.moveaxis(values[self.entry], -1, 0)
+
+
+def boundary_stiffness(
     substructure: SubstructureModel, dofs: Sequence[int], frequency: NDArray[np.float64]
-) -> NDArray[np.complex128]:
+) -> BoundaryStiffness:
     """Condense a substructure to some of its DOFs.
 
     Parameters
@@ -57,9 +93,9 @@ def boundary_dynamic_stiffness(
 
     Returns
     -------
-    (n_freq, n, n) complex array
-        Z_bb - Z_bi Z_ii^-1 Z_ib, the Schur complement of the inner DOFs. Without matrices it is the inverse of the
-        receptance, which loses about six digits near the rigid-body modes.
+    BoundaryStiffness
+        Z_bb - Z_bi Z_ii^-1 Z_ib, the Schur complement of the inner DOFs, numbered as in `dofs`. Without matrices it is
+        the inverse of the receptance, which loses about six digits near the rigid-body modes.
 
     Raises
     ------
@@ -73,7 +109,7 @@ def boundary_dynamic_stiffness(
     """
     matrices = substructure_matrices(substructure)
     if matrices is None:
-        return inverted_receptance(substructure, dofs, frequency)
+        return BoundaryStiffness.of(inverted_receptance(substructure, dofs, frequency))
     if isinstance(matrices, StructuralMatrices) and _is_quickly_eliminated(matrices):
         return _condense_symbolically(matrices, dofs, frequency)
     if isinstance(matrices, StructuralMatrices):
@@ -84,8 +120,8 @@ def boundary_dynamic_stiffness(
         where = f"substructure model '{substructure.name}'"
         raise PluginError(Fault(where, f"its condensation_tolerance is {tolerance!r:.60}.", "a number, 0 or more"))
     if tolerance > 0:
-        return condense_on_basis(partitioned, frequency, float(tolerance)).stiffness
-    return partitioned.condense(frequency)
+        return BoundaryStiffness.of(condense_on_basis(partitioned, frequency, float(tolerance)).stiffness)
+    return BoundaryStiffness.of(partitioned.condense(frequency))
 
 
 def _is_quickly_eliminated(matrices: StructuralMatrices) -> bool:
@@ -96,7 +132,7 @@ def _is_quickly_eliminated(matrices: StructuralMatrices) -> bool:
 
 def _condense_symbolically(
     matrices: StructuralMatrices, dofs: Sequence[int], frequency: NDArray[np.float64]
-) -> NDArray[np.complex128]:
+) -> BoundaryStiffness:
     filled = (matrices.M != 0) | (matrices.K != 0) | (matrices.C != 0) | (matrices.D != 0)
     active = np.union1d(np.flatnonzero(filled.any(axis=0)), dofs)
     kept = np.searchsorted(active, dofs).tolist()
@@ -107,16 +143,17 @@ def _condense_symbolically(
     slots = (K - omega**2 * M) + 1j * (D + omega * C)
     with np.errstate(divide="ignore", invalid="ignore"):  # a pivot that vanishes leaves no finite number
         run_elimination(program, slots)
-    condensed = np.zeros((len(frequency), len(dofs), len(dofs)), dtype=np.complex128)
-    index = {int(dof): position for position, dof in enumerate(dofs)}
-    for slot, (row, column) in enumerate(zip(rows, columns, strict=True)):
-        if row in index and column in index:
-            condensed[:, index[row], index[column]] = condensed[:, index[column], index[row]] = slots[slot]
-    lost = ~np.isfinite(condensed).all(axis=(1, 2))
+    position = np.full(matrices.size, -1)
+    position[list(dofs)] = np.arange(len(dofs))
+    among_kept = (position[rows] >= 0) & (position[columns] >= 0) & slots.any(axis=1)
+    rows, columns, values = position[rows[among_kept]], position[columns[among_kept]], slots[among_kept]
+    lost = ~np.isfinite(values).all(axis=0)
     if lost.any():
         sparse = SparseMatrices(matrices.M, matrices.K, matrices.C, matrices.D)
-        condensed[lost] = PartitionedMatrices(sparse, dofs).condense(frequency[lost])
-    return condensed
+        values[:, lost] = PartitionedMatrices(sparse, dofs).condense(frequency[lost])[:, rows, columns].T
+    entry = np.full((len(dofs), len(dofs)), -1)
+    entry[rows, columns] = entry[columns, rows] = np.arange(len(values))
+    return BoundaryStiffness(np.arange(len(dofs)), entry, values)
 
 
 def substructure_matrices(substructure: SubstructureModel) -> StructuralMatrices | SparseMatrices | None:

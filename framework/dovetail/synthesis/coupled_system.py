@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -12,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 
 from dovetail.errors import DovetailError
 from dovetail.interfaces import plugin_errors
-from dovetail.synthesis.condensation import boundary_dynamic_stiffness
+from dovetail.synthesis.condensation import BoundaryStiffness, boundary_stiffness
 from dovetail.synthesis.graph import Graph
 from dovetail.synthesis.joint_evaluation import (
     Sparsity,
@@ -24,44 +23,10 @@ from dovetail.synthesis.joint_evaluation import (
     joint_stiffness,
 )
 
-__all__ = ["BoundaryStiffness", "CoupledSystem", "Point", "condense"]
+__all__ = ["CoupledSystem", "Point", "condense"]
 
 Point = tuple[str, int]
 """A DOF: the name of a substructure, and the index of the DOF there."""
-
-
-@dataclass(frozen=True, eq=False)
-class BoundaryStiffness:
-    """Dynamic stiffness of a substructure at its boundary DOFs, stored sparsely: a chain fills a third of it or less.
-
-    Parameters
-    ----------
-    numbers : (n,) int array
-        Global numbers of the boundary DOFs that are not held.
-    entry : (n, n) int array
-        Row of each entry in `values`; -1 for an entry that is 0 at every frequency.
-    values : (n_entries, n_freq) complex array
-        The other entries.
-    """
-
-    numbers: NDArray[np.intp]
-    entry: NDArray[np.intp]
-    values: NDArray[np.complex128]
-
-    @staticmethod
-    def of(numbers: NDArray[np.intp], Z: NDArray[np.complex128]) -> BoundaryStiffness:
-        """Store the entries of Z (n_freq, n, n) that are not 0 at every frequency."""
-        filled = (Z != 0).any(axis=0)
-        entry = np.full(filled.shape, -1, dtype=np.intp)
-        entry[filled] = np.arange(np.count_nonzero(filled))
-        return BoundaryStiffness(numbers, entry, np.ascontiguousarray(Z[:, filled].T))
-
-    def dense(self, lines: NDArray[np.intp] | slice) -> NDArray[np.complex128]:
-        """Return Z (n_lines, n, n) at some of the frequencies."""
-        values = self.values[:, lines].T
-        Z = np.zeros((len(values), *self.entry.shape), dtype=np.complex128)
-        Z[:, self.entry >= 0] = values
-        return Z
 
 
 def condense(graph: Graph, frequency: NDArray[np.float64], points: Sequence[Point]) -> dict[str, BoundaryStiffness]:
@@ -91,9 +56,7 @@ def condense(graph: Graph, frequency: NDArray[np.float64], points: Sequence[Poin
         if dofs and not substructure.grounded:
             numbers = graph.substructure_dofs(name)[dofs]
             with plugin_errors(substructure, f"substructure '{name}' ({substructure.name})"):
-                Z = boundary_dynamic_stiffness(substructure, dofs, frequency)
-            moving = np.flatnonzero(numbers >= 0)
-            condensed[name] = BoundaryStiffness.of(numbers[moving], Z[:, moving[:, None], moving])
+                condensed[name] = boundary_stiffness(substructure, dofs, frequency).numbered(numbers)
     return condensed
 
 

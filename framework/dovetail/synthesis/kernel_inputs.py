@@ -85,13 +85,12 @@ class KernelInputs:
 
     def static(self) -> tuple[tuple[tuple[int, int], ...], NDArray[np.float64]]:
         """Return slot and part (0 real, 1 imaginary) of the substructures' non-zero rows; the rows (n_rows, n_freq)."""
-        Z_slots = np.zeros((self._program.slots, len(self._system.frequency)), dtype=np.complex128)
+        halves = np.zeros((self._program.slots, 2, len(self._system.frequency)))
         for boundary in self._system.condensed.values():
             local, indices = self._system.locate(boundary.numbers)
             entry = boundary.entry[np.ix_(local, local)]
             for row, column, slot in self._entries(indices, entry >= 0):
-                Z_slots[slot] += boundary.values[entry[row, column]]
-        halves = np.stack([Z_slots.real, Z_slots.imag], axis=1)
+                halves[slot] += boundary.values[entry[row, column]].view(np.float64).reshape(-1, 2).T
         keys = tuple((int(slot), int(half)) for slot, half in np.argwhere(halves.any(axis=-1)))
         return keys, np.array([halves[key] for key in keys]).reshape(len(keys), len(self._system.frequency))
 
