@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import re
 import time
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -266,6 +268,51 @@ def test_joints_damped_by_another_law_are_named(structural):
     by_law = "structurally ('structural_damping: 89 Hz' of each)"
     words = by_law if structural == "measured" else "viscously (without 'structural_damping')"
     assert (first.name, first.words) == ("damping", f"joints damped {words}")
+
+
+CLAMPED: dict[str, Any] = {
+    "dovetail": 1,
+    "name": "clamped",
+    "frequency": {"start": "20 Hz", "stop": "4 kHz", "lines": 400},
+    "substructures": {
+        "wall": {"model": "ground"},
+        "rod": {
+            "model": "timoshenko_beam",
+            "material": {"young": "70 GPa", "density": 2700, "loss_factor": 0.002},
+            "sections": [{"length": "200 mm", "outer": "16 mm", "elements": 10}],
+        },
+    },
+    "joints": {
+        "clamp": {
+            "model": "spring_damper",
+            "connect": {"a": {"to": "rod", "at": 0}, "b": {"to": "wall", "at": 0}},
+            "parameters": {
+                "k": {"range": [5e6, 5e8], "scale": "log"},
+                "kr": {"range": [2e3, 2e5], "scale": "log"},
+                "c": {"range": [10, 1000], "scale": "log"},
+                "cr": {"range": [0.01, 10], "scale": "log"},
+            },
+        }
+    },
+    "response": {"at": "rod", "position": "200 mm"},
+}
+
+
+@pytest.mark.parametrize(("name", "factor"), [("k", 1e-3), ("kr", 1e3), ("kr", 1e-3)])
+def test_a_range_a_thousand_times_off_is_named_with_the_right_value(name, factor):
+    right, wrong = CLAMPED, copy.deepcopy(CLAMPED)
+    section = wrong["joints"]["clamp"]["parameters"][name]
+    section["range"] = [factor * end for end in section["range"]]
+    assembly, theta = dovetail.load(right), {"k": 6e7, "kr": 1.5e4, "c": 100.0, "cr": 0.3}
+    measured = replace(
+        noisy(assembly, assembly.frf([theta[p.name] for p in assembly.parameters]), 0.01, 1), variance=None
+    )
+    described = dovetail.load(wrong)
+    first = find_causes(described, [measured], refine(described, [measured]), seconds=60)[0]
+    assert first.name == "range"
+    found = re.match(rf"{name} at (\S+) N", first.words)
+    assert found is not None
+    assert float(found[1]) == pytest.approx(theta[name], rel=0.05)
 
 
 def test_the_damping_of_an_exponential_window_is_named():

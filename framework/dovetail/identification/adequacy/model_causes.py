@@ -70,8 +70,11 @@ class Settings:
     """Number of times that the step between such values is halved."""
     promising: float = 0.05
     """Decrease of the misfit that the best of the first values must reach for others to be tried between them."""
-    range_factor: float = 10.0
-    """Factor by which the range of a parameter on a logarithmic scale is extended; others grow by their width."""
+    range_factors: tuple[float, ...] = (1e3, 10.0)
+    """Factors by which the range of a parameter on a logarithmic scale is extended, the first that its model allows: a
+    thousand, as of kN and N confused. Others grow by their width."""
+    range_starts: int = 10
+    """Number of values over an extended range at which a fit begins."""
 
 
 _SETTINGS = Settings()
@@ -285,27 +288,31 @@ def _added_resonance(
 def try_ranges(trials: Trials) -> Iterator[Candidate]:
     """Try wider ranges for the parameters that ended at an end of theirs."""
     assembly, fraction = trials.assembly, trials.assembly.to_unit(trials.unchanged.theta)
-    pairs = zip(assembly.parameters, assembly.description.identified_parameters, strict=True)
-    for index, (parameter, (joint, name)) in enumerate(pairs):
-        if 0.0 < fraction[index] < 1.0:
-            continue
-        lower, upper = _widened(parameter, at_upper=fraction[index] >= 1.0)
-        try:
-            widened = assembly.with_description(assembly.description.with_range(joint, name, lower, upper))
-            trial = trials.fit(widened, trials.target.frfs, [trials.unchanged.theta])
-        except DovetailError:
-            continue
-        value = float(trial.theta[index])
-        if not parameter.lower <= value <= parameter.upper:
-            yield "range", f"{parameter.name} at {format_quantity(value, parameter.unit)}, outside its range", trial
+    for index in np.flatnonzero((fraction <= 0.0) | (fraction >= 1.0)).tolist():
+        parameter, (joint, name) = assembly.parameters[index], assembly.description.identified_parameters[index]
+        for lower, upper in _widened(parameter, at_upper=fraction[index] >= 1.0):
+            try:
+                widened = assembly.with_description(assembly.description.with_range(joint, name, lower, upper))
+                starts = np.repeat([widened.to_unit(trials.unchanged.theta)], _SETTINGS.range_starts + 1, axis=0)
+                starts[1:, index] = np.linspace(0.0, 1.0, _SETTINGS.range_starts)
+                trial = trials.fit(widened, trials.target.frfs, [*widened.from_unit(starts)])
+            except DovetailError:
+                continue
+            value = float(trial.theta[index])
+            if not parameter.lower <= value <= parameter.upper:
+                yield "range", f"{parameter.name} at {format_quantity(value, parameter.unit)}, outside its range", trial
+            break
 
 
-def _widened(parameter: Parameter, *, at_upper: bool) -> tuple[float, float]:
-    """Return the ends of a parameter's range after an extension at one of them."""
-    lower, upper, factor = parameter.lower, parameter.upper, _SETTINGS.range_factor
-    if at_upper:
-        return lower, upper * factor if parameter.scale == "log" else upper + (upper - lower)
-    return lower / factor if parameter.scale == "log" else max(lower - (upper - lower), min(lower, 0.0)), upper
+def _widened(parameter: Parameter, *, at_upper: bool) -> list[tuple[float, float]]:
+    """Return the ends of a parameter's range after an extension, the widest first.
+
+    On a logarithmic scale it is extended at both ends: where the value is far outside, the fit may end at the other.
+    """
+    lower, upper = parameter.lower, parameter.upper
+    if parameter.scale == "log":
+        return [(lower / factor, upper * factor) for factor in _SETTINGS.range_factors]
+    return [(lower, upper + (upper - lower)) if at_upper else (max(lower - (upper - lower), min(lower, 0.0)), upper)]
 
 
 def try_damping(trials: Trials) -> Iterator[Candidate]:
