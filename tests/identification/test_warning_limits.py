@@ -58,3 +58,13 @@ def test_two_separate_groups_of_values_are_told(sdof, gap, in_two_groups):
     posterior = Posterior.from_fractions(sdof, fraction, np.full(400, 1.0 / 400), **options)
     assert posterior.in_two_groups == in_two_groups
     assert ("two separate groups" in posterior.verdicts["k"].reason) is bool(in_two_groups)
+
+
+def test_a_best_fit_apart_from_the_posterior_is_no_second_group_of_values(sdof):
+    """Every other sample is about the best fit if parts of the model may be wrong."""
+    k = np.random.default_rng(0).normal(0.5, 0.005, 400)
+    k[1::2] += 0.1
+    fraction = np.stack([k, np.linspace(0.0, 1.0, 400)], axis=1)
+    options = {"model_error": typical_model_error(0.0), "searches": 400, "lines": 600, "seconds": 0.0}
+    posterior = Posterior.from_fractions(sdof, fraction, np.full(400, 1.0 / 400), **options)
+    assert posterior.in_two_groups == ()

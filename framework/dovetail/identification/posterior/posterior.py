@@ -218,8 +218,9 @@ class Posterior:
     @cached_property
     def in_two_groups(self) -> tuple[str, ...]:
         """Parameters with two separate groups of values, as where two equal parts can be exchanged."""
-        low, high = quantiles(self.fraction, self.weight, _ends_of(LEVEL))
-        drawn = self.fraction[drawn_by_weight(self.weight, len(self.weight), np.random.default_rng(7))]
+        fraction, weight = self.fraction[::2], self.weight[::2]  # the others may be about the best fit, no second group
+        low, high = quantiles(fraction, weight, _ends_of(LEVEL))
+        drawn = fraction[drawn_by_weight(weight, len(weight), np.random.default_rng(7))]
         gaps = np.diff(np.sort(np.clip(drawn, low, high), axis=0), axis=0).max(axis=0, initial=0.0)
         enough = self.effective_sample_size >= _SETTINGS.effective_samples
         apart = enough & (gaps > _SETTINGS.gap * (high - low))
