@@ -64,6 +64,14 @@ def test_the_benchmark_of_several_frfs_has_a_row_for_each_route():
         )
 
 
+def test_the_synthesis_in_torch_agrees_with_the_engine_in_double_precision():
+    rows = cells(run("gpu_synthesis.py", "--samples", 4, "--lines", 400, "--device", "cpu"))[3:]
+    assert [row[0] for row in rows] == ["torch on cpu, double", "torch on cpu, single"]
+    double, single = (float(row[3]) for row in rows)
+    assert double < 1e-9
+    assert double < 1e-3 * single
+
+
 def test_the_cost_benchmark_prints_a_slope_for_each_quantity(tmp_path):
     printed = start("cost.py", "--points", 2, "--rounds", 1, "-o", tmp_path)
     slopes = {

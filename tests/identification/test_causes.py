@@ -75,6 +75,7 @@ def check(cause, kind):
     assert cause.name == kind
     assert re.fullmatch(WORDS[kind], cause.words)
     assert cause.residual_factor > 1.0
+    assert 0.005 < cause.residual < 0.05  # the noise, 1 % of the standard deviation of the FRF
     assert cause.coherence[1] > max(0.9, cause.coherence[0] - 1e-3)  # with noise on the lines that are compared
 
 
@@ -462,6 +463,8 @@ def test_a_cause_is_a_sentence_with_its_figures():
         "With the sign reversed the coherence rises from 0.504 to 0.991 and residuals become 12 times smaller."
     )
     assert replace(cause, coherence=(0.5, 0.5)).sentence == "With the sign reversed residuals become 12 times smaller."
+    small = "With the sign reversed residuals become 12 times smaller, 0.81 % of the FRF."
+    assert replace(cause, coherence=(0.5, 0.5), residual=0.0081).sentence == small
     rises = "With the sign reversed the coherence rises from 0.504 to 0.991."
     assert replace(cause, residual_factor=1.04).sentence == rises
     unlike = replace(cause, coherence=(0.5, 0.5), residual_factor=1.0)

@@ -63,6 +63,8 @@ class Cause:
         By how much typical residuals become smaller.
     theta : tuple of float
         The parameters that fit best with the change [SI]; empty in a result of an earlier version.
+    residual : float or None
+        Typical residual with it, relative to the FRF; None in a result of an earlier version.
     """
 
     name: str
@@ -70,6 +72,7 @@ class Cause:
     coherence: tuple[float, float]
     residual_factor: float
     theta: tuple[float, ...] = ()
+    residual: float | None = None
 
     @property
     def sentence(self) -> str:
@@ -78,7 +81,8 @@ class Cause:
         if after - before >= 5e-4:
             improvements.append(f"the coherence rises from {before:.3f} to {after:.3f}")
         if self.residual_factor >= 1.05:
-            improvements.append(f"residuals become {self.residual_factor:.2g} times smaller")
+            to = "" if self.residual is None else f", {100.0 * self.residual:.2g} % of the FRF"
+            improvements.append(f"residuals become {self.residual_factor:.2g} times smaller{to}")
         return f"With {self.words} {' and '.join(improvements) or 'the structure gives out no power'}."
 
 

@@ -146,7 +146,7 @@ def find_causes(
         factor = float(np.exp(improvement / 2.0))
         _LOG.debug("cause tried: %s; residuals smaller by a factor of %.3g", words or name, factor)
         coherence, theta = (before.coherence, trial.coherence), tuple(trial.theta.tolist())
-        improvements.append((improvement, Cause(name, words, coherence, factor, theta)))
+        improvements.append((improvement, Cause(name, words, coherence, factor, theta, trial.residual)))
     progress("causes", len(_STAGES), len(_STAGES))
     return _named(improvements, excess, trials.lines, trials.is_active)
 

@@ -75,6 +75,8 @@ class Trial:
         the measurement, the residual is multiplied by the measurement over ten times the model.
     coherence : float
         Mean coherence of model and measurement.
+    residual : float
+        Median over the lines of |residual| / |measured|.
     values : (n_lines,) complex array
         The model's FRFs.
     """
@@ -82,6 +84,7 @@ class Trial:
     theta: NDArray[np.float64]
     misfit: float
     coherence: float
+    residual: float
     values: NDArray[np.complex128]
 
 
@@ -312,12 +315,14 @@ class Trials:
         measured = target.values
         variance = self._variance(target)
         least = np.maximum(_SETTINGS.tiny * np.abs(values), _SETTINGS.floor * np.sqrt(variance))
-        squares = target.squares(values) * np.maximum(1.0, np.abs(measured) / least) ** 2
+        squares = target.squares(values)
+        residual = float(np.median(np.sqrt(squares) / target.amplitude))
+        squares = squares * np.maximum(1.0, np.abs(measured) / least) ** 2
         misfit = float(np.mean(np.log1p(squares / variance)))
         pair = [measured, values]
         if not all(frf.has_phase for frf in target.frfs):
             pair = [np.abs(part).astype(complex) for part in pair]
-        return Trial(theta, misfit, float(coherence_spectrum(*pair).mean()), values)
+        return Trial(theta, misfit, float(coherence_spectrum(*pair).mean()), residual, values)
 
 
 def power_given_out(assembly: Assembly, target: Observations, variance: NDArray[np.float64]) -> float:
