@@ -16,7 +16,7 @@ import dovetail
 from dovetail.assembly import Assembly
 from dovetail.cli import app
 from dovetail.identification.adequacy.adequacy import Adequacy, Cause, ModelError
-from dovetail.identification.adequacy.assess import _reasons
+from dovetail.identification.adequacy.assess import _distance_of_lost_peaks, _reasons
 from dovetail.identification.adequacy.perturbations import PerturbedResiduals, find_overhangs, list_perturbations
 from dovetail.identification.adequacy.trials import LogRatio
 from dovetail.identification.fitting.observations import Observations
@@ -316,6 +316,57 @@ def test_resonances_that_the_model_lacks_are_listed(first, second, said):
     *words, _ = _reasons(target, fit, estimated, None, 0.0)
     assert len(words) == len(said)
     assert all(word.endswith(f" {end}." if end.endswith("Hz") else end) for word, end in zip(words, said, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("model", "distance"),
+    [
+        ([50.0, 140.0, 349.0], np.sqrt((0.4**2 + 0.3**2 + (1.0 / 350.0) ** 2) / 3.0)),  # one of three has a counterpart
+        ([101.0, 140.0, 349.0], 0.0),  # two of three have one
+        ([350.0], 0.0),  # the model lacks two resonances, and it is clear which the third is
+        ([], 0.0),
+    ],
+)
+def test_how_far_peaks_are_from_the_model_if_most_have_no_counterpart(model, distance):
+    measured = dovetail.Frf(AXIS, peaks((100.0, 1.0), (200.0, 1.0), (350.0, 1.0)), "receptance")
+    found = _distance_of_lost_peaks(Observations((measured,)), peaks(*((at, 1.0) for at in model)) + 0j * AXIS)
+    assert found == pytest.approx(distance, abs=2e-3)
+
+
+def test_a_model_that_does_not_show_which_resonance_is_which_does_not_fit(assemblies):
+    """A shaft in a hub without its flange: two of three measured peaks have no counterpart."""
+    steel = {"young": "206 GPa", "density": "7850 kg/m^3", "poisson": 0.3, "loss_factor": 0.003}
+    shaft = [{"length": f"{mm} mm", "outer": "20 mm", "elements": count} for mm, count in ((160, 16), (40, 4))]
+    hub = [{"length": f"{mm} mm", "outer": "45 mm", "inner": "20 mm", "elements": n} for mm, n in ((40, 4), (15, 1))]
+    fit = {
+        "model": "interference_fit",
+        "length": "40 mm",
+        "connect": {
+            "shaft": {"to": "shaft", "at": ["160 mm", "180 mm", "200 mm"]},
+            "hub": {"to": "hub", "at": [0, "20 mm", "40 mm"]},
+        },
+        "parameters": {
+            "k": {"range": ["1e8 N/m^2", "1e12 N/m^2"], "scale": "log"},
+            "kr": {"range": ["1e4 N", "1e8 N"], "scale": "log"},
+            "c": {"range": ["10 N s/m^2", "1e6 N s/m^2"], "scale": "log"},
+            "cr": {"range": ["1e-3 N s", "1e3 N s"], "scale": "log"},
+        },
+    }
+    draft = {
+        "dovetail": 1,
+        "name": "draft",
+        "frequency": {"start": "100 Hz", "stop": "10 kHz", "lines": 2000},
+        "substructures": {
+            "shaft": {"model": "timoshenko_beam", "material": steel, "sections": shaft},
+            "hub": {"model": "timoshenko_beam", "material": steel, "sections": hub},
+        },
+        "joints": {"joint": fit},
+        "response": {"at": "shaft", "position": 0, "quantity": "accelerance"},
+    }
+    measured = assemblies / "measurements" / "shaft_hub.uff"
+    adequacy = dovetail.identify(dovetail.load(draft), measured, "refined", cause_seconds=0.0).adequacy
+    assert adequacy.word == "does not fit"
+    assert 0.1 < adequacy.size.natural_frequency < 0.3
 
 
 def test_where_nothing_is_left_to_judge_by_nothing_is_judged(sdof):

@@ -14,6 +14,7 @@ from dovetail.assembly import Assembly
 from dovetail.assembly.calibration import unknown_gains
 from dovetail.errors import Fault, ParameterError, listing
 from dovetail.frf import Frf
+from dovetail.frf.resonance_peaks import counterpart, resonance_peaks
 from dovetail.identification.adequacy.adequacy import NOTHING_LEFT, Adequacy, word_for
 from dovetail.identification.adequacy.causes import find_causes
 from dovetail.identification.adequacy.model_error_size import FitWithError, estimate_model_error, fit_with_error
@@ -26,7 +27,7 @@ from dovetail.identification.fitting.residuals import ModelFrfs
 from dovetail.identification.fitting.search_lines import missed_resonances
 from dovetail.identification.fitting.whiteness import find_deviating_bands, has_size_of_noise, is_white
 from dovetail.identification.posterior import typical_model_error
-from dovetail.identification.posterior.model_error import fit_resonances
+from dovetail.identification.posterior.model_error import ModelError, fit_resonances
 from dovetail.interfaces import Progress, logged
 
 __all__ = ["assess", "check_limits"]
@@ -130,7 +131,11 @@ def assess(
     refitted = replace(fit, theta=theta, information=used.information, at_bounds=at_bounds)
     if estimated is None:
         return Adequacy("to the noise", allowed=model_error, reasons=remarks), refitted
-    size = replace(estimated.size, magnitude=max(estimated.size.magnitude, _typical_ratio(target, estimated.values)))
+    size = estimated.size.at_least(
+        ModelError(
+            _distance_of_lost_peaks(target, estimated.values), magnitude=_typical_ratio(target, estimated.values)
+        )
+    )
     began = time.monotonic()
     with logged(__name__, "causes of the misfit"):
         causes = find_causes(assembly, measured, refitted, seconds=cause_seconds, progress=progress)
@@ -183,6 +188,23 @@ def _typical_ratio(target: Observations, values: NDArray[np.complex128]) -> floa
     measured = target.amplitude
     clear = (measured > 0.0) & (values != 0.0)
     return float(np.median(np.abs(np.log(measured[clear] / np.abs(values[clear]))))) if clear.any() else 0.0
+
+
+def _distance_of_lost_peaks(target: Observations, values: NDArray[np.complex128]) -> float:
+    """Return how far the measured peaks are from the model's nearest, as an rms, if most of them have no counterpart.
+
+    Such a model does not show which of its resonances is which of the measurement. 0 if most have a counterpart, or if
+    all peaks of the model have one: then it merely lacks resonances.
+    """
+    distances, paired, modelled = list[float](), 0, 0
+    for frf, of_model in zip(target.frfs, target.split(values), strict=True):
+        peaks, others = resonance_peaks(frf), resonance_peaks(replace(frf, values=of_model))
+        modelled += len(others)
+        for peak in peaks.tolist() if others.size else []:
+            paired += counterpart(peak, peaks, others) is not None
+            distances.append(float(np.abs(others - peak).min()) / peak)
+    is_lost = 2 * paired < len(distances) and paired < modelled
+    return float(np.sqrt(np.mean(np.square(distances)))) if is_lost else 0.0
 
 
 def _reasons(
