@@ -169,8 +169,10 @@ def test_binary_is_for_uff(tmp_path: Path, measured: Frf) -> None:
 def test_the_quantity_must_be_known_or_given(tmp_path: Path, refused) -> None:
     text = "frequency_Hz,real,imag\n1,2,3\n2,3,4\n"
     assert refused("a.csv", text) == (
-        "a.csv\n  the file does not say which quantity it holds.\n  Give the quantity.  Accepted: a quantity of "
-        "receptance, mobility, accelerance, or a line '# quantity: accelerance' before the header"
+        "a.csv\n  the file does not say which quantity it holds.\n  "
+        "State it: --quantity accelerance or --unit g/N (in Python quantity=..., unit=...).  "
+        "Accepted: a quantity of receptance, mobility, accelerance, "
+        "or a line '# quantity: accelerance' before the header"
     )
     assert read_frf(tmp_path / "a.csv", quantity="mobility").quantity == "mobility"
     assert refused("a.csv", text, quantity="acelerance") == (

@@ -213,7 +213,7 @@ class Recording:
                     self.where,
                     f"the file does not say which quantity it holds{hint}.",
                     f"a quantity of {', '.join(QUANTITIES)}, or {self.how_to_state_quantity}",
-                    "Give the quantity.",
+                    "State it: --quantity accelerance or --unit g/N (in Python quantity=..., unit=...).",
                 )
             )
         return agreed
