@@ -73,8 +73,6 @@ class Settings:
     range_factors: tuple[float, ...] = (1e3, 10.0)
     """Factors by which the range of a parameter on a logarithmic scale is extended, the first that its model allows: a
     thousand, as of kN and N confused. Others grow by their width."""
-    range_starts: int = 10
-    """Number of values over an extended range at which a fit begins."""
 
 
 _SETTINGS = Settings()
@@ -293,9 +291,8 @@ def try_ranges(trials: Trials) -> Iterator[Candidate]:
         for lower, upper in _widened(parameter, at_upper=fraction[index] >= 1.0):
             try:
                 widened = assembly.with_description(assembly.description.with_range(joint, name, lower, upper))
-                starts = np.repeat([widened.to_unit(trials.unchanged.theta)], _SETTINGS.range_starts + 1, axis=0)
-                starts[1:, index] = np.linspace(0.0, 1.0, _SETTINGS.range_starts)
-                trial = trials.fit(widened, trials.target.frfs, [*widened.from_unit(starts)])
+                starts = [trials.unchanged.theta, trials.search(widened, trials.shape)]
+                trial = trials.fit(widened, trials.target.frfs, starts)
             except DovetailError:
                 continue
             value = float(trial.theta[index])
