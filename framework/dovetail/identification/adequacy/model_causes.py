@@ -40,8 +40,12 @@ class Settings:
 
     most_nodes: int = 24
     """Largest number of nodes that are compared first, evenly chosen; then those around the best of them follow."""
-    points: int = 4
-    """Number of other points of response, and of force and response, that are fitted: those that come nearest."""
+    points: tuple[int, int] = (2, 4)
+    """Least and largest number of other points of response, and of force and response, that are fitted: those that come
+    nearest."""
+    less_similar: float = 1.2
+    """Distance from the measured amplitudes, over that of the described point, beyond which only the least number is
+    fitted."""
     beside: int = 2
     """Number of nodes within which two of these would be neighbours."""
     lines: int = 120
@@ -123,9 +127,15 @@ def _most_similar_points(trials: Trials, nodes: list[Node]) -> list[tuple[Node, 
         best = {step * i for kind in _distances(assembly, amplitude, joints, coarse) for i in _apart(kind, coarse)}
         nodes = [node for i, node in enumerate(nodes) if any(abs(i - j) < step for j in best)]
     kinds = _distances(assembly, amplitude, joints, nodes)
-    if trials.is_active or not assembly.description.response.is_drive_point:
+    response = assembly.description.response
+    if trials.is_active or not response.is_drive_point:
         kinds = kinds[:1]
-    chosen = [(kind[:, i].min(), with_force, i) for with_force, kind in enumerate(kinds) for i in _apart(kind, nodes)]
+    described = _distances(assembly, amplitude, joints, [(response.substructure, response.node)])[0].min()
+    chosen: list[tuple[float, int, int]] = []
+    for with_force, kind in enumerate(kinds):
+        of_kind = [(float(kind[:, i].min()), with_force, i) for i in _apart(kind, nodes)]
+        similar = [choice for choice in of_kind if choice[0] < _SETTINGS.less_similar * described]
+        chosen += of_kind[: max(_SETTINGS.points[0], len(similar))]
     return [(nodes[i], bool(force), joints[np.argmin(kinds[force][:, i])]) for _, force, i in sorted(chosen)]
 
 
@@ -136,7 +146,7 @@ def _apart(distances: NDArray[np.float64], nodes: list[Node]) -> list[int]:
         part, number = nodes[index]
         if all(part != nodes[i][0] or abs(number - nodes[i][1]) > _SETTINGS.beside for i in chosen):
             chosen.append(index)
-    return chosen[: _SETTINGS.points]
+    return chosen[: _SETTINGS.points[1]]
 
 
 def _measured_at(assembly: Assembly, place: Node, *, with_force: bool) -> Assembly:
