@@ -10,7 +10,7 @@ from pathlib import Path
 import house
 import pytest
 
-LINES_OF_CODE = 29_840
+LINES_OF_CODE = 29_870
 """Of framework and plugins, without blank lines and docstrings.
 
 A feature that is worth more code raises the limit, and the commit that raises it says which feature that is. The
