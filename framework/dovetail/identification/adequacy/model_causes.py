@@ -126,11 +126,12 @@ def _most_similar_points(trials: Trials, nodes: list[Node]) -> list[tuple[Node, 
         coarse = nodes[::step]
         best = {step * i for kind in _distances(assembly, amplitude, joints, coarse) for i in _apart(kind, coarse)}
         nodes = [node for i, node in enumerate(nodes) if any(abs(i - j) < step for j in best)]
-    kinds = _distances(assembly, amplitude, joints, nodes)
     response = assembly.description.response
+    distances = _distances(assembly, amplitude, joints, [*nodes, (response.substructure, response.node)])
+    described = distances[0][:, -1].min()
+    kinds = [kind[:, :-1] for kind in distances]
     if trials.is_active or not response.is_drive_point:
         kinds = kinds[:1]
-    described = _distances(assembly, amplitude, joints, [(response.substructure, response.node)])[0].min()
     chosen: list[tuple[float, int, int]] = []
     for with_force, kind in enumerate(kinds):
         of_kind = [(float(kind[:, i].min()), with_force, i) for i in _apart(kind, nodes)]
