@@ -101,6 +101,16 @@ def code_lines(file: Path) -> int:
     return sum(bool(text.strip()) and line not in docstrings for line, text in enumerate(source.splitlines(), 1))
 
 
+def shares() -> dict[str, float]:
+    """Return the share of all lines of code that each folder directly below a package holds."""
+    lines: dict[str, int] = {}
+    for file in source_files():
+        package = ".".join(module_name(file).split(".")[:2])
+        lines[package] = lines.get(package, 0) + code_lines(file)
+    total = sum(lines.values())
+    return {package: count / total for package, count in lines.items()}
+
+
 def empty_names(file: Path) -> Iterator[str]:
     """Yield the uses of an empty name that live longer than `SHORT_LIFE` lines, as ``file:line name``."""
     for scope in _scopes(ast.parse(file.read_text(encoding="utf-8"))):
@@ -150,6 +160,8 @@ def names_defined_twice(file: Path) -> Iterator[str]:
 if __name__ == "__main__":
     files = source_files()
     print(f"files {len(files)}, lines of code {sum(map(code_lines, files))}, circles {len(circles())}")
+    for package, share in sorted(shares().items(), key=lambda row: -row[1])[:8]:
+        print(f"{package}: {share:.0%}")
     for group in circles():
         print("circle:", *group)
     for file in files:
