@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,25 @@ class Part:
 
 
 def part_of(section: Mapping[str, Any], archives: Mapping[str, Mapping[str, Any]], new: NewDofs) -> Part:
-    """Return the part of a section; `archives` holds what its file holds."""
+    """Return the part of a section; `archives` holds what its file holds.
+
+    A reversed part is seen from its other end: s becomes -s, and so rz = dx/ds becomes -rz with x as before.
+    """
+    part = _forwards(section, archives, new)
+    if not section.get("reversed"):
+        return part
+    turned = {dofs[1] for dofs in part.nodes.values()}
+    return replace(part, elements=[_mirrored(element, turned) for element in part.elements])
+
+
+def _mirrored(element: Element, turned: set[int]) -> Element:
+    """Return an element with the opposite sign of some of its DOFs."""
+    signs = np.array([-1.0 if dof in turned else 1.0 for dof in element.dofs])
+    both = np.outer(signs, signs)
+    return Element(element.dofs, element.M * both, element.K * both, element.C * both, element.D * both)
+
+
+def _forwards(section: Mapping[str, Any], archives: Mapping[str, Mapping[str, Any]], new: NewDofs) -> Part:
     model = section["model"]
     if model == "timoshenko_beam":
         return _beam(section, new)

@@ -177,6 +177,8 @@ def _part(draw: Draw, name: str, model: str, drawn: Drawn) -> None:
         labels = list(dict.fromkeys(archive["nodes"]))
         if model == "matrices":
             section |= _reading(draw, archive)
+    if draw(st.sampled_from([False, False, True])):
+        section["reversed"] = True
     drawn.description["substructures"][name], drawn.nodes[name] = section, labels
 
 

@@ -14,6 +14,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -116,7 +117,8 @@ def compare(drawn: Drawn, tally: Tally) -> None:
             (part, label): dense.parts[part].positions[label] for part in drawn.nodes for label in drawn.nodes[part]
         }
         description = drawn.written(Path(folder), dense.frequency, position)
-        assembly = dovetail.load(description, plugins=UNUSUAL_JOINTS)
+        with patch("dovetail.assembly.reader.check_facing"):  # nets of DOFs, whose nodes lie anywhere
+            assembly = dovetail.load(description, plugins=UNUSUAL_JOINTS)
     if [parameter.name for parameter in assembly.parameters] != dense.parameters:
         tally.differences.append(f"parameters {assembly.parameters}, not {dense.parameters}")
         return

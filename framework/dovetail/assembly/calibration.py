@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from dovetail.assembly.changed_joints import ChangedJoint, structurally_damped
 from dovetail.assembly.description import Description, JointEntry, ParameterEntry, Place, Tie
 from dovetail.assembly.parameter_sections import StatedParameters
-from dovetail.assembly.unknown_parts import NodesAlone, UnknownPart, UnknownReceptance
+from dovetail.assembly.reversed_parts import NodesAlone, ReversedPart
+from dovetail.assembly.unknown_parts import UnknownPart, UnknownReceptance
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.tree import Item, Path, format_value, plain_values
 from dovetail.errors import Fault, ParameterError, did_you_mean, listing
@@ -242,7 +243,8 @@ def entries_at_response(description: Description) -> dict[str, JointEntry]:
     for name, part in description.substructures.items():
         if name not in description.unknown_parts and not part.grounded:
             nodes = Attachment(name, tuple(range(len(part.nodes))))
-            entries[f"part {name}"] = JointEntry(connection=Connection(UnknownPart(part, ()), (nodes,)))
+            model = UnknownPart(part, (), reversed=name in description.reversed_parts)
+            entries[f"part {name}"] = JointEntry(connection=Connection(model, (nodes,)))
     window = chain.ties.get("window", Tie(response.name, "window"))
     return {f"{name} windowed": _windowed(name, entry, window) for name, entry in entries.items()}
 
@@ -284,9 +286,9 @@ def graph_of(description: Description, entries: Mapping[str, JointEntry], *, rig
         model = entry.connection.model
         if isinstance(model.model if isinstance(model, _Windowed) else model, UnknownPart):
             alone.add(entry.connection.attachments[0].substructure)
-    parts: dict[str, SubstructureModel] = {
-        name: NodesAlone(part) if name in alone else part for name, part in description.substructures.items()
-    }
+    parts: dict[str, SubstructureModel] = dict(description.substructures)
+    parts |= {name: ReversedPart(parts[name]) for name in description.reversed_parts}
+    parts |= {name: NodesAlone(parts[name]) for name in alone}
     return Graph(parts, connections)
 
 

@@ -51,6 +51,11 @@ class ChangedJoint(JointModel):
         return self.model.merged_dofs
 
     @property
+    def facing_ports(self) -> tuple[tuple[str, str], ...]:
+        """Those of the model."""
+        return self.model.facing_ports
+
+    @property
     def contact_dofs(self) -> tuple[tuple[int, int], ...]:
         """Those of the model."""
         return self.model.contact_dofs

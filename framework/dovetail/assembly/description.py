@@ -184,6 +184,8 @@ class Description:
     study : StudySection or None
     files : mapping of tuple to str
         The files that options of components name, by the places of these options in the text.
+    reversed_parts : frozenset of str
+        The substructures whose axis runs against that of the assembly; `substructures` has them as they are described.
     """
 
     name: str
@@ -200,6 +202,7 @@ class Description:
     left_out: tuple[tuple[float, float], ...] = ()
     study: StudySection | None = None
     files: Mapping[tuple[str | int, ...], str] = field(default_factory=dict)
+    reversed_parts: frozenset[str] = frozenset()
 
     @property
     def response(self) -> Response:

@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from dovetail.assembly.assembly import Assembly
+from dovetail.assembly.placement import placement_doubts
 from dovetail.documents.validation import number_unit
 from dovetail.errors import DovetailError, Fault, PluginError
 from dovetail.interfaces import Parameter, plugin_errors
@@ -42,7 +43,8 @@ def find_doubts(assembly: Assembly) -> tuple[str, ...]:
     -------
     tuple of str
         Moduli, densities and lengths far from any material's or structure's; wide ranges on a linear scale; a band
-        without a natural frequency; and what a substructure says of itself (`SubstructureModel.doubts`).
+        without a natural frequency; parts in odd places, or without positions to compare; and what a substructure
+        says of itself (`SubstructureModel.doubts`).
     """
     doubts = [
         f"substructures.{name}.{problem}"
@@ -58,6 +60,7 @@ def find_doubts(assembly: Assembly) -> tuple[str, ...]:
                 problem = f"its doubts are {problems!r:.60}."
                 raise PluginError(Fault(f"substructure '{name}' ({part.name})", problem, "a list of sentences"))
             doubts += [f"substructures.{name}: {problem}" for problem in problems]
+    doubts += placement_doubts(assembly.description)
     return (*doubts, *_of_band(assembly))
 
 

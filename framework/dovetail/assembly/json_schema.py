@@ -11,6 +11,7 @@ from typing import Any
 
 from dovetail.assembly.calibration import CHAIN, SIGN
 from dovetail.assembly.changed_joints import DampingSection
+from dovetail.assembly.reversed_parts import OrientationSection
 from dovetail.assembly.sections import (
     FORMAT,
     AttachmentSection,
@@ -60,7 +61,7 @@ def description_schema(registry: Registry) -> Schema:
     """
     definitions: dict[str, Schema] = {}
     sections = (FrequencySection, ForceSection, ResponseSection, SensorSection, AttachmentSection, ParameterSection)
-    for model in (*sections, DampingSection, IdentificationSection, StudySection):
+    for model in (*sections, DampingSection, OrientationSection, IdentificationSection, StudySection):
         _define(definitions, model.__name__.removesuffix("Section").lower(), option_schema(model))
     _complete_sections(definitions)
     for kind in (kind for kind in KINDS if kind != "reader"):  # no description names readers
@@ -189,6 +190,7 @@ def _component_schema(offer: Offer) -> Schema:
     schema.setdefault("required", []).append("model")
     if issubclass(component, SubstructureModel):
         schema |= {key: _with_unknowns(schema[key]) for key in ("properties", "$defs") if key in schema}
+        schema["properties"] = option_schema(OrientationSection)["properties"] | schema["properties"]
     if issubclass(component, JointModel):
         schema["properties"]["connect"] = _connect(component)
         schema["properties"]["parameters"] = _parameters(component)

@@ -26,9 +26,11 @@ from dovetail.assembly.description import (
     Tie,
     follow,
 )
+from dovetail.assembly.facing import check_facing, sides_of
 from dovetail.assembly.joints import Substructures, add_model_faults, check_connected, read_joint
 from dovetail.assembly.parameter_sections import check_ranges, check_ties, ends_of, steps_of
 from dovetail.assembly.responses import RESPONSE, RESPONSES, calibration_place, read_responses
+from dovetail.assembly.reversed_parts import OrientationSection
 from dovetail.assembly.sections import (
     FORMAT,
     AugmentationSection,
@@ -90,8 +92,8 @@ def read_description(
     several = faults.root.at(RESPONSES) is not None
     top = validate(DescriptionSectionOfSeveral if several else DescriptionSection, (), faults, "the description")
     frequency, left_out = read_frequency(faults)
-    substructures, unknown_parts = _read_substructures(faults, registry)
-    joints = _read_joints(substructures, faults, registry)
+    substructures, unknown_parts, reversed_parts = _read_substructures(faults, registry)
+    joints = _read_joints(substructures, reversed_parts, faults, registry)
     responses, calibrations, sensors = read_responses(substructures, faults)
     identification = _read_identification(faults, registry)
     augmentation = identification and identification.augmentation
@@ -121,6 +123,7 @@ def read_description(
         left_out=left_out,
         study=study,
         files=MappingProxyType(faults.files),
+        reversed_parts=reversed_parts,
     )
 
 
@@ -191,26 +194,39 @@ def _names(section: str, noun: str, faults: FaultList) -> list[str]:
 
 def _read_substructures(
     faults: FaultList, registry: Registry
-) -> tuple[dict[str, SubstructureModel | None], dict[str, JointEntry]]:
-    """Return the substructures, with the middles of their unknown options, and the entries of those that have some."""
+) -> tuple[dict[str, SubstructureModel | None], dict[str, JointEntry], frozenset[str]]:
+    """Return the substructures, with the middles of unknown options, the entries of those with some, the reversed."""
     section = faults.root.at(("substructures",))
     if section is not None and section.is_mapping and not section.entries:
         faults.add(("substructures",), "there are no substructures.", key=True)
-    substructures, unknown_parts = {}, dict[str, JointEntry]()
+    substructures, unknown_parts, reversed_parts = {}, dict[str, JointEntry](), set[str]()
     for name in _names("substructures", "substructure", faults):
         before = len(faults)
         options = take_unknown_options(name, faults, registry)
         substructures[name] = part = _read_substructure(name, faults, registry) if len(faults) == before else None
         options.restore(faults)
+        is_reversed = part is not None and _is_reversed(name, part, faults)
+        reversed_parts |= {name} if is_reversed else set()
         if part is not None and options.stated.known:
-            entry = add_unknown_part(name, part, options.stated, faults)
+            entry = add_unknown_part(name, part, options.stated, faults, reversed=is_reversed)
             unknown_parts |= {} if entry is None else {name: entry}
-    return substructures, unknown_parts
+    return substructures, unknown_parts, frozenset(reversed_parts)
+
+
+def _is_reversed(name: str, part: SubstructureModel, faults: FaultList) -> bool:
+    """Return whether a substructure's section says that its axis runs against that of the assembly."""
+    path: Path = ("substructures", name)
+    section = faults.root.at(path)
+    if section is None or "reversed" not in section.entries or "reversed" in part.Config.model_fields:
+        return False  # not stated, or an option of the model itself
+    others = [key for key in section.entries if key != "reversed"]
+    orientation = validate(OrientationSection, path, faults, f"'{name}'", reserved=others)
+    return orientation is not None and orientation.reversed
 
 
 def _read_substructure(name: str, faults: FaultList, registry: Registry) -> SubstructureModel | None:
     path = ("substructures", name)
-    model = build_component("substructure", path, faults, registry)
+    model = build_component("substructure", path, faults, registry, reserved=tuple(OrientationSection.model_fields))
     if model is None:
         return None
     before = len(faults)
@@ -223,8 +239,16 @@ def _read_substructure(name: str, faults: FaultList, registry: Registry) -> Subs
     return substructure if len(faults) == before else None
 
 
-def _read_joints(substructures: Substructures, faults: FaultList, registry: Registry) -> dict[str, JointEntry | None]:
-    return {name: read_joint(name, substructures, faults, registry) for name in _names("joints", "joint", faults)}
+def _read_joints(
+    substructures: Substructures, reversed_parts: frozenset[str], faults: FaultList, registry: Registry
+) -> dict[str, JointEntry | None]:
+    joints = {name: read_joint(name, substructures, faults, registry) for name in _names("joints", "joint", faults)}
+    sound = {name: part for name, part in substructures.items() if part is not None}
+    for name, joint in joints.items():
+        if joint is not None:
+            sides = sides_of(joint.connection, sound, reversed_parts)
+            check_facing(("joints", name), joint.connection.model, sides, faults)
+    return joints
 
 
 def _read_identification(faults: FaultList, registry: Registry) -> IdentificationSettings | None:

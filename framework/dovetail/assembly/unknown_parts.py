@@ -12,13 +12,13 @@ from pydantic import BaseModel, ValidationError
 
 from dovetail.assembly.description import JointEntry, Tie
 from dovetail.assembly.parameter_sections import StatedParameters, steps_of
+from dovetail.assembly.reversed_parts import ReversedPart, opposite_rotations
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.tree import Item, Path, replace_item, replace_value
 from dovetail.documents.validation import number_unit
 from dovetail.errors import DovetailError, PluginError, listing
 from dovetail.interfaces import (
     JointModel,
-    Node,
     Parameter,
     Port,
     SparseMatrices,
@@ -32,7 +32,6 @@ from dovetail.synthesis.condensation import inverted_receptance, substructure_ma
 from dovetail.units import format_quantity
 
 __all__ = [
-    "NodesAlone",
     "UnknownOptions",
     "UnknownPart",
     "UnknownReceptance",
@@ -52,31 +51,6 @@ _MOST_CORNERS = 64
 """Largest number of corners of the ranges at which a part is tried."""
 
 
-class NodesAlone(SubstructureModel):
-    """The nodes of a part without its matrices, which its `UnknownPart` has.
-
-    Parameters
-    ----------
-    part : SubstructureModel
-    """
-
-    name = "nodes"
-    summary = "Nodes without mass or stiffness"
-
-    def __init__(self, part: SubstructureModel) -> None:
-        super().__init__()
-        self._nodes = part.nodes
-
-    @property
-    def nodes(self) -> tuple[Node, ...]:
-        """The nodes of the part."""
-        return self._nodes
-
-    def matrices(self) -> StructuralMatrices:
-        """Return (d, d) matrices of zeros."""
-        return StructuralMatrices.zeros(2 * len(self._nodes))
-
-
 class UnknownPart(JointModel):
     """A substructure as a function of some of its options: a joint with all its nodes as a port.
 
@@ -86,15 +60,17 @@ class UnknownPart(JointModel):
         With the middles of the ranges as options.
     parameters : sequence of Parameter
         The options that are sought or follow others, named by their path in the section.
+    reversed : bool
+        Whether its axis runs against the assembly's, so that its rotations have the opposite sign.
     """
 
     kind = "substructure"  # for messages
     summary = "A substructure with unknown options"
 
-    def __init__(self, part: SubstructureModel, parameters: Sequence[Parameter]) -> None:
+    def __init__(self, part: SubstructureModel, parameters: Sequence[Parameter], *, reversed: bool = False) -> None:
         super().__init__()
         self.name = part.name  # type: ignore[misc]  # for messages
-        self.part = part
+        self.part, self.reversed = part, reversed
         self._parameters = tuple(parameters)
         with plugin_errors(part, f"substructure model '{part.name}'"):
             matrices = substructure_matrices(part)
@@ -120,7 +96,7 @@ class UnknownPart(JointModel):
     def refined(self, factor: int) -> UnknownPart | None:
         """Return the same part with a finer mesh and the same options, or None if the model has no mesh."""
         finer = self.part.refined(factor)
-        return None if finer is None else type(self)(finer, self._parameters)
+        return None if finer is None else type(self)(finer, self._parameters, reversed=self.reversed)
 
     def made_with(self, options: Mapping[str, float]) -> SubstructureModel:
         """Return the part with other values of some options, by their paths in the section.
@@ -143,12 +119,13 @@ class UnknownPart(JointModel):
 
         Those of a single parameter vector are cached, since an FRF and its derivatives need the same ones.
         """
-        if not self._parameters:
-            return _for_each(_dense(substructure_matrices(self.part)), len(theta))
         latest = self._latest
         if latest is not None and np.array_equal(latest[0], theta):
             return latest[1]
-        matrices = self._made(theta)
+        matrices = self._made(theta) if self._parameters else _dense(substructure_matrices(self.part))
+        if self.reversed:
+            matrices = opposite_rotations(matrices, len(self.part.nodes))
+        matrices = _for_each(matrices, len(theta))
         if len(theta) == 1:
             self._latest = theta.copy(), matrices
         return matrices
@@ -181,12 +158,13 @@ class UnknownReceptance(UnknownPart):
         stiffness = np.zeros((len(theta), len(frequency), self.size, self.size), dtype=np.complex128)
         with plugin_errors(self.part, f"substructure model '{self.part.name}'"):
             for row, part in enumerate(self._each(theta)):
-                stiffness[row][:, np.array(dofs)[:, None], dofs] = inverted_receptance(part, dofs, frequency)
+                turned = ReversedPart(part) if self.reversed else part
+                stiffness[row][:, np.array(dofs)[:, None], dofs] = inverted_receptance(turned, dofs, frequency)
         return stiffness
 
     def between(self, dofs: Sequence[int]) -> UnknownReceptance:
         """Return the same part between some of its DOFs only, so that less of its receptance is inverted."""
-        part = UnknownReceptance(self.part, self._parameters)
+        part = UnknownReceptance(self.part, self._parameters, reversed=self.reversed)
         part._used = tuple(dofs)
         return part
 
@@ -323,7 +301,7 @@ def _follows_number(stated: StatedParameters, option: str, faults: FaultList) ->
 
 
 def add_unknown_part(
-    name: str, part: SubstructureModel, stated: StatedParameters, faults: FaultList
+    name: str, part: SubstructureModel, stated: StatedParameters, faults: FaultList, *, reversed: bool = False
 ) -> JointEntry | None:
     """Return the entry of a substructure with unknown options; if its ranges are impossible, add a fault, return None.
 
@@ -335,10 +313,12 @@ def add_unknown_part(
         With the middles of the ranges as options.
     stated : StatedParameters
     faults : FaultList
+    reversed : bool
+        Whether the part is reversed.
     """
     with plugin_errors(part, f"substructure '{name}' ({part.name})"):
         kind = UnknownReceptance if part.matrices() is None else UnknownPart
-    model = kind(part, tuple(stated.known.values()))
+    model = kind(part, tuple(stated.known.values()), reversed=reversed)
     if model.size > _MOST_DOFS:
         problem = (
             f"its options cannot be sought: it has {model.size} DOFs, and its matrices are made anew for each FRF."

@@ -74,6 +74,7 @@ def _summary(assembly: Assembly) -> dict[str, Any]:
             "model": part.name,
             "dofs": 2 * len(part.nodes),
             "held": part.grounded,
+            "reversed": name in description.reversed_parts,
             "nodes": [{"label": node.label, "position": node.position} for node in part.nodes],
         }
         for name, part in description.substructures.items()
@@ -131,7 +132,9 @@ def _print(assembly: Assembly, summary: dict[str, Any]) -> None:
     say(f"Frequency  {frequency['first']:g} to {frequency['last']:g} Hz, {frequency['lines']} lines")
     _print_dofs(summary)
     heading("Nodes")
-    table(["substructure", "positions [mm]"], [(part["name"], _positions(part)) for part in summary["substructures"]])
+    table(
+        ["substructure", "positions [mm]"], [(_oriented(part), _positions(part)) for part in summary["substructures"]]
+    )
     heading("Parameters sought")
     scales = [p.scale if p.prior == "uniform" else _NORMAL[p.scale] for p in assembly.parameters]
     rows = [(p.name, range_text(p), scale, p.description) for p, scale in zip(assembly.parameters, scales, strict=True)]
@@ -162,6 +165,10 @@ def _print_dofs(summary: dict[str, Any]) -> None:
     rows.append(("assembly, merged DOFs counted once", "", str(summary["dofs"]["assembly"])))
     rows.append(("condensed system of the engine", "", str(summary["dofs"]["condensed"])))
     table(["part", "model", "DOFs"], rows, numbers=["DOFs"])
+
+
+def _oriented(part: dict[str, Any]) -> str:
+    return f"{part['name']}, reversed" if part["reversed"] else str(part["name"])
 
 
 def _positions(part: dict[str, Any]) -> str:

@@ -195,7 +195,8 @@ def _description(
         raise typer.BadParameter(f"'{band}' is not such as '100 Hz to 5 kHz'.", param_hint="--band")
     start, stop = (_si(end, "Hz", "--band") for end in ends.groups())
     gaps = max(port.nodes for port in joint.ports) - 1
-    contact = _si(str(options["length"]), "m", "length") if "length" in options else _SPACING * gaps
+    declared = joint.ports[0].positions
+    contact = _SPACING * gaps if declared is None else declared[-1] - declared[0]
     for part in pair:
         if part.length <= contact:
             problem = f"'{part.name}' is not longer than the contact, {_mm(contact)}."

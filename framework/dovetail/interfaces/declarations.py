@@ -35,6 +35,7 @@ def joint_faults(model: JointModel) -> tuple[Fault, ...]:
         faults = _read(model, "internal_dofs", _internal_faults)
     if not faults:
         faults = _read(model, "merged_dofs", lambda pairs: _pair_faults(pairs, model.size))
+        faults += _read(model, "facing_ports", lambda pairs: _facing_faults(pairs, model.ports))
     return tuple(faults)
 
 
@@ -127,4 +128,16 @@ def _pair_faults(pairs: object, size: int) -> list[Fault]:
         are_dofs = isinstance(pair, (tuple, list)) and all(isinstance(dof, int) and 0 <= dof < size for dof in pair)
         if not are_dofs or len(pair) != 2:
             return [Fault("merged_dofs", f"has {_shortened(pair)} among its merged_dofs.", accepted)]
+    return []
+
+
+def _facing_faults(pairs: object, ports: Sequence[Port]) -> list[Fault]:
+    nodes = {port.name: port.nodes for port in ports}
+    accepted = f"pairs of the ports {', '.join(nodes)} with equal numbers of nodes; () for none"
+    if not isinstance(pairs, (tuple, list)):
+        return [Fault("facing_ports", f"has {_shortened(pairs)} for its facing_ports, not a tuple.", accepted)]
+    for pair in pairs:
+        is_pair = isinstance(pair, (tuple, list)) and len(pair) == 2 and all(isinstance(name, str) for name in pair)
+        if not is_pair or not {*pair} <= nodes.keys() or nodes[pair[0]] != nodes[pair[1]] or pair[0] == pair[1]:
+            return [Fault("facing_ports", f"has {_shortened(pair)} among its facing_ports.", accepted)]
     return []

@@ -6,6 +6,7 @@ from abc import abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from numbers import Integral, Real
 from typing import ClassVar, Literal, get_args
 
@@ -148,15 +149,19 @@ class Port:
         The key under ``connect:``.
     nodes : int
         Number of nodes of the substructure to which it attaches.
+    positions : tuple of float, optional
+        Where these nodes lie in the joint's own model [m], increasing, from any origin; give them if the matrices
+        depend on the distances of the nodes. A description whose nodes lie otherwise is refused.
 
     Raises
     ------
     PluginError
-        The name is not a text, or the number is not a positive integer.
+        The name is not a text, the number is not a positive integer, or there are not as many increasing positions.
     """
 
     name: str
     nodes: int
+    positions: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         where = f"port {self.name!r:.40}"
@@ -164,6 +169,18 @@ class Port:
             raise PluginError(Fault(where, "this cannot be a name.", "a text of letters, digits and '_'"))
         if isinstance(self.nodes, bool) or not isinstance(self.nodes, Integral) or self.nodes < 1:
             raise PluginError(Fault(where, f"its number of nodes is {self.nodes!r:.40}.", "a whole number from 1"))
+        if self.positions is not None:
+            self._check_positions(where)
+
+    def _check_positions(self, where: str) -> None:
+        accepted = f"a tuple of {self.nodes} increasing numbers of metres"
+        problem = f"its positions are {self.positions!r:.60}."
+        if not isinstance(self.positions, tuple) or len(self.positions) != self.nodes:
+            raise PluginError(Fault(where, problem, accepted))
+        if not all(isinstance(p, Real) and not isinstance(p, bool) and np.isfinite(float(p)) for p in self.positions):
+            raise PluginError(Fault(where, problem, accepted))
+        if any(second <= first for first, second in pairwise(self.positions)):
+            raise PluginError(Fault(where, problem, accepted))
 
 
 class JointModel(Component):
@@ -202,6 +219,17 @@ class JointModel(Component):
     def merged_dofs(self) -> tuple[tuple[int, int], ...]:
         """Pairs of local DOFs that are the same DOF, as in a rigid joint."""
         return ()
+
+    @property
+    def facing_ports(self) -> tuple[tuple[str, str], ...]:
+        """Pairs of ports whose nodes face each other in order, the first the first, and so on.
+
+        A description in which the nodes of such a pair are spaced otherwise, or run the other way, is refused. By
+        default, two ports with the same number of nodes; override it with ``()`` if their nodes do not face.
+        """
+        if len(self.ports) != 2 or self.ports[0].nodes != self.ports[1].nodes:
+            return ()
+        return ((self.ports[0].name, self.ports[1].name),)
 
     @property
     def contact_dofs(self) -> tuple[tuple[int, int], ...]:

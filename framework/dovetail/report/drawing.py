@@ -36,11 +36,15 @@ _PARTS, _JOINT, _FORCE = (LINES[0], LINES[2], "#8a6d00", LINES[4], LINES[6]), LI
 
 @dataclass
 class _Part:
-    """A part on the page [mm], with its origin at `start` along the common axis and its axis at `y`, in a row."""
+    """A part on the page [mm], with its origin at `start` along the common axis and its axis at `y`, in a row.
+
+    Its own axis runs along the common one (`sense` 1) or, if it is reversed, against it (-1).
+    """
 
     model: SubstructureModel
     colour: str
     start: float
+    sense: float
     pieces: Sequence[tuple[float, float, float, float]]
     row: int = 0
     y: float = 0.0
@@ -48,7 +52,7 @@ class _Part:
     def at(self, nodes: Iterable[int] | None = None) -> list[float]:
         """Return the positions of some or all nodes along the axis."""
         chosen = range(len(self.model.nodes)) if nodes is None else nodes
-        return [self.start + 1e3 * self.model.nodes[node].position for node in chosen]
+        return [self.start + self.sense * 1e3 * self.model.nodes[node].position for node in chosen]
 
     @property
     def ends(self) -> tuple[float, float]:
@@ -131,10 +135,11 @@ def assembly_figure(assembly: Assembly) -> Figure:
 def _parts(description: Description) -> dict[str, _Part]:
     """Return the parts, moved along the axis so that each joint connects nodes at the same position."""
     substructures, starts = description.substructures, dict[str, float]()
+    sense = {name: -1.0 if name in description.reversed_parts else 1.0 for name in substructures}
     ports = [
         {
-            end.substructure: np.mean([substructures[end.substructure].nodes[n].position for n in end.nodes]).item()
-            for end in ends
+            part: sense[part] * np.mean([substructures[part].nodes[n].position for n in nodes]).item()
+            for part, nodes in ((end.substructure, end.nodes) for end in ends)
         }
         for ends in (joint.connection.attachments for joint in description.joints.values())
     ]
@@ -148,12 +153,15 @@ def _parts(description: Description) -> dict[str, _Part]:
         with plugin_errors(model, f"substructure '{name}' ({model.name})"):
             outline = list(model.outline)
             try:
-                pieces = 1e3 * (np.reshape(outline, (-1, 4)) + np.array([1.0, 1.0, 0.0, 0.0]) * starts[name])
+                pieces = np.reshape(outline, (-1, 4)).astype(np.float64)
             except (TypeError, ValueError):
                 remedy = "Give (start, stop, outer, inner) of each section."
                 where, problem = f"substructure '{name}' ({model.name})", f"its outline is {outline!r:.60}."
                 raise PluginError(Fault(where, problem, remedy=remedy)) from None
-        drawn[name] = _Part(model, _PARTS[number % len(_PARTS)], 1e3 * starts[name], pieces.tolist())
+        if sense[name] < 0:
+            pieces = np.column_stack([-pieces[:, 1], -pieces[:, 0], pieces[:, 2:]])[::-1]
+        placed = 1e3 * (pieces + np.array([1.0, 1.0, 0.0, 0.0]) * starts[name])
+        drawn[name] = _Part(model, _PARTS[number % len(_PARTS)], 1e3 * starts[name], sense[name], placed.tolist())
     return drawn
 
 

@@ -46,7 +46,6 @@ class Collet(JointModel):
     summary = "Spring collet with nut between a tool and a holder: two contact layers, twelve parameters"
     references = ("Processes 14 (2026) 1875, doi:10.3390/pr14121875, section 4.1 and Eq. 9",)
     parameters = _PARAMETERS
-    ports = (Port("tool", _CONTACTS), Port("holder", _CONTACTS))
 
     class Config(ComponentConfig):
         """Material of the collet, distance of its contact nodes, and elements between two of them.
@@ -75,6 +74,12 @@ class Collet(JointModel):
         """Return the same collet with `factor` times as many elements."""
         elements = factor * self.config.elements_per_segment
         return type(self)(self.config.model_copy(update={"elements_per_segment": elements}))
+
+    @property
+    def ports(self) -> tuple[Port, ...]:
+        """The tool at c1 to c3, and the holder at c3 to c5."""
+        along = [node * float(self.config.segment) for node in range(_SEGMENTS + 1)]
+        return Port("tool", _CONTACTS, tuple(along[:_CONTACTS])), Port("holder", _CONTACTS, tuple(along[-_CONTACTS:]))
 
     @property
     def internal_dofs(self) -> int:

@@ -72,8 +72,10 @@ class InterferenceFit(JointModel):
 
     @property
     def ports(self) -> tuple[Port, ...]:
-        """The shaft and the hub."""
-        return Port("shaft", self.config.nodes), Port("hub", self.config.nodes)
+        """The shaft and the hub, with nodes evenly spaced over the length."""
+        nodes = int(self.config.nodes)
+        along = tuple(float(position) for position in np.linspace(0.0, self.config.length, nodes))
+        return Port("shaft", nodes, along), Port("hub", nodes, along)
 
     def range_objections(self, lower: Mapping[str, float], upper: Mapping[str, float]) -> Mapping[str, str]:
         """Object also to a gradient beyond 1 or -1, which makes the stiffness of an end negative."""

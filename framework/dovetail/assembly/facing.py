@@ -1,0 +1,206 @@
+"""Whether the nodes that a joint brings together can lie at the same places: their order, their sense, their spacing.
+
+Each part counts positions from an origin of its own, so differences of positions are compared. The axis of a reversed
+part runs against that of the assembly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.documents.fault_list import FaultList
+from dovetail.documents.tree import Path
+from dovetail.interfaces import JointModel, Port, SubstructureModel
+from dovetail.synthesis import Attachment, Connection
+from dovetail.units import format_quantity
+
+__all__ = ["Side", "check_facing", "has_positions", "sides_of"]
+
+_ROUNDING = 1e-3
+"""Difference of two distances, over the span of the port, that positions rounded to three digits may have."""
+_LEAST = 1e-9
+"""Difference [m] of two positions that is due to binary fractions."""
+
+
+@dataclass(frozen=True)
+class Side:
+    """The nodes of a part to which a port attaches.
+
+    Parameters
+    ----------
+    port : Port
+    part : str
+        Name of the substructure.
+    model : SubstructureModel
+    nodes : tuple of int
+        In the port's order.
+    reversed : bool
+        Whether the part is reversed.
+    """
+
+    port: Port
+    part: str
+    model: SubstructureModel
+    nodes: tuple[int, ...]
+    reversed: bool
+
+    @property
+    def positions(self) -> NDArray[np.float64]:
+        """Of the nodes along the part [m], as the description counts them."""
+        return np.array([self.model.nodes[node].position for node in self.nodes], dtype=np.float64)
+
+    @property
+    def along(self) -> NDArray[np.float64]:
+        """The positions along the assembly's axis [m], from an unknown origin."""
+        return -self.positions if self.reversed else self.positions
+
+    @property
+    def sense(self) -> float:
+        """1 or -1 for nodes that run along the assembly's axis or against it; 0 if they are all at one position."""
+        return float(np.sign(self.along[-1] - self.along[0]))
+
+    @property
+    def ends(self) -> str:
+        """The first and the last position in words."""
+        return f"from {_mm(self.positions[0])} to {_mm(self.positions[-1])}"
+
+
+def sides_of(
+    connection: Connection, substructures: Mapping[str, SubstructureModel], reversed_parts: Collection[str]
+) -> dict[str, Side]:
+    """Return the sides of a joint by the names of its ports."""
+    pairs: Iterator[tuple[Port, Attachment]] = zip(connection.model.ports, connection.attachments, strict=True)
+    return {
+        port.name: Side(
+            port, at.substructure, substructures[at.substructure], at.nodes, at.substructure in reversed_parts
+        )
+        for port, at in pairs
+    }
+
+
+def has_positions(part: SubstructureModel) -> bool:
+    """Return whether a part's positions say where its nodes are, unlike those of imported matrices without any."""
+    return not part.grounded and len({node.position for node in part.nodes}) > 1
+
+
+def check_facing(path: Path, model: JointModel, sides: Mapping[str, Side], faults: FaultList) -> None:
+    """Report nodes of a joint that cannot lie where those are that they face, or where the joint's model has them.
+
+    Parameters
+    ----------
+    path : Path
+        Of the joint's section.
+    model : JointModel
+    sides : mapping of str to Side
+        By the names of the ports.
+    faults : FaultList
+    """
+    comparable = {name: side for name, side in sides.items() if len(side.nodes) > 1 and has_positions(side.model)}
+    facing = [pair for pair in model.facing_ports if sides[pair[0]].part != sides[pair[1]].part]  # a ring may close
+    faced = {name for pair in facing for name in pair}
+    refused, reported = set[str](), set[tuple[str, bytes]]()
+    for name, side in comparable.items():
+        declared = side.port.positions
+        problem, remedy = _disorder(side) if declared or name in faced else ("", "")
+        if declared and not problem:
+            problem, remedy = _against_model(model, side, np.array(declared))
+        same = remedy, np.diff(side.positions).round(9).tobytes()
+        if problem and same not in reported:  # a wrong length in the joint's section has both sides wrong alike
+            faults.add((*path, "connect", name, "at"), problem, remedy=remedy)
+        refused |= {name} if problem else set()
+        reported |= {same} if problem else set()
+    for pair in (*facing, *_declared_pairs(model)):
+        if {*pair} <= comparable.keys() - refused:
+            problem, remedy = _mismatch(comparable[pair[0]], comparable[pair[1]])
+            if problem:
+                refused.add(pair[1])
+                faults.add((*path, "connect", pair[1], "at"), problem, remedy=remedy)
+
+
+def _declared_pairs(model: JointModel) -> list[tuple[str, str]]:
+    """Return pairs of ports that the joint's model places on its own axis, so that their nodes run the same way."""
+    declared = [port.name for port in model.ports if port.positions is not None and port.nodes > 1]
+    return [(declared[0], name) for name in declared[1:]]
+
+
+def _disorder(side: Side) -> tuple[str, str]:
+    """Return what is wrong with the order of a port's nodes, and the remedy; two empty texts if nothing is."""
+    steps = np.diff(side.along) * (side.sense or 1.0)
+    back = np.flatnonzero(steps < -_tolerance(side.along))
+    if not back.size:
+        return "", ""
+    first = int(back[0])
+    before, after = (_mm(side.positions[node]) for node in (first, first + 1))
+    problem = f"the nodes of '{side.part}' are not in order along the part: {after} comes after {before}."
+    return problem, f"List them in the order in which they lie on '{side.part}'."
+
+
+def _against_model(model: JointModel, side: Side, declared: NDArray[np.float64]) -> tuple[str, str]:
+    """Return how a port's nodes lie otherwise than in the joint's model, and the remedy."""
+    if model.internal_dofs and side.sense < 0:  # rotations of the joint's own nodes are counted along its axis
+        ends = f"from {_mm(declared[0])} to {_mm(declared[-1])}"
+        problem = (
+            f"the nodes of '{side.part}' run {side.ends}, against the axis of the joint model '{model.name}', on which "
+            f"they lie {ends}."
+        )
+        return problem, _remedy(side)
+    found, expected = np.abs(side.along - side.along[0]), declared - declared[0]
+    node = int(np.argmax(np.abs(found - expected)))
+    if abs(found[node] - expected[node]) <= _tolerance(expected):
+        return "", ""
+    problem = (
+        f"the node of '{side.part}' at {_mm(side.positions[node])} is {_mm(found[node])} from the first one, at "
+        f"{_mm(side.positions[0])}; in the joint model '{model.name}' it is {_mm(expected[node])} from it."
+    )
+    return problem, f"Correct the positions, or the lengths among the options of '{model.name}'."
+
+
+def _mismatch(side: Side, other: Side) -> tuple[str, str]:
+    """Return how the nodes of another port cannot lie where those are that they face, and the remedy."""
+    if side.sense * other.sense < 0:
+        problem = (
+            f"the nodes of '{other.part}' run {other.ends}, and those of '{side.part}' that they face {side.ends}, "
+            f"which is the other way{_because(side, other)}."
+        )
+        return problem, _remedy(other)
+    if side.port.positions is not None and other.port.positions is not None:
+        return "", ""  # each was compared with the joint's model
+    found, expected = (np.abs(one.along - one.along[0]) for one in (other, side))
+    node = int(np.argmax(np.abs(found - expected)))
+    if abs(found[node] - expected[node]) <= _tolerance(expected):
+        return "", ""
+    problem = (
+        f"the node of '{other.part}' at {_mm(other.positions[node])} is {_mm(found[node])} from the first one, at "
+        f"{_mm(other.positions[0])}; the node of '{side.part}' that it faces, at {_mm(side.positions[node])}, is "
+        f"{_mm(expected[node])} from the first one there, at {_mm(side.positions[0])}."
+    )
+    return problem, "Facing nodes lie at the same places of the assembly: list nodes with equal distances."
+
+
+def _because(*sides: Side) -> str:
+    names = sorted({f"'{side.part}'" for side in sides if side.reversed})
+    return f", as {' and '.join(names)} {'is' if len(names) == 1 else 'are'} reversed" if names else ""
+
+
+def _remedy(side: Side) -> str:
+    if side.reversed:
+        return (
+            f"'{side.part}' is reversed: list its nodes in the order in which they lie along the assembly, or remove "
+            "'reversed' from its section."
+        )
+    return (
+        f"If '{side.part}' is described from its other end, write 'reversed: true' into its section; if not, list its "
+        "nodes in the other order."
+    )
+
+
+def _tolerance(along: NDArray[np.float64]) -> float:
+    return _LEAST + _ROUNDING * float(np.ptp(along))
+
+
+def _mm(position: float) -> str:
+    return format_quantity(float(position), "m", 8)

@@ -1,0 +1,114 @@
+"""Where joints place the parts of an assembly along its axis, and what looks wrong with it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import combinations
+
+import numpy as np
+
+from dovetail.assembly.description import Description, JointEntry
+from dovetail.assembly.facing import Side, has_positions, sides_of
+from dovetail.interfaces import DIRECTIONS, JointModel
+from dovetail.synthesis.joint_evaluation import depends_on_frequency, joint_matrices
+from dovetail.units import format_quantity
+
+__all__ = ["placement_doubts"]
+
+_SLIGHT = 1e-3
+"""Share of a part's length within which a joint is at its end."""
+
+
+def placement_doubts(description: Description) -> Iterator[str]:
+    """Yield what looks wrong with where joints place parts, or could not be compared.
+
+    Parameters
+    ----------
+    description : Description
+        Without faults: facing nodes that have positions lie at the same places.
+
+    Yields
+    ------
+    str
+        Nodes without positions; two parts that extend from their joint to the same side, as they do if one of them is
+        described from its other end; and two joints of the same parts that place them differently.
+    """
+    pairs: dict[tuple[str, str], list[tuple[str, float]]] = {}
+    for name, joint in description.joints.items():
+        sides = sides_of(joint.connection, description.substructures, description.reversed_parts)
+        yield from _without_positions(name, joint.connection.model, sides)
+        for first, second in joint.connection.model.facing_ports:
+            side, other = sides[first], sides[second]
+            if side.part != other.part and has_positions(side.model) and has_positions(other.model):
+                offset = float(np.mean(side.along) - np.mean(other.along))
+                parts = sorted([side.part, other.part])
+                pairs.setdefault((parts[0], parts[1]), []).append((name, offset if parts[0] == side.part else -offset))
+                if len(side.nodes) > 1 or _holds_rotations(name, joint):
+                    yield from _on_one_side(name, side, other)
+    for (part, other_part), places in pairs.items():
+        yield from _placed_differently(description, part, other_part, places)
+
+
+def _without_positions(name: str, model: JointModel, sides: dict[str, Side]) -> Iterator[str]:
+    """Yield the doubt about nodes of which nothing shows whether they lie where the joint needs them."""
+    faced = {port for pair in model.facing_ports for port in pair}
+    for port, side in sides.items():
+        compared = port in faced or side.port.positions is not None
+        if compared and len(side.nodes) > 1 and not side.model.grounded and not has_positions(side.model):
+            labels = ", ".join(f"'{side.model.nodes[node].label}'" for node in side.nodes[:4])
+            more = ", ..." if len(side.nodes) > 4 else ""
+            yield (
+                f"joints.{name}: the nodes of '{side.part}' have no positions that differ, so that nothing shows "
+                f"whether its nodes {labels}{more} lie where they have to, in this order. Give them positions."
+            )
+
+
+def _on_one_side(name: str, side: Side, other: Side) -> Iterator[str]:
+    """Yield the doubt about two parts that both end at their joint and extend to the same side of it."""
+    reaches = [_reach(side), _reach(other)]
+    extends = [tuple(length > _SLIGHT * sum(reach) for length in reach) for reach in reaches]
+    if extends[0] != extends[1] or sum(extends[0]) != 1:
+        return
+    beside = min(max(reach) for reach in reaches)
+    yield (
+        f"joints.{name}: '{side.part}' and '{other.part}' extend from it to the same side and lie next to each other "
+        f"over {format_quantity(beside, 'm')}. If '{other.part}' extends the other way, it is described from its other "
+        "end: write 'reversed: true' into its section, and list its nodes in the other order."
+    )
+
+
+def _reach(side: Side) -> tuple[float, float]:
+    """Return how far a part extends from its joint [m], against the assembly's axis and along it."""
+    nodes = np.array([node.position for node in side.model.nodes]) * (-1.0 if side.reversed else 1.0)
+    return float(np.min(side.along) - np.min(nodes)), float(np.max(nodes) - np.max(side.along))
+
+
+def _holds_rotations(name: str, joint: JointEntry) -> bool:
+    """Return whether a joint couples rotations of its parts, which have another sign if one of them is reversed."""
+    model, axes = joint.connection.model, len(DIRECTIONS)
+    ports = axes * sum(port.nodes for port in model.ports)
+    if any(dof < ports and dof % axes for pair in model.merged_dofs for dof in pair):
+        return True
+    if depends_on_frequency(model):
+        return True
+    middle = [joint.fixed.get(p.name, float(p.from_unit(np.array(0.5)))) for p in joint.parameters]
+    matrices = joint_matrices(name, model, np.array([middle], dtype=np.float64)).sets[0]
+    return any(bool(getattr(matrices, letter)[0, 1:ports:axes, :].any()) for letter in "KCD")
+
+
+def _placed_differently(
+    description: Description, part: str, other: str, places: list[tuple[str, float]]
+) -> Iterator[str]:
+    """Yield the doubt about joints between the same two parts that place one at different positions of the other."""
+    lengths = [
+        float(np.ptp([node.position for node in description.substructures[name].nodes])) for name in (part, other)
+    ]
+    for (first, offset), (second, other_offset) in combinations(places, 2):
+        apart = abs(offset - other_offset)
+        if apart > 1e-9 + _SLIGHT * min(lengths):
+            yield (
+                f"joints.{second}: its nodes place '{other}' {format_quantity(apart, 'm')} away along '{part}' from "
+                f"where the joint '{first}' places it. Are all positions right, and is neither part described from "
+                "its other end?"
+            )
+            return

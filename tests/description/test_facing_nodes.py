@@ -1,0 +1,284 @@
+"""Facing nodes of a joint: wrong orders, senses and spacings are refused, for every joint with several nodes a port."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import dovetail
+from dovetail.errors import DescriptionError
+
+STEEL = {"young": "200 GPa", "density": "7850 kg/m^3"}
+PLUGIN = '''
+"""Joints of a stranger: one with elements of its own, one without declarations, and one whose ports do not face."""
+
+import numpy as np
+
+from dovetail import JointModel, Parameter, Port, StructuralMatrices, hookimpl
+
+K = (Parameter("k", "N/m", 1e6, 1e9, "log", "stiffness, per node"),)
+
+
+class Sleeve(JointModel):
+    name = "sleeve"
+    summary = "a layer whose nodes are 5 and 15 mm apart"
+    parameters = K
+    ports = (Port("a", 3, (0.0, 0.005, 0.020)), Port("b", 3, (0.0, 0.005, 0.020)))
+    internal_dofs = 2
+
+    def matrices(self, theta):
+        joint = StructuralMatrices.zeros(len(theta), self.size)
+        joint.add_contact_layer(self.contact_dofs, theta[:, 0])
+        joint.add_contact_layer([(0, 12), (1, 13)], theta[:, 0])
+        return joint
+
+
+class Glue(JointModel):
+    name = "glue"
+    summary = "a layer of four nodes that declares nothing"
+    parameters = K
+    ports = (Port("a", 4), Port("b", 4))
+
+    def matrices(self, theta):
+        joint = StructuralMatrices.zeros(len(theta), self.size)
+        joint.add_contact_layer(self.contact_dofs, theta[:, 0])
+        return joint
+
+
+class Truss(Glue):
+    name = "truss"
+    summary = "bars from four nodes to four others that do not face them"
+    facing_ports = ()
+
+
+@hookimpl
+def dovetail_components():
+    return [Sleeve, Glue, Truss]
+'''
+NODES = {
+    "collet": ({"model": "collet", "material": STEEL}, ("tool", "holder"), (0, 10, 20)),
+    "fine collet": (
+        {"model": "collet", "material": STEEL, "segment": "5 mm", "elements_per_segment": 2},
+        ("tool", "holder"),
+        (0, 5, 10),
+    ),
+    "bolted": ({"model": "bolted", "nodes": 5}, ("a", "b"), (0, 10, 20, 30, 40)),
+    "bolt with mass": ({"model": "bolted", "bolt_mass": True}, ("a", "b"), (0, 20, 40)),
+    "interference_fit": (
+        {"model": "interference_fit", "length": "40 mm", "nodes": 5},
+        ("shaft", "hub"),
+        (0, 10, 20, 30, 40),
+    ),
+    "linear pressure": (
+        {"model": "interference_fit", "length": "40 mm", "pressure": "linear"},
+        ("shaft", "hub"),
+        (0, 20, 40),
+    ),
+    "spring_damper": ({"model": "spring_damper", "nodes": 4}, ("a", "b"), (0, 15, 30, 45)),
+    "springs in x": ({"model": "spring_damper", "nodes": 3, "direction": "x"}, ("a", "b"), (0, 20, 40)),
+    "springs in rz": ({"model": "spring_damper", "nodes": 3, "direction": "rz"}, ("a", "b"), (0, 20, 40)),
+    "rigid": ({"model": "rigid", "nodes": 3}, ("a", "b"), (0, 10, 20)),
+    "hinges": ({"model": "rigid", "nodes": 3, "direction": "x"}, ("a", "b"), (0, 10, 20)),
+    "sleeve of a plugin": ({"model": "sleeve"}, ("a", "b"), (0, 5, 20)),
+    "glue of a plugin": ({"model": "glue"}, ("a", "b"), (0, 10, 20, 30)),
+}
+"""Joints with several nodes a port: their section, their ports, and the sound distances of nodes [mm]."""
+
+
+def unsorted(at):
+    return [at[0], at[2], at[1], *at[3:]]
+
+
+WRONG = {
+    "reversed": lambda at: at[::-1],
+    "unsorted": unsorted,
+    "unsorted from the end": lambda at: unsorted(at[::-1]),
+    "first and last exchanged": lambda at: [at[-1], *at[1:-1], at[0]] if len(at) > 3 else unsorted(at),
+    "unequal": lambda at: [at[0], at[1] + 5, *at[2:]] if at[2] - at[1] > 5 else [at[0], at[1], at[2] + 5, *at[3:]],
+    "too close": lambda at: [at[0] + (place - at[0]) / 2 for place in at],
+    "too far": lambda at: [at[0] + 2 * (place - at[0]) for place in at],
+    "last too far": lambda at: [*at[:-1], at[-1] + 5],
+}
+
+
+@pytest.fixture(scope="module")
+def plugin(tmp_path_factory) -> Path:
+    file = tmp_path_factory.mktemp("plugin") / "stranger.py"
+    file.write_text(PLUGIN)
+    return file
+
+
+def beam(**orientation) -> dict:
+    """A bar of 200 mm with a node each 2.5 mm."""
+    section = {"length": "200 mm", "outer": "20 mm", "elements": 80}
+    return {"model": "timoshenko_beam", "material": STEEL, "sections": [section], **orientation}
+
+
+def joined(joint, first, second, parts=None):
+    """Two bars and a joint at positions [mm] of both."""
+    section, ports, _ = NODES[joint] if isinstance(joint, str) else joint
+    parts = parts or {"left": beam(), "right": beam()}
+    connect = {
+        port: {"to": part, "at": [f"{place} mm" if isinstance(place, (int, float)) else place for place in at]}
+        for port, part, at in zip(ports, parts, (first, second), strict=True)
+    }
+    return {
+        "dovetail": 1,
+        "name": "facing",
+        "frequency": {"start": 100.0, "stop": 1000.0, "lines": 3},
+        "substructures": parts,
+        "joints": {"joint": {**section, "connect": connect}},
+        "response": {"at": "left", "position": "0 mm"},
+    }
+
+
+def at_ends(joint):
+    """Positions at the end of the left bar and at the start of the right one."""
+    distances = NODES[joint][2]
+    return [200 - distances[-1] + place for place in distances], list(distances)
+
+
+@pytest.mark.parametrize("joint", NODES)
+def test_nodes_at_the_same_places_are_accepted(joint, plugin):
+    assert dovetail.load(joined(joint, *at_ends(joint)), plugins=[plugin]).frf().shape == (3,)
+
+
+@pytest.mark.parametrize("side", [0, 1], ids=["first port", "second port"])
+@pytest.mark.parametrize("fault", WRONG)
+@pytest.mark.parametrize("joint", NODES)
+def test_wrong_nodes_are_refused_with_both_positions(joint, fault, side, plugin):
+    places = at_ends(joint)
+    shifted = [100 + place for place in NODES[joint][2]]  # with room on both sides
+    wrong = WRONG[fault](shifted)
+    assert wrong != shifted
+    places = (wrong, places[1]) if side == 0 else (places[0], wrong)
+    with pytest.raises(DescriptionError) as raised:
+        dovetail.load(joined(joint, *places), plugins=[plugin])
+    (error,) = raised.value.faults
+    assert "joints.joint.connect" in error.where
+    assert sum(f"{place:g} mm" in error.problem for place in {*wrong}) >= 2, error.problem
+    assert error.remedy
+
+
+@pytest.mark.parametrize(
+    "joint", [name for name, (section, _, _) in NODES.items() if section["model"] not in ("collet", "sleeve")]
+)
+def test_both_ports_may_run_against_the_axis_of_a_joint_without_nodes_of_its_own(joint, plugin):
+    left, right = at_ends(joint)
+    assert dovetail.load(joined(joint, left[::-1], right[::-1]), plugins=[plugin]).frf().shape == (3,)
+
+
+@pytest.mark.parametrize("joint", ["collet", "fine collet", "sleeve of a plugin"])
+def test_both_ports_against_the_axis_of_a_joint_with_nodes_of_its_own_are_refused(joint, plugin):
+    left, right = at_ends(joint)
+    with pytest.raises(DescriptionError, match="against the axis of the joint model"):
+        dovetail.load(joined(joint, left[::-1], right[::-1]), plugins=[plugin])
+
+
+@pytest.mark.parametrize("joint", NODES)
+def test_a_reversed_part_has_its_nodes_in_decreasing_positions(joint, plugin):
+    left, distances = at_ends(joint)
+    parts = {"left": beam(), "right": beam(reversed=True)}
+    from_its_end = [200 - place for place in distances]
+    dovetail.load(joined(joint, left, from_its_end, parts), plugins=[plugin])
+    with pytest.raises(DescriptionError, match="'right' is reversed"):
+        dovetail.load(joined(joint, left, from_its_end[::-1], parts), plugins=[plugin])
+
+
+@pytest.mark.parametrize("joint", NODES)
+def test_nodes_that_are_named_by_labels_are_compared_too(joint, plugin):
+    left, right = at_ends(joint)
+    labels = [f"node n{place * 2 // 5 + 1}" for place in right]
+    dovetail.load(joined(joint, left, labels), plugins=[plugin])
+    with pytest.raises(DescriptionError, match=r"the other way|against the axis"):
+        dovetail.load(joined(joint, left, labels[::-1]), plugins=[plugin])
+
+
+def test_ports_of_a_plugin_that_do_not_face_each_other_take_any_nodes(plugin):
+    truss = {"model": "truss"}, ("a", "b"), ()
+    description = joined(truss, [160, 0, 40, 45], [0, 200, 10, 5])
+    assert dovetail.load(description, plugins=[plugin]).frf().shape == (3,)
+
+
+def test_positions_rounded_to_three_digits_are_accepted():
+    """The third node of the right bar is 0.01 mm off, as in a table of rounded numbers."""
+    right = beam()
+    sections = [{"length": "20 mm", "outer": "20 mm", "elements": 2}, {"length": "9.99 mm", "outer": "20 mm"}]
+    right["sections"] = [*sections, {"length": "170.01 mm", "outer": "20 mm", "elements": 10}]
+    joint = {"model": "bolted", "nodes": 3}, ("a", "b"), ()
+    parts = {"left": beam(), "right": right}
+    assert dovetail.load(joined(joint, [170, 180, 200], [0, 10, 29.99], parts)).frf().shape == (3,)
+
+
+def test_the_ground_may_be_given_as_one_point_for_all_nodes():
+    joint = {"model": "spring_damper", "nodes": 3}, ("a", "b"), ()
+    parts = {"left": beam(), "base": {"model": "ground"}}
+    assert dovetail.load(joined(joint, [0, 90, 200], [0, 0, 0], parts)).frf().shape == (3,)
+    with pytest.raises(DescriptionError, match="90 mm comes after 200 mm"):
+        dovetail.load(joined(joint, [0, 200, 90], [0, 0, 0], parts))
+
+
+def test_the_remedy_names_the_key_for_a_part_that_is_described_from_its_other_end():
+    left, right = at_ends("bolted")
+    with pytest.raises(DescriptionError, match="If 'right' is described from its other end, write 'reversed: true'"):
+        dovetail.load(joined("bolted", left, right[::-1]))
+
+
+def test_a_wrong_length_is_reported_once():
+    section = {"model": "interference_fit", "length": "10 mm"}, ("shaft", "hub"), ()
+    with pytest.raises(DescriptionError) as raised:
+        dovetail.load(joined(section, [160, 180, 200], [0, 20, 40]))
+    (error,) = raised.value.faults
+    assert "at 200 mm is 40 mm from the first one, at 160 mm" in error.problem
+    assert "it is 10 mm from it" in error.problem
+
+
+@pytest.mark.parametrize("value", ["yes please", 1, "true", {"range": [0, 1]}, None])
+def test_reversed_is_true_or_false(value):
+    left, right = at_ends("bolted")
+    parts = {"left": beam(), "right": beam(reversed=value)}
+    with pytest.raises(DescriptionError) as raised:
+        dovetail.load(joined("bolted", left, right, parts))
+    (error,) = raised.value.faults
+    assert "substructures.right.reversed" in error.where
+
+
+def doubts(description) -> str:
+    return "\n".join(dovetail.find_doubts(dovetail.load(description)))
+
+
+WELD = {"model": "rigid"}, ("a", "b"), ()
+
+
+@pytest.mark.parametrize(
+    ("joint", "left", "right", "doubted"),
+    [
+        (WELD, [200], [0], False),
+        (WELD, [200], [200], True),
+        (WELD, [0], [0], True),
+        (WELD, [100], [100], False),
+        (WELD, [200], [100], False),
+        ("bolted", [160, 170, 180, 190, 200], [160, 170, 180, 190, 200], True),
+        ("collet", [180, 190, 200], [180, 190, 200], True),
+        (({"model": "spring_damper", "direction": "x"}, ("a", "b"), ()), [200], [200], False),
+        (({"model": "spring_damper"}, ("a", "b"), ()), [200], [200], True),
+    ],
+)
+def test_parts_that_extend_to_the_same_side_of_their_joint_are_doubted(joint, left, right, doubted):
+    assert ("extend from it to the same side" in doubts(joined(joint, left, right))) == doubted
+
+
+def test_a_reversed_part_extends_to_the_other_side():
+    parts = {"left": beam(), "right": beam(reversed=True)}
+    assert "same side" not in doubts(joined(WELD, [200], [200], parts))
+    assert "same side" in doubts(joined(WELD, [200], [0], parts))
+
+
+def test_two_joints_that_place_a_part_differently_are_doubted():
+    description = joined(WELD, [100], [0])
+    spring = {"model": "spring_damper", "direction": "x"}
+    for place, doubted in ((50, False), (60, True)):
+        connect = {"a": {"to": "left", "at": "150 mm"}, "b": {"to": "right", "at": f"{place} mm"}}
+        joints = {**description["joints"], "spring": {**spring, "connect": connect}}
+        assert ("10 mm away along 'left'" in doubts({**description, "joints": joints})) == doubted
