@@ -59,6 +59,7 @@ This page is made by `python docs/make_reference.py` from the schema that `dovet
 SECTIONS = {
     "description": "The whole",
     "frequency": "`frequency`",
+    "orientation": "`substructures.NAME`, beside the keys of its model",
     "damping": "`joints.NAME`, beside the keys of its model",
     "attachment": "`joints.NAME.connect.PORT`",
     "parameter": "`joints.NAME.parameters.NAME`, and any number with a unit of a part",

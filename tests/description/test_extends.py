@@ -176,3 +176,127 @@ def test_what_goes_with_a_prior_may_change_alone(read, sound, base, over, expect
     assert (parameter.prior, parameter.scale) == expected
     if "sd: 2 %" in over:
         assert parameter.upper - parameter.lower == pytest.approx(8 * 0.02 * 33e-3)
+
+
+RESPONSE = "{at: tool, position: 10 mm}"
+LIST = "\n  - {at: tool, position: 10 mm}\n  - {at: tool, position: 20 mm}"
+
+
+@pytest.mark.parametrize(
+    ("base", "over", "count"),
+    [
+        (f"response: {RESPONSE}", f"responses: {LIST}", 2),
+        (f"responses: {LIST}", f"response: {RESPONSE}", 1),
+        (f"response: {RESPONSE}", f"response: null\nresponses: {LIST}", 2),
+        (f"responses: {LIST}", f"responses: null\nresponse: {RESPONSE}", 1),
+        (f"response: {RESPONSE}", f"responses: {LIST}\nresponse:", 2),
+    ],
+)
+def test_one_response_and_a_list_displace_each_other(read, sound, base, over, count):
+    plain = sound.replace("response: {at: tool, position: 10 mm}\n", "")
+    assert "response" not in plain
+    description = read(f"extends: base.yaml\n{over}", base=f"{plain}{base}\n")
+    assert len(description.responses) == count
+    assert (
+        len(
+            read(
+                f"extends: over.yaml\nname: last\n{over}", over="extends: base.yaml\n", base=f"{plain}{base}\n"
+            ).responses
+        )
+        == count
+    )
+
+
+@pytest.mark.parametrize(("first", "second"), [("response:", "responses: "), ("responses: null", "response: ")])
+def test_an_empty_response_is_none_without_a_base_too(read, sound, first, second):
+    stated = {"responses: ": LIST, "response: ": RESPONSE}[second]
+    plain = sound.replace("response: {at: tool, position: 10 mm}", f"{first}\n{second}{stated}")
+    assert read(plain).responses
+
+
+def test_both_in_one_document_are_still_a_fault(message, sound):
+    text = message(f"extends: base.yaml\nresponse: {RESPONSE}\nresponses: {LIST}\n", base=sound)
+    assert "the description has 'response' and 'responses'." in text
+
+
+@pytest.mark.parametrize(
+    ("base", "over", "lines"),
+    [("step: 2 Hz", "lines: 11", 11), ("lines: 11", "step: 2 Hz", 51), ("step: 2 Hz", "step: null, lines: 11", 11)],
+)
+def test_step_and_lines_displace_each_other(read, sound, base, over, lines):
+    assert (
+        len(read(f"extends: base.yaml\nfrequency: {{{over}}}", base=sound.replace("step: 2 Hz", base)).frequency)
+        == lines
+    )
+
+
+@pytest.mark.parametrize(
+    ("base", "over", "owners"),
+    [
+        ("", "response: {calibration: {mass: 3 g}}", {"response"}),
+        ("calibration: {mass: 5 g}\n", "response: {calibration: {mass: 3 g}}", {"response"}),
+        ("calibration: {mass: 5 g, gain: 1.1}\n", "response: {calibration: {mass: 3 g}}", {"response", "calibration"}),
+    ],
+)
+def test_the_chain_of_a_response_displaces_that_of_all(read, sound, base, over, owners):
+    description = read(f"extends: base.yaml\n{over}", base=base + sound)
+    assert {name for name, entry in description.calibrations.items() if entry.parameters} == owners
+    assert description.calibrations["response"].fixed["mass"] == 3e-3
+
+
+def test_the_chain_of_all_displaces_that_of_a_response(read, sound):
+    base = sound.replace(
+        "position: 10 mm}\nidentification", "position: 10 mm, calibration: {mass: 3 g}}\nidentification"
+    )
+    assert "3 g" in base
+    description = read("extends: base.yaml\ncalibration: {mass: 5 g}", base=base)
+    assert description.calibrations["calibration"].fixed["mass"] == 5e-3
+    assert "mass" not in description.calibrations.get("response", description.calibrations["calibration"]).ties
+    assert len(description.sensors) == 1
+
+
+def test_files_of_matrices_displace_an_archive_and_the_reverse(tmp_path):
+    import numpy as np
+    import scipy.io
+    import yaml
+
+    import dovetail
+
+    chain = 1e6 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    np.savez(tmp_path / "part.npz", M=np.eye(2), K=chain, nodes=["1", "2"], directions=["x", "x"])
+    for name, matrix in (("M", 2 * np.eye(2)), ("K", chain), ("D", 0.01 * chain)):
+        scipy.io.mmwrite(tmp_path / f"{name}.mtx", matrix)
+    (tmp_path / "dofs.csv").write_text("node,direction\n1,x\n2,x\n")
+    archive = {"model": "matrices", "file": "part.npz"}
+    files = {"model": "matrices", "mass": "M.mtx", "stiffness": "K.mtx", "dofs": "dofs.csv"}
+    whole = {
+        "dovetail": 1,
+        "name": "part",
+        "frequency": {"start": 1, "stop": 2, "lines": 2},
+        "response": {"at": "part", "position": "node 1"},
+    }
+
+    def load(base, over):
+        (tmp_path / "base.yaml").write_text(yaml.safe_dump({**whole, "substructures": {"part": base}}))
+        over = {key: value for key, value in over.items() if key != "model"}
+        (tmp_path / "over.yaml").write_text(yaml.safe_dump({"extends": "base.yaml", "substructures": {"part": over}}))
+        return dovetail.load(tmp_path / "over.yaml").description.substructures["part"].matrices()
+
+    assert load(archive, files).M[0, 0] == 2.0
+    assert load(files, archive).M[0, 0] == 1.0
+    assert load({**files, "loss_factor": 0.1}, {"structural_damping": "D.mtx"}).D[0, 0] == pytest.approx(1e4)
+    assert load({**files, "structural_damping": "D.mtx"}, {"loss_factor": 0.1}).D[0, 0] == pytest.approx(1e5)
+
+
+def test_the_source_of_a_joint_displaces_the_other_in_cases(tmp_path):
+    from dovetail.evaluation.cases import read_cases
+
+    case = "{assembly: a.yaml, measured: m.uff, joint: %s}"
+    fitted, result = "{assembly: b.yaml, measured: b.uff}", "{result: r}"
+    for base, over, expected in ((fitted, result, "r"), (result, fitted, None)):
+        (tmp_path / "base.yaml").write_text(f"dovetail_cases: 1\ncases: {{one: {case % base}}}\n")
+        (tmp_path / "over.yaml").write_text(f"extends: base.yaml\ncases: {{one: {{joint: {over}}}}}\n")
+        for name in ("a.yaml", "m.uff", "b.yaml", "b.uff", "r"):
+            (tmp_path / name).touch()
+        (read,) = read_cases(tmp_path / "over.yaml").cases
+        assert (read.joint.result.name if read.joint.result else None) == expected

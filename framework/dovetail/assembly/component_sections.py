@@ -9,8 +9,9 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from dovetail.documents.extends import settle_alternatives
 from dovetail.documents.fault_list import FaultList
-from dovetail.documents.tree import Mark, Path, format_value, replace_value
+from dovetail.documents.tree import Mark, Path, format_value, replace_item, replace_value
 from dovetail.documents.validation import validate
 from dovetail.errors import DovetailError, Fault, PluginError, listing
 from dovetail.interfaces import FileName, Kind
@@ -57,6 +58,10 @@ def build_component(
         return None
     label = f"{kind} model '{offer.component.name}' ({offer.source})"
     keys = ("model", *(key for key in reserved if key not in offer.component.Config.model_fields))
+    for choice in offer.component.Config.alternatives:
+        section = faults.root.at(path)
+        if section is not None and section.is_mapping:
+            faults.root = replace_item(faults.root, path, settle_alternatives(section, choice))
     if not locate_files(offer.component.Config, path, faults):
         return None
     config = validate(offer.component.Config, path, faults, label, reserved=keys, data={})

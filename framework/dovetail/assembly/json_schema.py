@@ -92,8 +92,8 @@ def _description() -> Schema:
         "frequency": {"anyOf": [{"$ref": "#/$defs/frequency"}, {"type": "array", "items": _QUANTITY, "minItems": 2}]},
         "substructures": {"type": "object", "additionalProperties": {"$ref": "#/$defs/substructure"}},
         "joints": {"type": "object", "additionalProperties": {"$ref": "#/$defs/joint"}},
-        "response": {"$ref": "#/$defs/response"},
-        "responses": {"type": "array", "items": {"$ref": "#/$defs/response"}, "minItems": 1},
+        "response": {"anyOf": [{"$ref": "#/$defs/response"}, {"type": "null"}]},
+        "responses": {"type": ["array", "null"], "items": {"$ref": "#/$defs/response"}, "minItems": 1},
         "calibration": {"$ref": "#/$defs/shared_calibration"},
         "identification": {"$ref": "#/$defs/identification"},
         "study": {"$ref": "#/$defs/study"},
@@ -106,7 +106,9 @@ def _description() -> Schema:
         "properties": properties,
         "required": ["dovetail", *required],
         "anyOf": [{"required": ["response"]}, {"required": ["responses"]}],
-        "dependentSchemas": {"response": {"properties": {"responses": False}}},
+        "dependentSchemas": {
+            "response": {"anyOf": [{"properties": {key: {"type": "null"}}} for key in ("response", "responses")]}
+        },
         "additionalProperties": False,
     }
 

@@ -32,9 +32,18 @@ INTERFACE_VERSION = 1
 
 
 class ComponentConfig(BaseModel):
-    """Base class of every component's options; they are frozen, and an unknown key is an error."""
+    """Base class of every component's options; they are frozen, and an unknown key is an error.
+
+    Attributes
+    ----------
+    alternatives : tuple of tuples of tuples of str
+        Class attribute: choices, each of groups of keys of which only one may be stated, such as
+        ``((("file",), ("mass", "stiffness")),)``. A description that states one displaces the others of a description
+        that it extends.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    alternatives: ClassVar[tuple[tuple[tuple[str, ...], ...], ...]] = ()
 
     def with_options(self, options: Mapping[str, Any]) -> Self:
         """Return the same options with some values replaced, which are not validated and may be arrays.

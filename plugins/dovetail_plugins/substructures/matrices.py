@@ -87,6 +87,10 @@ class Matrices(SubstructureModel):
             Relative error of the condensation, verified with exact lines; 0 for a factorisation at every frequency.
         """
 
+        alternatives = (
+            (("file",), ("mass", "stiffness", "damping", "structural_damping")),
+            (("loss_factor",), ("structural_damping",)),
+        )
         file: _OptionalFile = None
         mass: _OptionalFile = None
         stiffness: _OptionalFile = None
