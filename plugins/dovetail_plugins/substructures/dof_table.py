@@ -43,6 +43,13 @@ class DofTable:
     positions: NDArray[np.float64] | None
     where: str
 
+    def label(self, row: int) -> str:
+        """Return a row of the matrices, from 0, in words."""
+        named = np.flatnonzero(self.rows == row)
+        if not named.size:
+            return f"row {row + 1}"
+        return f"{self.directions[named[0]]} of node '{self.nodes[named[0]]}' (row {row + 1})"
+
     def checked(self, size: int) -> DofTable:
         """Return the table itself if it fits matrices with `size` rows.
 

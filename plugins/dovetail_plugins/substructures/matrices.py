@@ -21,6 +21,7 @@ from dovetail import (
     StructuralMatrices,
     SubstructureModel,
 )
+from dovetail_plugins.substructures.definiteness import check_definiteness
 from dovetail_plugins.substructures.dof_table import DofTable, read_dof_table, table_in
 from dovetail_plugins.substructures.matrix_files import matrix_in, read_archive, read_matrix_market, sound_matrix
 
@@ -29,6 +30,8 @@ __all__ = ["FileUnits", "Matrices"]
 _OptionalFile = Annotated[str | None, FileName()]
 _SMALL = 60
 """Number of DOFs up to which matrices are full, so that they are condensed for all frequencies at once."""
+_PLANE, _IN_SPACE = 2, 6
+"""Rigid-body motions of a bar that bends in a plane, as many as it has directions, and of a body in space."""
 _MATRICES = {"M": "mass", "K": "stiffness", "C": "damping", "D": "structural_damping"}
 """Names in an archive, and the options for separate files."""
 
@@ -124,8 +127,10 @@ class Matrices(SubstructureModel):
 
     def __init__(self, config: Config) -> None:
         super().__init__(config)
-        matrices, table = self._read()
+        matrices, table, where = self._read()
         self._labels, self._table = self._chosen(table), table
+        reached, motions = self._reached(matrices["K"].shape[0])
+        check_definiteness(matrices, where, table.label, reached, motions)
         self._matrices = self._arranged(matrices)
 
     @cached_property
@@ -149,8 +154,8 @@ class Matrices(SubstructureModel):
         """Name a DOF by its node and direction."""
         return f"node '{self._labels[dof // 2]}' {('x', 'rz')[dof % 2]}"
 
-    def _read(self) -> tuple[dict[str, Any], DofTable]:
-        """Return the checked matrices that are present, and the table of DOFs."""
+    def _read(self) -> tuple[dict[str, Any], DofTable, dict[str, Any]]:
+        """Return the matrices that are present, the table of DOFs, and the file of each matrix."""
         config, archive = self.config, {}
         if config.file:
             where = dict.fromkeys(_MATRICES, config.file)
@@ -174,7 +179,18 @@ class Matrices(SubstructureModel):
             raise DovetailError(
                 Fault(config.file, "there is no table of DOFs: no 'nodes', no 'directions'.", "", remedy)
             )
-        return matrices, table
+        return matrices, table, where
+
+    def _reached(self, size: int) -> tuple[list[int], int]:
+        """Return the rows of x and rz of the nodes, and the largest number of rigid-body motions of all DOFs."""
+        used = {str(option).lstrip("-") for option in (self.config.displacement, self.config.rotation)}
+        table = self._table
+        rows = zip(table.nodes, table.directions, table.rows, strict=True)
+        reached = [int(row) for node, direction, row in rows if direction in used and node in self._labels]
+        directions = set(table.directions)
+        if len(table.rows) < size or len(directions) > _PLANE:
+            return reached, min(size, _IN_SPACE)
+        return reached, min(size, _PLANE if directions <= used else _PLANE + 1)
 
     def _chosen(self, table: DofTable) -> tuple[str, ...]:
         """Return the nodes that have one of the two directions: all, or those of the option `nodes`."""

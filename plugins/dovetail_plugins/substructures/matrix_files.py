@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import re
 import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -91,7 +92,7 @@ def matrix_market_parts(path: Path, content: bytes) -> dict[str, Any]:
     from scipy.io import mminfo, mmread
 
     with _report_damage(path):
-        rows, columns, entries, layout, field, _ = mminfo(io.BytesIO(content))
+        rows, columns, entries, layout, field, symmetry = mminfo(io.BytesIO(content))
         if field not in ("real", "double", "integer", "unsigned-integer"):
             raise DovetailError(Fault(str(path), f"the file holds {field} entries.", "real numbers"))
         most = _LARGEST_DENSE if layout == "array" else _MOST_DOFS
@@ -100,8 +101,43 @@ def matrix_market_parts(path: Path, content: bytes) -> dict[str, Any]:
                 f"the file announces {entries} entries of a {rows} x {columns} matrix, more than it holds or may hold."
             )
             raise DovetailError(Fault(str(path), problem))
+        if layout == "coordinate" and symmetry == "symmetric":
+            return _parts("matrix", _symmetric(mmread(io.BytesIO(_as_general(content))), path), str(path))
         matrix = mmread(io.BytesIO(content))
         return {"matrix": matrix} if layout == "array" else _parts("matrix", matrix, str(path))
+
+
+def _as_general(content: bytes) -> bytes:
+    """Return a symmetric Matrix Market file as a general one, so that its entries are read as they are stored."""
+    header, rest = content.split(b"\n", 1)
+    return re.sub(rb"symmetric", b"general", header, flags=re.IGNORECASE) + b"\n" + rest
+
+
+def _symmetric(stored: Any, path: Path) -> Any:
+    """Return a symmetric matrix of which one half is stored or, against the format, both.
+
+    Raises
+    ------
+    DovetailError
+        The two halves differ where both hold entries.
+    """
+    from scipy.sparse import coo_array, diags_array, tril, triu
+
+    matrix = coo_array(stored).tocsr()  # entries that are stored twice are summed
+    lower, upper = tril(matrix, -1, format="csr"), triu(matrix, 1, format="csr").T.tocsr()
+    common = (abs(lower) > 0).multiply(abs(upper) > 0)
+    difference = abs(lower - upper).multiply(common).tocoo()
+    largest = abs(matrix).max() if matrix.nnz else 0.0
+    if difference.nnz and difference.max() > _ASYMMETRY * largest:
+        entry = int(np.argmax(difference.data))
+        row, column = int(difference.row[entry]), int(difference.col[entry])
+        problem = (
+            f"the file says that it is symmetric and stores both halves, which differ: the entry ({row + 1}, "
+            f"{column + 1}) is {matrix[row, column]:g}, ({column + 1}, {row + 1}) is {matrix[column, row]:g}."
+        )
+        raise DovetailError(Fault(str(path), problem, "one half, or two that are equal"))
+    half = lower + upper - upper.multiply(common)
+    return half + half.T + diags_array(matrix.diagonal(), format="csr")
 
 
 def _parts(name: str, matrix: Any, where: str) -> dict[str, Any]:
