@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,8 +15,11 @@ __all__ = ["check_definiteness"]
 
 _FEW = 400
 """DOFs up to which all eigenvalues are computed; signs of pivots are counted beyond."""
-_MOST = 300_000
-"""DOFs beyond which a factorisation may not fit into memory: only pairs of DOFs are checked then."""
+_WORK = 2e9
+"""Size times squared bandwidth up to which a matrix is factorised, which takes seconds: a chain of a million DOFs, a
+solid of twenty thousand. Beyond, Lanczos steps look for negative motions and zero modes are not counted."""
+_STEPS = 150
+"""Lanczos steps; a wrong sign or a doubled coupling is a local fault, and its eigenvalue is found in ten to fifty."""
 _ROUNDED = 1e-5
 """Negative eigenvalue of a matrix with a diagonal of 1 that may be due to entries printed with six digits."""
 _ZERO = 1e-13
@@ -113,16 +116,59 @@ def _unit_diagonal(part: Any, bodies: NDArray[np.intp], rows: NDArray[np.intp]) 
 
 def _negative(scaled: Any, rows: NDArray[np.intp]) -> _Negative | None:
     """Return a motion in which a matrix with a diagonal of 1 is negative beyond rounding, or None."""
-    if not len(rows) or len(rows) > _MOST:
+    if not len(rows):
         return None
-    if len(rows) <= _FEW:
+    if len(rows) > _FEW and _is_cheap(scaled):
+        pivots, order = _pivots(scaled, _ROUNDED)
+        below = np.flatnonzero(pivots < 0)
+        return _Negative(int(rows[order[below[0]]]), float(pivots[below[0]])) if below.size else None
+    if len(rows) > _FEW:
+        least, motion = _lanczos(scaled)
+    else:
         values, vectors = np.linalg.eigh(scaled.toarray())
-        if values[0] >= -_ROUNDED:
-            return None
-        return _Negative(int(rows[np.argmax(np.abs(vectors[:, 0]))]), float(values[0]))
-    pivots, order = _pivots(scaled, _ROUNDED)
-    below = np.flatnonzero(pivots < 0)
-    return _Negative(int(rows[order[below[0]]]), float(pivots[below[0]])) if below.size else None
+        least, motion = float(values[0]), vectors[:, 0]
+    return _Negative(int(rows[np.argmax(np.abs(motion))]), least) if least < -_ROUNDED else None
+
+
+def _is_cheap(scaled: Any) -> bool:
+    """Return whether a matrix can be factorised in seconds."""
+    from scipy.sparse.csgraph import reverse_cuthill_mckee
+
+    place = np.empty(scaled.shape[0], dtype=np.intp)
+    place[reverse_cuthill_mckee(scaled, symmetric_mode=True)] = np.arange(len(place))
+    entries = scaled.tocoo()
+    bandwidth = float(np.max(np.abs(place[entries.row] - place[entries.col]), initial=0))
+    return len(place) * (1.0 + bandwidth) ** 2 <= _WORK
+
+
+def _lanczos(scaled: Any) -> tuple[float, NDArray[np.float64]]:
+    """Return an upper bound of the smallest eigenvalue, and the motion that gives it.
+
+    By the three-term recursion without reorthogonalisation: copies of eigenvalues that it finds again do no harm.
+    """
+    from scipy.linalg import eigh_tridiagonal
+
+    start = np.random.default_rng(0).standard_normal(scaled.shape[0])
+    start /= np.linalg.norm(start)
+
+    def steps() -> Iterator[tuple[NDArray[np.float64], float, float]]:
+        before, vector, beta = np.zeros_like(start), start, 0.0
+        for _ in range(_STEPS):
+            product = scaled @ vector - beta * before
+            alpha = float(vector @ product)
+            product -= alpha * vector
+            beta = float(np.linalg.norm(product))
+            yield vector, alpha, beta
+            if beta <= np.finfo(float).eps:
+                return
+            before, vector = vector, product / beta
+
+    alphas, betas = np.array([(alpha, beta) for _, alpha, beta in steps()]).T
+    values, vectors = eigh_tridiagonal(alphas, betas[:-1], select="i", select_range=(0, 0))
+    motion = np.zeros_like(start)
+    for weight, (vector, _, _) in zip(vectors[:, 0], steps(), strict=True):
+        motion += weight * vector
+    return float(values[0]), motion
 
 
 def _pivots(scaled: Any, shift: float) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
@@ -172,7 +218,6 @@ def _check_mechanism(
     """Raise an error if what can be reached has more motions without stiffness than a body."""
     from scipy.sparse.csgraph import connected_components
 
-    size = K.shape[0]
     _, group = connected_components(abs(M) + abs(K), directed=False)
     inside = np.isin(group, group[np.fromiter(reached, dtype=np.intp)])
     bodies = np.flatnonzero(inside & ~ties)
@@ -180,8 +225,6 @@ def _check_mechanism(
     stiff = np.asarray(abs(tied).sum(axis=0)).ravel() > 0
     loose = bodies[~stiff & (np.asarray(abs(M).sum(axis=0)).ravel()[bodies] > 0)]
     scaled, _ = _unit_diagonal(tied, bodies, bodies[stiff])
-    if size > _MOST:
-        return
     count, dof = _zero_modes(scaled, bodies[stiff])
     if count + len(loose) > allowed:
         dof = int(loose[0]) if len(loose) else dof
@@ -202,6 +245,8 @@ def _zero_modes(scaled: Any, rows: NDArray[np.intp]) -> tuple[int, int]:
         count = int(np.count_nonzero(values < _ZERO))
         moving = (vectors[:, :count] ** 2).sum(axis=1)
         return count, int(rows[np.argmax(moving)])
+    if not _is_cheap(scaled):
+        return 0, -1
     pivots, order = _pivots(scaled, -_ZERO)
     below = np.flatnonzero(pivots < 0)
     return len(below), int(rows[order[below[0]]]) if below.size else -1
