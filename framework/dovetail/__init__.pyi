@@ -4,6 +4,7 @@
 from .assembly import Assembly as Assembly
 from .assembly import description_schema as description_schema
 from .assembly import find_doubts as find_doubts
+from .assembly import find_omissions as find_omissions
 from .assembly import load as load
 from .atomic_files import read_bounded as read_bounded
 from .coupling import ReceptanceMatrix as ReceptanceMatrix
@@ -85,6 +86,7 @@ from .interfaces import IdentificationMethod as IdentificationMethod
 from .interfaces import IdentificationProblem as IdentificationProblem
 from .interfaces import JointModel as JointModel
 from .interfaces import Node as Node
+from .interfaces import Omission as Omission
 from .interfaces import Parameter as Parameter
 from .interfaces import Port as Port
 from .interfaces import Progress as Progress

@@ -6,6 +6,7 @@ from dovetail.assembly.doubts import find_doubts
 from dovetail.assembly.json_schema import description_schema
 from dovetail.assembly.loading import AssemblySource, as_assembly, load
 from dovetail.assembly.natural_frequencies import natural_in_band
+from dovetail.assembly.omissions import find_omissions
 from dovetail.assembly.parameters import ParameterSpace, Theta
 from dovetail.assembly.regression_check import FRF_TOLERANCE, largest_frf_difference
 from dovetail.assembly.sections import AugmentationSection
@@ -25,6 +26,7 @@ __all__ = [
     "as_assembly",
     "description_schema",
     "find_doubts",
+    "find_omissions",
     "fingerprint",
     "largest_frf_difference",
     "load",

@@ -63,7 +63,7 @@ _NORMAL = {"linear": "normal", "log": "log-normal"}
 
 
 def _summary(assembly: Assembly) -> dict[str, Any]:
-    from dovetail.assembly import find_doubts
+    from dovetail.assembly import find_doubts, find_omissions
 
     description, graph = assembly.description, assembly.graph
     frequency = assembly.frequency
@@ -96,6 +96,7 @@ def _summary(assembly: Assembly) -> dict[str, Any]:
         "frequency": {"first": float(frequency[0]), "last": float(frequency[-1]), "lines": len(frequency)},
         "natural_frequencies": natural,
         "without_natural_frequencies": reason,
+        "omissions": list(find_omissions(assembly)),
         "doubts": list(find_doubts(assembly)),
     }
 
@@ -147,6 +148,10 @@ def _print(assembly: Assembly, summary: dict[str, Any]) -> None:
         table(["parameter", "value"], [(p["name"], format_quantity(p["value"], p["unit"])) for p in summary["fixed"]])
     heading("Natural frequencies in the middle of the ranges")
     say_natural_frequencies(summary["natural_frequencies"], summary["without_natural_frequencies"])
+    if summary["omissions"]:
+        heading("What the model leaves out")
+        for omission in summary["omissions"]:
+            say(omission)
     if summary["doubts"]:
         heading("What looks wrong")
         for doubt in summary["doubts"]:

@@ -12,7 +12,7 @@ from dovetail.interfaces.component import (
 from dovetail.interfaces.context import FeatureContext, fit_in_context, takes_context
 from dovetail.interfaces.declarations import joint_faults, node_faults, parameter_faults, port_faults
 from dovetail.interfaces.file_name import FileName
-from dovetail.interfaces.joint import JointModel, Parameter, Port, Prior, Scale
+from dovetail.interfaces.joint import JointModel, Omission, Parameter, Port, Prior, Scale
 from dovetail.interfaces.matrices import DIRECTIONS, StructuralMatrices
 from dovetail.interfaces.method import Estimate, IdentificationMethod, IdentificationProblem
 from dovetail.interfaces.option_schema import option_schema
@@ -42,6 +42,7 @@ __all__ = [
     "JointModel",
     "Kind",
     "Node",
+    "Omission",
     "Parameter",
     "Port",
     "Prior",

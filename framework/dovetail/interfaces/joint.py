@@ -18,8 +18,9 @@ from dovetail.errors import Fault, PluginError, listing
 from dovetail.interfaces.component import Component, Kind
 from dovetail.interfaces.differentiation import Differentiation, differences
 from dovetail.interfaces.matrices import DIRECTIONS, StructuralMatrices
+from dovetail.interfaces.substructure import SubstructureModel
 
-__all__ = ["JointModel", "Parameter", "Port", "Prior", "Scale"]
+__all__ = ["JointModel", "Omission", "Parameter", "Port", "Prior", "Scale"]
 
 Scale = Literal["linear", "log"]
 Prior = Literal["uniform", "normal"]
@@ -183,6 +184,22 @@ class Port:
             raise PluginError(Fault(where, problem, accepted))
 
 
+@dataclass(frozen=True, eq=False)
+class Omission:
+    """A stiffness that a joint's model leaves out.
+
+    Parameters
+    ----------
+    problem : str
+        What is left out, as a sentence.
+    stiffness : (d, d) array or None
+        The most that it can be, over the local DOFs of the joint's ports [N/m, N, N m]; None if that is not known.
+    """
+
+    problem: str
+    stiffness: NDArray[np.float64] | None = None
+
+
 class JointModel(Component):
     """A connection with parameters to identify.
 
@@ -241,6 +258,24 @@ class JointModel(Component):
             raise NotImplementedError(f"joint model '{self.name}' does not say which of its DOFs meet.")
         half = len(DIRECTIONS) * self.ports[0].nodes
         return tuple((dof, half + dof) for dof in range(half))
+
+    def omission(
+        self,
+        parts: Sequence[SubstructureModel],  # noqa: ARG002
+        nodes: Sequence[Sequence[int]],  # noqa: ARG002
+    ) -> Omission | None:
+        """Return a stiffness that the model leaves out between these parts, or None, the default.
+
+        ``dovetail check`` shows how much it would change the natural frequencies.
+
+        Parameters
+        ----------
+        parts : sequence of SubstructureModel
+            The part at each port, in the order of the ports.
+        nodes : sequence of sequences of int
+            Its nodes there.
+        """
+        return None
 
     def range_objections(self, lower: Mapping[str, float], upper: Mapping[str, float]) -> Mapping[str, str]:
         """Return objections to ranges that hold impossible values.

@@ -10,7 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from dovetail import ComponentConfig, InUnit, JointModel, Parameter, Port, StructuralMatrices
+from dovetail import (
+    ComponentConfig,
+    InUnit,
+    JointModel,
+    Omission,
+    Parameter,
+    Port,
+    StructuralMatrices,
+    SubstructureModel,
+)
+from dovetail_plugins.substructures.timoshenko_beam import TimoshenkoBeam
 
 __all__ = ["Bolted", "Preload"]
 
@@ -48,6 +58,11 @@ class Bolted(JointModel):
     nodes. With `preload`, kt and kr are those at the reference tension, so that a joint identified at one
     tension can be predicted at another. Micro-slip, the growth of damping with amplitude, an uneven pressure under the
     bolt's head and the offset of the two mid-planes are not modelled.
+
+    Nothing resists the sliding of the faces on each other, since parts have no axial motion: kr acts on the difference
+    of two rotations. However stiff its springs, the lap of two equal bars bends with at most a quarter of the stiffness
+    of a solid bar of their height. ``dovetail check`` shows the natural frequencies with free and with no sliding;
+    those of the structure lie between. ``dovetail check assemblies/bolted_lap_beam.yaml``: 448.1 and 481.8 Hz, 7.5 %.
     """
 
     name = "bolted"
@@ -101,6 +116,32 @@ class Bolted(JointModel):
             for dof, share in self._bolt():
                 joint.M[:, dof, dof] += share * theta[:, 4]
         return joint
+
+    def omission(self, parts: Sequence[SubstructureModel], nodes: Sequence[Sequence[int]]) -> Omission | None:
+        """Return the bending stiffness of faces that cannot slide, over that of faces that slide freely.
+
+        Bent together, two bars of heights h1 and h2 stretch and shrink at their faces by (h1 rz1 + h2 rz2) / 2 between
+        two sections. If the faces do not slide, the bars themselves have to stretch by that, against
+        E1 A1 E2 A2 / (E1 A1 + E2 A2).
+        """
+        if self.config.nodes < 2:
+            return None
+        problem = "nothing in the model resists the sliding of the two faces, since parts have no axial motion."
+        if not all(isinstance(part, TimoshenkoBeam) for part in parts):
+            return Omission(problem)
+        count = int(self.config.nodes)
+        K = np.zeros((4 * count, 4 * count))
+        for first in range(count - 1):
+            stretch = np.zeros(4 * count)
+            axial = np.empty(2)
+            for side, (part, at) in enumerate(zip(parts, nodes, strict=True)):
+                ends = [part.nodes[at[first + end]].position for end in (0, 1)]
+                axial[side], height = part.stretch_at(sum(ends) / 2.0)
+                for end, sign in ((0, -0.5), (1, 0.5)):
+                    stretch[2 * (side * count + first + end) + 1] = sign * height
+                length = abs(ends[1] - ends[0])
+            K += axial.prod() / axial.sum() / length * np.outer(stretch, stretch)
+        return Omission(problem, K)
 
     def _tightness(self) -> float:
         preload = self.config.preload

@@ -16,7 +16,11 @@ __all__ = ["Rigid"]
 
 
 class Rigid(JointModel):
-    """Facing nodes share displacement and rotation, or only the displacement (a hinge)."""
+    """Facing nodes share displacement and rotation, or only the displacement (a hinge).
+
+    Two bars that lie on each other and are joined at several nodes bend with the sum of their own stiffnesses: nothing
+    resists the sliding of their faces, see `bolted`.
+    """
 
     name = "rigid"
     summary = "Rigid connection or hinge: facing nodes share their DOFs"

@@ -165,6 +165,20 @@ class TimoshenkoBeam(SubstructureModel):
                 start += step
         return pieces
 
+    def stretch_at(self, position: float) -> tuple[float, float]:
+        """Return the axial stiffness E A [N] at a position [m], and the size in the direction of x [m] there."""
+        start = 0.0
+        for section in self.config.sections:
+            step = section.length / section.elements
+            element = int((position - start) / step)
+            if element < section.elements or section is self.config.sections[-1]:
+                element = min(max(element, 0), section.elements - 1)
+                area = section.cross_section(self.config.material.poisson).area
+                outer, _ = section.diameters()
+                return float(self.config.material.young * area[element]), float(outer[element])
+            start += section.length
+        raise AssertionError("a beam has a section")
+
     def matrices(self) -> StructuralMatrices:
         """Return the (d, d) matrices of the free beam, d = 2 (n_elements + 1)."""
         material, sections = self.config.material, list[tuple[ArrayLike, ...]]()
