@@ -282,3 +282,54 @@ def test_two_joints_that_place_a_part_differently_are_doubted():
         connect = {"a": {"to": "left", "at": "150 mm"}, "b": {"to": "right", "at": f"{place} mm"}}
         joints = {**description["joints"], "spring": {**spring, "connect": connect}}
         assert ("10 mm away along 'left'" in doubts({**description, "joints": joints})) == doubted
+
+
+@pytest.mark.parametrize("reverse", [False, True])
+def test_an_unknown_length_that_moves_facing_nodes_apart_is_doubted(reverse):
+    outside = {"length": {"range": ["150 mm", "170 mm"]}, "outer": "20 mm", "elements": 8}
+    inside = {"length": "40 mm", "outer": "20 mm", "elements": 4}
+    unknown = {**inside, "length": {"range": ["38 mm", "42 mm"]}}
+    labels = [f"n{node}" for node in ((5, 4, 3, 2, 1) if reverse else (9, 10, 11, 12, 13))]
+    for lap, doubted in ((inside, False), (unknown, True)):
+        left = beam(reversed=reverse)
+        left["sections"] = [lap, outside] if reverse else [outside, lap]
+        description = joined("bolted", labels, [0, 10, 20, 30, 40], {"left": left, "right": beam()})
+        description["response"]["position"] = "n1"
+        found = doubts(description)
+        assert ("a section of its own that is known" in found) == doubted, found
+        assert ("left.sections." in found) == doubted
+
+
+def test_tied_lengths_of_both_sides_move_together():
+    unknown = {"length": {"range": ["38 mm", "42 mm"]}, "outer": "20 mm", "elements": 4}
+    tied = {**unknown, "length": {"same_as": "left.sections.1.length"}}
+    outside = {"length": "160 mm", "outer": "20 mm", "elements": 8}
+    left, right = beam(), beam()
+    left["sections"], right["sections"] = [outside, unknown], [tied, outside]
+    labels = [f"n{node}" for node in range(1, 14)]
+    assert "a section of its own" not in doubts(
+        joined("bolted", labels[8:], labels[:5], {"left": left, "right": right})
+    )
+
+
+@pytest.mark.parametrize(
+    "positions", [(0.0,), (0.0, 0.0), (0.02, 0.0), (0.0, float("nan")), [0.0, 0.1], (0.0, "1"), (False, True), 0.1]
+)
+def test_positions_of_a_port_are_increasing_numbers_one_for_each_node(positions):
+    with pytest.raises(dovetail.PluginError, match="its positions are"):
+        dovetail.Port("a", 2, positions)
+
+
+@pytest.mark.parametrize(
+    "pairs", ["(('a', 'c'),)", "(('a',),)", "(('a', 'a'),)", "'ab'", "None", "((1, 2),)", "1 / 0", "(('a', 'single'),)"]
+)
+def test_facing_ports_that_a_plugin_does_not_have_are_its_fault(pairs, tmp_path):
+    text = PLUGIN.replace(
+        "    facing_ports = ()", f"    @property\n    def facing_ports(self):\n        return {pairs}"
+    )
+    text = text.replace("[Sleeve, Glue, Truss]", "[Truss]")
+    (tmp_path / "wrong.py").write_text(text)
+    truss = {"model": "truss"}, ("a", "b"), ()
+    with pytest.raises(DescriptionError, match="facing_ports") as raised:
+        dovetail.load(joined(truss, [0, 10, 20, 30], [0, 10, 20, 30]), plugins=[tmp_path / "wrong.py"])
+    assert "wrong.py" in str(raised.value)

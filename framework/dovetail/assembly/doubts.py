@@ -60,7 +60,7 @@ def find_doubts(assembly: Assembly) -> tuple[str, ...]:
                 problem = f"its doubts are {problems!r:.60}."
                 raise PluginError(Fault(f"substructure '{name}' ({part.name})", problem, "a list of sentences"))
             doubts += [f"substructures.{name}: {problem}" for problem in problems]
-    doubts += placement_doubts(assembly.description)
+    doubts += placement_doubts(assembly)
     return (*doubts, *_of_band(assembly))
 
 

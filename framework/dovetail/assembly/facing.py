@@ -18,7 +18,7 @@ from dovetail.interfaces import JointModel, Port, SubstructureModel
 from dovetail.synthesis import Attachment, Connection
 from dovetail.units import format_quantity
 
-__all__ = ["Side", "check_facing", "has_positions", "sides_of"]
+__all__ = ["Side", "check_facing", "facing_faults", "has_positions", "sides_of"]
 
 _ROUNDING = 1e-3
 """Difference of two distances, over the span of the port, that positions rounded to three digits may have."""
@@ -99,6 +99,18 @@ def check_facing(path: Path, model: JointModel, sides: Mapping[str, Side], fault
         By the names of the ports.
     faults : FaultList
     """
+    for port, problem, remedy in facing_faults(model, sides):
+        faults.add((*path, "connect", port, "at"), problem, remedy=remedy)
+
+
+def facing_faults(model: JointModel, sides: Mapping[str, Side]) -> Iterator[tuple[str, str, str]]:
+    """Yield the port, the problem and the remedy of each fault that `check_facing` reports.
+
+    Parameters
+    ----------
+    model : JointModel
+    sides : mapping of str to Side
+    """
     comparable = {name: side for name, side in sides.items() if len(side.nodes) > 1 and has_positions(side.model)}
     facing = [pair for pair in model.facing_ports if sides[pair[0]].part != sides[pair[1]].part]  # a ring may close
     faced = {name for pair in facing for name in pair}
@@ -109,16 +121,16 @@ def check_facing(path: Path, model: JointModel, sides: Mapping[str, Side], fault
         if declared and not problem:
             problem, remedy = _against_model(model, side, np.array(declared))
         same = remedy, np.diff(side.positions).round(9).tobytes()
-        if problem and same not in reported:  # a wrong length in the joint's section has both sides wrong alike
-            faults.add((*path, "connect", name, "at"), problem, remedy=remedy)
+        if problem and same not in reported:  # a wrong length in the joint's section makes both sides wrong
+            yield name, problem, remedy
         refused |= {name} if problem else set()
         reported |= {same} if problem else set()
-    for pair in (*facing, *_declared_pairs(model)):
-        if {*pair} <= comparable.keys() - refused:
-            problem, remedy = _mismatch(comparable[pair[0]], comparable[pair[1]])
+    for first, second in (*facing, *_declared_pairs(model)):
+        if {first, second} <= comparable.keys() - refused:
+            problem, remedy = _mismatch(comparable[first], comparable[second])
             if problem:
-                refused.add(pair[1])
-                faults.add((*path, "connect", pair[1], "at"), problem, remedy=remedy)
+                refused.add(second)
+                yield second, problem, remedy
 
 
 def _declared_pairs(model: JointModel) -> list[tuple[str, str]]:

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
+from dovetail.assembly.assembly import Assembly
 from dovetail.assembly.description import Description, JointEntry
-from dovetail.assembly.facing import Side, has_positions, sides_of
-from dovetail.interfaces import DIRECTIONS, JointModel
+from dovetail.assembly.facing import Side, facing_faults, has_positions, sides_of
+from dovetail.assembly.unknown_parts import UnknownPart
+from dovetail.interfaces import DIRECTIONS, JointModel, SubstructureModel
 from dovetail.synthesis.joint_evaluation import depends_on_frequency, joint_matrices
 from dovetail.units import format_quantity
 
@@ -19,20 +23,22 @@ _SLIGHT = 1e-3
 """Share of a part's length within which a joint is at its end."""
 
 
-def placement_doubts(description: Description) -> Iterator[str]:
+def placement_doubts(assembly: Assembly) -> Iterator[str]:
     """Yield what looks wrong with where joints place parts, or could not be compared.
 
     Parameters
     ----------
-    description : Description
-        Without faults: facing nodes that have positions lie at the same places.
+    assembly : Assembly
+        Facing nodes that have positions lie at the same places in the middle of the ranges.
 
     Yields
     ------
     str
         Nodes without positions; two parts that extend from their joint to the same side, as they do if one of them is
-        described from its other end; and two joints of the same parts that place them differently.
+        described from its other end; two joints of the same parts that place them differently; and unknown lengths
+        that move nodes away from those that they face.
     """
+    description = assembly.description
     pairs: dict[tuple[str, str], list[tuple[str, float]]] = {}
     for name, joint in description.joints.items():
         sides = sides_of(joint.connection, description.substructures, description.reversed_parts)
@@ -45,8 +51,43 @@ def placement_doubts(description: Description) -> Iterator[str]:
                 pairs.setdefault((parts[0], parts[1]), []).append((name, offset if parts[0] == side.part else -offset))
                 if len(side.nodes) > 1 or _holds_rotations(name, joint):
                     yield from _on_one_side(name, side, other)
-    for (part, other_part), places in pairs.items():
-        yield from _placed_differently(description, part, other_part, places)
+    for (part, other_part), offsets in pairs.items():
+        yield from _placed_differently(description, part, other_part, offsets)
+    yield from _moved_apart(assembly)
+
+
+def _moved_apart(assembly: Assembly) -> Iterator[str]:
+    """Yield the doubt about unknown lengths that change the distances of the nodes of a joint, once a joint."""
+    description, doubted = assembly.description, set[str]()
+    for column, parameter in enumerate(assembly.parameters):
+        if parameter.unit != "m":
+            continue
+        for end in (0.0, 1.0):
+            fraction = np.full(len(assembly.parameters), 0.5)
+            fraction[column] = end
+            moved = _parts_at(assembly, fraction)
+            for name, joint in description.joints.items():
+                sides = sides_of(joint.connection, {**description.substructures, **moved}, description.reversed_parts)
+                fault = next(facing_faults(joint.connection.model, sides), None)
+                if fault is not None and name not in doubted:
+                    doubted.add(name)
+                    value = format_quantity(parameter.lower if end == 0.0 else parameter.upper, "m")
+                    yield (
+                        f"joints.{name}: with {parameter.name} at {value} {fault[1]} Give the length within the joint "
+                        "a section of its own that is known."
+                    )
+
+
+def _parts_at(assembly: Assembly, fraction: NDArray[np.float64]) -> dict[str, SubstructureModel]:
+    """Return the parts with unknown options for fractions of the ranges (n_params,), by their names."""
+    values, moved = assembly.by_joint(assembly.from_unit(fraction)), dict[str, SubstructureModel]()
+    for name, entry in assembly.description.unknown_parts.items():
+        model = entry.connection.model
+        if isinstance(model, UnknownPart) and name in values:
+            options = dict(zip([p.name for p in model.parameters], values[name].tolist(), strict=True))
+            with suppress(ValueError):  # options that the part cannot have are refused elsewhere
+                moved[name] = model.made_with(options)
+    return moved
 
 
 def _without_positions(name: str, model: JointModel, sides: dict[str, Side]) -> Iterator[str]:
@@ -97,13 +138,13 @@ def _holds_rotations(name: str, joint: JointEntry) -> bool:
 
 
 def _placed_differently(
-    description: Description, part: str, other: str, places: list[tuple[str, float]]
+    description: Description, part: str, other: str, offsets: list[tuple[str, float]]
 ) -> Iterator[str]:
     """Yield the doubt about joints between the same two parts that place one at different positions of the other."""
     lengths = [
         float(np.ptp([node.position for node in description.substructures[name].nodes])) for name in (part, other)
     ]
-    for (first, offset), (second, other_offset) in combinations(places, 2):
+    for (first, offset), (second, other_offset) in combinations(offsets, 2):
         apart = abs(offset - other_offset)
         if apart > 1e-9 + _SLIGHT * min(lengths):
             yield (

@@ -261,7 +261,7 @@ class JointModel(Component):
 
     def omission(
         self,
-        parts: Sequence[SubstructureModel],  # noqa: ARG002
+        substructures: Sequence[SubstructureModel],  # noqa: ARG002
         nodes: Sequence[Sequence[int]],  # noqa: ARG002
     ) -> Omission | None:
         """Return a stiffness that the model leaves out between these parts, or None, the default.
@@ -270,7 +270,7 @@ class JointModel(Component):
 
         Parameters
         ----------
-        parts : sequence of SubstructureModel
+        substructures : sequence of SubstructureModel
             The part at each port, in the order of the ports.
         nodes : sequence of sequences of int
             Its nodes there.

@@ -117,7 +117,7 @@ class Bolted(JointModel):
                 joint.M[:, dof, dof] += share * theta[:, 4]
         return joint
 
-    def omission(self, parts: Sequence[SubstructureModel], nodes: Sequence[Sequence[int]]) -> Omission | None:
+    def omission(self, substructures: Sequence[SubstructureModel], nodes: Sequence[Sequence[int]]) -> Omission | None:
         """Return the bending stiffness of faces that cannot slide, over that of faces that slide freely.
 
         Bent together, two bars of heights h1 and h2 stretch and shrink at their faces by (h1 rz1 + h2 rz2) / 2 between
@@ -127,19 +127,18 @@ class Bolted(JointModel):
         if self.config.nodes < 2:
             return None
         problem = "nothing in the model resists the sliding of the two faces, since parts have no axial motion."
-        if not all(isinstance(part, TimoshenkoBeam) for part in parts):
+        beams = [beam for beam in substructures if isinstance(beam, TimoshenkoBeam)]
+        if len(beams) < len(substructures):
             return Omission(problem)
         count = int(self.config.nodes)
         K = np.zeros((4 * count, 4 * count))
         for first in range(count - 1):
-            stretch = np.zeros(4 * count)
-            axial = np.empty(2)
-            for side, (part, at) in enumerate(zip(parts, nodes, strict=True)):
-                ends = [part.nodes[at[first + end]].position for end in (0, 1)]
-                axial[side], height = part.stretch_at(sum(ends) / 2.0)
-                for end, sign in ((0, -0.5), (1, 0.5)):
-                    stretch[2 * (side * count + first + end) + 1] = sign * height
-                length = abs(ends[1] - ends[0])
+            stretch, axial, length = np.zeros(4 * count), np.empty(2), 0.0
+            for side, (beam, at) in enumerate(zip(beams, nodes, strict=True)):
+                start, stop = (beam.nodes[at[node]].position for node in (first, first + 1))
+                axial[side], height = beam.stretch_at((start + stop) / 2.0)
+                dof, length = 2 * (side * count + first) + 1, abs(stop - start)
+                stretch[[dof, dof + 2]] = -height / 2.0, height / 2.0
             K += axial.prod() / axial.sum() / length * np.outer(stretch, stretch)
         return Omission(problem, K)
 
