@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import dovetail
+from dovetail.assembly import description_schema
 from dovetail.errors import DescriptionError
+from dovetail.registry import components
 
 STEEL = {"young": "200 GPa", "density": "7850 kg/m^3"}
 PLUGIN = '''
@@ -333,3 +336,68 @@ def test_facing_ports_that_a_plugin_does_not_have_are_its_fault(pairs, tmp_path)
     with pytest.raises(DescriptionError, match="facing_ports") as raised:
         dovetail.load(joined(truss, [0, 10, 20, 30], [0, 10, 20, 30]), plugins=[tmp_path / "wrong.py"])
     assert "wrong.py" in str(raised.value)
+
+
+ASSEMBLIES = Path(__file__).resolve().parents[2] / "assemblies"
+TURNED = """
+substructures:
+  right:
+    {key}sections:
+      - {{length: 110 mm, width: 40 mm, height: 8 mm, elements: 22}}
+      - {{length: 40 mm, width: 40 mm, height: 8 mm, elements: 8}}
+joints: {{lap: {{connect: {{b: {{to: right, at: [150 mm, 140 mm, 130 mm, 120 mm, 110 mm]}}}}}}}}
+"""
+
+
+def extended(tmp_path, base, text):
+    file = tmp_path / "over.yaml"
+    file.write_text(f"extends: {ASSEMBLIES / base}\n{text}")
+    return dovetail.load(file)
+
+
+def test_the_shipped_lap_with_a_bar_from_its_other_end_is_refused_or_the_same_when_reversed(tmp_path):
+    with pytest.raises(
+        DescriptionError, match="run from 150 mm to 110 mm, and those of 'left' that they face from 150 mm"
+    ):
+        extended(tmp_path, "bolted_lap_beam.yaml", TURNED.format(key=""))
+    reversed_bar = extended(tmp_path, "bolted_lap_beam.yaml", TURNED.format(key="reversed: true\n    "))
+    shipped = dovetail.load(ASSEMBLIES / "bolted_lap_beam.yaml")
+    np.testing.assert_allclose(reversed_bar.frf(), shipped.frf(), rtol=1e-9)
+    np.testing.assert_allclose(reversed_bar.natural_frequencies(count=2), [448.1, 1247.8], rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("base", "text", "said"),
+    [
+        ("shaft_hub.yaml", "joints: {fit: {length: 10 mm}}", "is 40 mm from the first one"),
+        (
+            "bt40_er32.yaml",
+            "joints: {collet: {connect: {tool: {at: [100 mm, 90 mm, 80 mm]}}}}",
+            "run from 100 mm to 80 mm, against the axis of the joint model 'collet', on which they lie from 0",
+        ),
+        (
+            "bolted_lap_beam.yaml",
+            "joints: {lap: {connect: {b: {at: [0 mm, 20 mm, 10 mm, 30 mm, 40 mm]}}}}",
+            "10 mm comes after 20 mm",
+        ),
+        (
+            "bolted_lap_beam.yaml",
+            "joints: {lap: {connect: {b: {at: [0 mm, 5 mm, 10 mm, 15 mm, 20 mm]}}}}",
+            "at 20 mm is 20 mm from the first one, at 0 mm; the node of 'left' that it faces, at 190 mm, is 40 mm",
+        ),
+    ],
+)
+def test_wrong_nodes_of_shipped_assemblies_are_refused(base, text, said, tmp_path):
+    with pytest.raises(DescriptionError) as raised:
+        extended(tmp_path, base, text)
+    assert said in raised.value.faults[0].problem
+
+
+def test_an_editor_knows_the_key_reversed():
+    import jsonschema
+
+    validator = jsonschema.Draft202012Validator(description_schema(components(())))
+    left, right = at_ends("bolted")
+    for value, sound in ((True, True), (False, True), (1, False), ("yes", False)):
+        description = joined("bolted", left, right, {"left": beam(), "right": beam(reversed=value)})
+        assert validator.is_valid(description) == sound
