@@ -389,20 +389,40 @@ def test_stiffness_between_dofs_that_become_one_leaves_no_spring_to_the_ground()
     np.testing.assert_allclose(computed, expected[:4], rtol=1e-8)
 
 
+TWO_UNITS = """
+import numpy as np
+
+from dovetail import Node, StructuralMatrices, SubstructureModel, hookimpl
+
+
+class TwoUnits(SubstructureModel):
+    name = "two_units"
+    summary = "a part that no imported matrices may be, since it is not positive semidefinite"
+    nodes = (Node("n", 0.0),)
+
+    def matrices(self):
+        return StructuralMatrices(np.zeros((2, 2)), np.array([[1e14, 1e12], [1e12, 1.0]]))
+
+
+@hookimpl
+def dovetail_components():
+    return [TwoUnits]
+"""
+
+
 def test_the_units_of_rows_do_not_choose_the_pivots(tmp_path):
     """A displacement that nearly nothing resists alone, in a unit that makes it the largest entry of the matrix."""
     unit, soft = 1e12, 1e-10
-    K = np.array([[soft * unit**2, unit], [unit, 1.0]])
-    table = {"nodes": ["n", "n"], "directions": ["x", "rz"], "positions": [0.0, 0.0], "rows": [1, 2]}
-    np.savez(tmp_path / "part.npz", M=np.zeros((2, 2)), K=K, **table)
+    (tmp_path / "two_units.py").write_text(TWO_UNITS)
     assembly = dovetail.load(
         {
             "dovetail": 1,
             "name": "two units",
             "frequency": {"start": 1.0, "stop": 2.0, "lines": 2},
-            "substructures": {"part": {"model": "matrices", "file": str(tmp_path / "part.npz"), "tolerance": 0.0}},
+            "substructures": {"part": {"model": "two_units"}},
             "response": {"at": "part", "position": "n", "quantity": "receptance"},
-        }
+        },
+        plugins=[tmp_path / "two_units.py"],
     )
     computed = assembly.receptance([], [("part", 0.0, "x"), ("part", 0.0, "rz")], [("part", 0.0, "x")])[:, :, 0]
     inverse = np.array([1.0 / unit**2, -1.0 / unit]) / (soft - 1.0)
