@@ -136,6 +136,21 @@ def test_rows_without_mass_and_lumped_masses_are_accepted(tmp_path):
     assert load(tmp_path, write(tmp_path, "npz", matrices={"M": lumped})).frf().shape == (300,)
 
 
+def test_rounding_errors_in_place_of_zeros_are_accepted(tmp_path):
+    """As a transformation of coordinates leaves them, in a DOF without stiffness and mass too."""
+    matrices = {name: np.pad(getattr(GIVEN, name), (0, 1)) for name in "MKD"}
+    noise = np.random.default_rng(2).standard_normal((19, 19))
+    noisy = {name: matrix + 1e-16 * np.abs(matrix).max() * (noise + noise.T) for name, matrix in matrices.items()}
+    columns = {
+        name: [*values, {"nodes": "n9", "directions": "drilling", "positions": 0.16}[name]]
+        for name, values in table().items()
+    }
+    part = write(tmp_path, "npz", matrices=noisy, columns=columns)
+    model = components().find("substructure", "matrices").component
+    assert model(model.Config(file=str(tmp_path / "part.npz"))).matrices().size == 19
+    assert part["model"] == "matrices"
+
+
 def test_a_held_part_has_no_zero_mode_and_is_accepted(tmp_path):
     held = GIVEN.K + np.diag([1e7] + [0.0] * 17)
     assert load(tmp_path, write(tmp_path, "npz", matrices={"K": held})).frf().shape == (300,)

@@ -24,6 +24,8 @@ _ROUNDED = 1e-5
 """Negative eigenvalue of a matrix with a diagonal of 1 that may be due to entries printed with six digits."""
 _ZERO = 1e-13
 """Eigenvalue of a matrix with a diagonal of 1 that is zero but for rounding; a beam of 1,000 elements has 4e-11."""
+_NOISE = 1e-14
+"""Entry over the largest one that is what a transformation to other coordinates leaves of a zero."""
 _NAMES = {"M": "mass", "K": "stiffness", "C": "viscous damping", "D": "structural damping"}
 
 
@@ -67,6 +69,7 @@ def check_definiteness(
     Rows without mass and without an entry on the diagonal of K are Lagrange multipliers: with them K is positive
     semidefinite in the motions that they allow. Rows without any entry are left out.
     """
+    matrices = {name: _without_noise(matrix) for name, matrix in matrices.items()}
     M, K = matrices["M"], matrices["K"]
     masses = abs(M).sum(axis=0)
     ties = (masses == 0) & (K.diagonal() == 0) & (abs(K).sum(axis=0) > 0)
@@ -79,6 +82,14 @@ def check_definiteness(
         if negative is not None:
             raise _not_definite(name, matrix, negative, where[name], label)
     _check_mechanism(M, K, ties, where["K"], label, reached, rigid_body_motions)
+
+
+def _without_noise(matrix: Any) -> Any:
+    """Return a sparse matrix without entries that are rounding errors."""
+    clean = matrix.copy()
+    clean.data[np.abs(clean.data) <= _NOISE * np.abs(clean.data).max(initial=0.0)] = 0.0
+    clean.eliminate_zeros()
+    return clean
 
 
 def _tied(K: Any, bodies: NDArray[np.intp], ties: NDArray[np.intp]) -> Any:
