@@ -401,3 +401,26 @@ def test_an_editor_knows_the_key_reversed():
     for value, sound in ((True, True), (False, True), (1, False), ("yes", False)):
         description = joined("bolted", left, right, {"left": beam(), "right": beam(reversed=value)})
         assert validator.is_valid(description) == sound
+
+
+@pytest.mark.parametrize("positions", [False, True])
+def test_nodes_without_positions_are_not_compared_and_doubted(positions, tmp_path):
+    part = dovetail.load(joined(WELD, [200], [0])).description.substructures["right"]
+    matrices, labels = part.matrices(), [node.label for node in part.nodes for _ in "xr"]
+    table = {"nodes": labels, "directions": ["x", "rz"] * len(part.nodes)}
+    if positions:
+        table["positions"] = [node.position for node in part.nodes for _ in "xr"]
+    np.savez(tmp_path / "part.npz", M=matrices.M, K=matrices.K, **table)
+    parts = {"left": beam(), "right": {"model": "matrices", "file": str(tmp_path / "part.npz")}}
+    right = ["node n1", "node n5", "node n9"]
+    description = joined("rigid", [180, 190, 200], right, parts)
+    said = "joints.joint: the nodes of 'right' have no positions that differ"
+    assert (said in doubts(description)) == (not positions)
+    wrong = joined("rigid", [180, 190, 200], right[::-1], parts)
+    if positions:
+        with pytest.raises(DescriptionError, match="the other way"):
+            dovetail.load(wrong)
+    else:
+        assert said in doubts(wrong)
+    single = joined(WELD, [200], right[:1], parts)
+    assert said not in doubts(single)
