@@ -178,6 +178,28 @@ def test_what_goes_with_a_prior_may_change_alone(read, sound, base, over, expect
         assert parameter.upper - parameter.lower == pytest.approx(8 * 0.02 * 33e-3)
 
 
+@pytest.mark.parametrize(
+    ("base", "over"),
+    [
+        ("{range: [28 mm, 31 mm]}", "{range: null, value: 30 mm}"),
+        ("{about: 30 mm, sd: 1 mm}", "{about: null, sd: null, value: 30 mm}"),
+        ("{same_as: collet.kr_tc, ratio: 2}", "{same_as: null, value: 30 mm}"),
+        ("{range: [28 mm, 31 mm]}", "{range: null, about: null, value: 30 mm}"),
+    ],
+)
+def test_what_is_known_of_a_parameter_may_be_emptied(read, sound, base, over):
+    text = f"extends: sound.yaml\njoints: {{collet: {{parameters: {{Dc: {base}}}}}}}"
+    more = f"extends: base.yaml\njoints: {{collet: {{parameters: {{Dc: {over}}}}}}}"
+    assert read(more, base=text, sound=sound).joints["collet"].fixed["Dc"] == 30e-3
+
+
+def test_a_prior_may_be_emptied_for_a_range(read, sound):
+    base = "extends: sound.yaml\njoints: {collet: {parameters: {Dc: {about: 30 mm, sd: 1 mm}}}}"
+    over = "extends: base.yaml\njoints: {collet: {parameters: {Dc: {about: null, range: [28 mm, 31 mm]}}}}"
+    [parameter] = [p for p in read(over, base=base, sound=sound).joints["collet"].parameters if p.name == "Dc"]
+    assert (parameter.prior, parameter.lower) == ("uniform", pytest.approx(0.028))
+
+
 RESPONSE = "{at: tool, position: 10 mm}"
 LIST = "\n  - {at: tool, position: 10 mm}\n  - {at: tool, position: 20 mm}"
 

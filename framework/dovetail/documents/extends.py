@@ -117,11 +117,14 @@ def _merge(base: Item, over: Item, path: Path) -> Item:
         old = entries.get(key)
         item = entry.item if old is None else _merge(old.item, entry.item, (*path, key))
         entries[key] = Entry(entry.key, item)
+    if {*entries} <= _OF_PARAMETERS and any(entries[key].item.value is not None for key in _KNOWN if key in entries):
+        entries = {key: entry for key, entry in entries.items() if entry.item.value is not None}
     return _settled(Item(over.mark, entries), path)
 
 
 _KNOWN = {"value": (), "about": ("sd", "scale"), "same_as": ("ratio",), "range": ("scale",)}
 """What may be known of a parameter, each with the keys beside it; one displaces the others."""
+_OF_PARAMETERS = {key for kind, beside in _KNOWN.items() for key in (kind, *beside)}
 _ALTERNATIVES: Mapping[Path, Alternatives] = {
     (): (("response",), ("responses",)),
     ("frequency",): (("step",), ("lines",)),
@@ -139,10 +142,11 @@ def _names_another_model(base: Item, over: Item) -> bool:
 
 def _displaced_keys(base: Item, over: Item) -> set[str]:
     """Return the keys of the base that contradict what `over` says to be known of a parameter."""
-    if not {*base.entries, *over.entries} <= {key for kind, beside in _KNOWN.items() for key in (kind, *beside)}:
+    if not {*base.entries, *over.entries} <= _OF_PARAMETERS:
         return set()
     kept = [kind for kind in _KNOWN if kind in base.entries and {*over.entries} <= {*_KNOWN[kind]}]
-    kind = next((kind for kind in _KNOWN if kind in over.entries), (*kept, "range")[0])
+    stated = (kind for kind in _KNOWN if kind in over.entries and over.entries[kind].item.value is not None)
+    kind = next(stated, (*kept, "range")[0])
     return {*base.entries} - {*over.entries, kind, *_KNOWN[kind]}
 
 

@@ -211,7 +211,7 @@ def _not_definite(
             f"in a motion with {label(dof)} it is negative. That row has {value:g} on the diagonal and "
             f"{matrix[dof, other]:g} to {label(other)}."
         )
-    meaning = {"M": "A mass is never negative", "K": "No body pushes itself away"}
+    meaning = {"M": "Kinetic energy is never negative", "K": "Strain energy is never negative"}
     reason = meaning.get(name, "Damping never adds energy")
     remedy = f"{reason}: are all signs right, and are the entries of both halves stored once?"
     return DovetailError(Fault(where, problem, remedy=remedy))
