@@ -66,14 +66,15 @@ def show(name: str, mesh: int) -> None:
     seconds = time.perf_counter() - begin
     posterior = result.posterior
     assert posterior is not None
-    print("| parameter | unit | truth | estimate | error | 90 % interval | inside | verdict |")
-    print("|---|---|---|---|---|---|---|---|")
+    print("| parameter | unit | truth | estimate | error | 90 % interval | inside | precision | verdict |")
+    print("|---|---|---|---|---|---|---|---|---|")
     for parameter, true, value in zip(assembly.parameters, truth, posterior.estimate, strict=True):
         lower, upper = posterior.interval()[parameter.name]
+        verdict = posterior.verdicts[parameter.name]
         inside = "yes" if lower <= true <= upper else "no"
         print(
             f"| `{parameter.name}` | {parameter.unit} | {true:.4g} | {value:.4g} | {value / true - 1.0:+.2%} "
-            f"| {lower:.4g} to {upper:.4g} | {inside} | {posterior.verdicts[parameter.name].word} |"
+            f"| {lower:.4g} to {upper:.4g} | {inside} | {verdict.precision} | {verdict.word} |"
         )
     fit = result.fit
     assert fit is not None

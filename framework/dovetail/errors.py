@@ -1,4 +1,4 @@
-"""The errors of Dovetail: where the fault is, the problem, what is accepted, and what to do."""
+"""What Dovetail says to its users: errors, with what to do, and the notes of a result by their importance."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import importlib.util
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from enum import IntEnum
+from typing import Self
 
 from dovetail.plain_text import terminal_text
 
@@ -17,14 +19,19 @@ __all__ = [
     "DovetailError",
     "Fault",
     "FileError",
+    "Importance",
     "MeasurementError",
+    "Note",
     "ParameterError",
     "PluginError",
     "UnitError",
+    "by_importance",
     "damage_reported",
     "did_you_mean",
+    "is_decisive",
     "listing",
     "require_package",
+    "reworded",
 ]
 
 _LEAST_ALIKE = 0.4
@@ -151,3 +158,51 @@ def damage_reported(where: str, problem: str, accepted: str = "") -> Iterator[No
     except Exception as error:
         reason = " ".join(str(error).split())[:100] or type(error).__name__
         raise MeasurementError(Fault(where, f"{problem}: {reason}.", accepted)) from None
+
+
+class Importance(IntEnum):
+    """How much a note matters."""
+
+    DECISIVE = 0
+    """The numbers may be wrong: parts of the band were not measured, a value lies outside its range."""
+    LIMITING = 1
+    """It limits what the numbers say: a parameter at an end of its range, rough intervals."""
+    DETAIL = 2
+    """Good to know: lines that were left out, how often the search was repeated."""
+
+
+class Note(str):
+    """A sentence with its importance.
+
+    Parameters
+    ----------
+    text : str
+    importance : Importance
+    """
+
+    importance: Importance
+
+    def __new__(cls, text: str, importance: Importance = Importance.LIMITING) -> Self:
+        """Return the sentence."""
+        made = super().__new__(cls, text)
+        made.importance = importance
+        return made
+
+
+def by_importance(notes: Iterable[str]) -> tuple[str, ...]:
+    """Return notes by their importance, otherwise in the given order; a plain text counts as limiting."""
+    return tuple(sorted(notes, key=_importance))
+
+
+def is_decisive(note: str) -> bool:
+    """Return whether a note says that the numbers may be wrong."""
+    return _importance(note) == Importance.DECISIVE
+
+
+def reworded(note: str, text: str) -> Note:
+    """Return another text with the importance of a note."""
+    return Note(text, _importance(note))
+
+
+def _importance(note: str) -> Importance:
+    return note.importance if isinstance(note, Note) else Importance.LIMITING

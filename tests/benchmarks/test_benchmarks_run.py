@@ -164,7 +164,7 @@ def test_the_study_of_verdicts_counts_every_parameter_by_each_route(tmp_path):
     tables = [rows[first : first + 5] for first in (0, 5)]
     assert all(sum(int(cell) for row in table[2:] for cell in row[1:]) == 12 for table in tables)
     told = json.loads((tmp_path / "verdicts.json").read_text())[0]["parameters"]
-    assert told["kr_tc"]["posterior"] == told["kr_tc"]["fisher"] == told["kr_tc"]["profile"] == "identified"
+    assert told["kr_tc"]["posterior"] == told["kr_tc"]["fisher"] == told["kr_tc"]["profile"] == "0.9 or more"
 
 
 def test_planning_anew_is_timed_and_right():

@@ -1,4 +1,4 @@
-"""Verdicts of the posterior against other routes: the Fisher information, profile likelihoods, and Laplace's integral.
+"""Gains of the posterior against other routes: the Fisher information, profile likelihoods, and Laplace's integral.
 
     python tests/benchmarks/verdicts.py [--cases 20] [--workers 2] [-o verdicts.json]
 
@@ -39,7 +39,8 @@ from dovetail.measurement import noisy_frf
 
 ASSEMBLY = Path(__file__).resolve().parents[2] / "assemblies" / "bt40_er32.yaml"
 NOISE = 0.01
-WORDS = ("identified", "weakly identified", "not identifiable")
+CLASSES = ("0.9 or more", "0.5 to 0.9", "below 0.5")
+"""Of the gain, the share of the prior variance that the measurement removes."""
 RISE = 2.71
 """Of chi-squared, within which 90 % of a Gaussian lie."""
 DEVIATIONS = 3.29
@@ -49,14 +50,14 @@ JUMP = 3.0
 """Rise of chi-squared in one step from which on the search rather failed: a shorter one is tried."""
 
 
-def verdict(gain: float) -> str:
-    """Return the word of a gain, by the thresholds of the posterior's verdicts."""
-    return WORDS[0] if gain >= 0.9 else WORDS[1] if gain >= 0.5 else WORDS[2]
+def class_of(gain: float) -> str:
+    """Return the class of a gain."""
+    return CLASSES[0] if gain >= 0.9 else CLASSES[1] if gain >= 0.5 else CLASSES[2]
 
 
-def verdict_of_width(width: float) -> str:
-    """Return the word of a region's width in parts of the range, by the same thresholds for a Gaussian."""
-    return verdict(1.0 - 12.0 * (width / DEVIATIONS) ** 2)
+def class_of_width(width: float) -> str:
+    """Return the class of a region's width in parts of the range, by the same limits for a Gaussian."""
+    return class_of(1.0 - 12.0 * (width / DEVIATIONS) ** 2)
 
 
 @dataclass(frozen=True)
@@ -193,7 +194,7 @@ def one_case(index: int, count: int) -> dict[str, Any]:
     for column, one in enumerate(found.values()):
         if len({one[route] for route in ("posterior", "fisher", "profile")}) > 1:
             gain = integrated(misfit, posterior.fraction, column, float(deviations[column]))
-            one.update(integrated=verdict(gain), integrated_gain=gain)
+            one.update(integrated=class_of(gain), integrated_gain=gain)
     return {"index": index, "parameters": found}
 
 
@@ -226,7 +227,7 @@ def integrated(misfit: SumOfSquares, samples: np.ndarray, column: int, deviation
 def entries(
     posterior: dovetail.Posterior, place: np.ndarray, fisher: np.ndarray, profiles: list[Profile]
 ) -> dict[str, dict[str, Any]]:
-    """Return by parameter the gain and the word of each route, and how its partners move along the profile."""
+    """Return by parameter the gain and its class of each route, and how its partners move along the profile."""
     least = min(float(one.cost.min()) for one in profiles)
     regions = [one.region(least) for one in profiles]
     widths = np.array([high - low for low, high in regions])
@@ -239,9 +240,9 @@ def entries(
             for j in partners
         ]
         found[name] = {
-            "posterior": told.word, "gain": told.gain, "reason": told.reason, "place": float(place[i]),
-            "fisher": verdict(fisher[i]), "fisher_gain": float(fisher[i]),
-            "profile": verdict_of_width(float(widths[i])), "region": regions[i], "partners": moved,
+            "posterior": class_of(told.gain), "gain": told.gain, "reason": told.reason, "place": float(place[i]),
+            "fisher": class_of(fisher[i]), "fisher_gain": float(fisher[i]),
+            "profile": class_of_width(float(widths[i])), "region": regions[i], "partners": moved,
             "effective": posterior.effective_sample_size, "steps": len(profiles[i].cost),
         }  # fmt: skip
     return found
@@ -250,11 +251,11 @@ def entries(
 def counts(cases: list[dict[str, Any]], route: str) -> None:
     """Print how often the posterior and another route agree."""
     pairs = Counter((one["posterior"], one[route]) for case in cases for one in case["parameters"].values())
-    total, same = sum(pairs.values()), sum(pairs[word, word] for word in WORDS)
-    print(f"| posterior | {route}: " + " | ".join(WORDS) + " |")
+    total, same = sum(pairs.values()), sum(pairs[word, word] for word in CLASSES)
+    print(f"| gain of the posterior | {route}: " + " | ".join(CLASSES) + " |")
     print("|---|---|---|---|")
-    for word in WORDS:
-        print(f"| {word} | " + " | ".join(str(pairs[word, other]) for other in WORDS) + " |")
+    for word in CLASSES:
+        print(f"| {word} | " + " | ".join(str(pairs[word, other]) for other in CLASSES) + " |")
     print(f"\nPosterior and {route} agree on {same} of {total} ({same / total:.0%}).\n")
 
 
@@ -263,11 +264,8 @@ def reasons(cases: list[dict[str, Any]]) -> None:
     told = [one for case in cases for one in case["parameters"].values()]
     partners = [partner for one in told for partner in one["partners"]]
     moving = sum(abs(moves) >= 0.5 and moves * correlation > 0 for _, correlation, moves in partners)
-    pressed = [(one, 0 if "lower end" in one["reason"] else 1) for one in told if "presses" in one["reason"]]
-    touching = sum(abs(one["region"][side] - side) < 1e-6 for one, side in pressed)
     print(f"Partners named: {len(partners)}. While the parameter crosses its region, {moving} of them cross half of "
           "theirs or more, in the direction of the correlation.")  # fmt: skip
-    print(f"Said to press against an end of the range: {len(pressed)}; the regions of {touching} reach that end.")
 
 
 def disagreements(cases: list[dict[str, Any]]) -> None:

@@ -20,7 +20,8 @@ def modes(tmp_path: Path) -> Path:
     return tmp_path / "modes.csv"
 
 
-def test_the_table_the_modes_and_what_frequencies_do_not_tell(run, modes, tmp_path):
+def test_the_table_the_modes_and_what_frequencies_do_not_tell(run, modes, tmp_path, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "160")
     answer = run("identify", OSCILLATOR, modes, "--form", "laplace", "-o", tmp_path / "result").output
     rows = {line.split()[0]: line for line in reversed(answer.splitlines()) if line.split()}
     assert "1.776" in rows["k"]

@@ -250,7 +250,9 @@ def test_a_file_of_an_earlier_version_is_judged_by_its_verdict(made, tmp_path, k
     read = load_result(tmp_path)
     assert (read.believable, read.caveat) == (made.result.believable, made.result.caveat)
     for name, verdict in made.result.posterior.verdicts.items():
-        assert read.posterior.verdicts[name] == replace(verdict, gain=pytest.approx(verdict.gain))
+        assert read.posterior.verdicts[name] == replace(
+            verdict, gain=pytest.approx(verdict.gain), factor=verdict.factor and pytest.approx(verdict.factor)
+        )
 
 
 def test_what_is_handed_on_follows_the_result(made):

@@ -263,10 +263,10 @@ def test_a_parameter_at_the_end_of_its_range_says_so():
     columns = np.stack(list(fraction.values()), axis=1)
     posterior = Posterior(
         names=tuple(fraction),
-        theta=columns,
+        theta=1.0 + columns,  # of a range from 1 to 2
         fraction=columns,
         weight=np.full(4000, 1 / 4000),
-        estimate=columns.mean(axis=0),
+        estimate=1.0 + columns.mean(axis=0),
         model_error=EXACT,
         searches=4000,
         lines=10,

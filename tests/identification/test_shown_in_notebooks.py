@@ -75,7 +75,8 @@ def test_what_the_lines_and_the_tables_say(shown, assemblies):
     assert "<td>k</td><td>0.900</td><td>1e+05 N/m</td>" in shown["Identifier"]._repr_html_()
     result = shown["Identification"]
     low, high = (f"{end:.5g} N/m" for end in result.interval["k"])
-    assert f"<td>{low} to {high}</td><td>identified</td>" in result._repr_html_()
+    cells = f"<td>{low} to {high}</td><td>{result.table[0].precision}</td><td>identified</td>"
+    assert cells in result._repr_html_()
     assert "<td>k</td><td>1e+05 N/m</td><td>1e+07 N/m</td><td>linear</td>" in shown["Assembly"]._repr_html_()
     assert "<td>4</td>" in shown["Dataset"]._repr_html_()
 

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from dovetail.assembly import Assembly
     from dovetail.identification import Batch, Identifier
     from dovetail.interfaces import IdentificationMethod
+    from dovetail.report.content import ParameterRow
 
 __all__ = ["check_batch", "identify_batch", "is_batch"]
 
@@ -115,6 +116,7 @@ def _summary(batch: Batch) -> list[dict[str, Any]]:
 
 
 def _print(assembly: Assembly, batch: Batch) -> None:
+    from dovetail.errors import by_importance
     from dovetail.report.content import parameter_rows, warnings_of
 
     title(f"{assembly.name}: joint identified from {len(batch.results)} measurements")
@@ -130,11 +132,8 @@ def _print(assembly: Assembly, batch: Batch) -> None:
         return
     texts = {name: parameter_rows(result, None) for name, result in batch.results.items()}
     known = any(row.interval for rows in texts.values() for row in rows)
-    heading("Estimates and 90 % intervals" if known else "Estimates")
-    cells = [
-        [same[0].identified.name, same[0].unit, *(_text(row.estimate, row.interval) for row in same)]
-        for same in zip(*texts.values(), strict=True)
-    ]
+    heading("Estimates, 90 % intervals and precision" if known else "Estimates")
+    cells = [[same[0].identified.name, same[0].unit, *map(_text, same)] for same in zip(*texts.values(), strict=True)]
     table(["parameter", "unit", *texts], cells, numbers=list(texts), split=True)
     if batch.caveat:
         say()
@@ -143,12 +142,13 @@ def _print(assembly: Assembly, batch: Batch) -> None:
     for name, result in batch.results.items():
         for warning in warnings_of(result, None):
             names.setdefault(warning, []).append(name)
-    for warning, named in names.items():
-        say(f"Note: {', '.join(named)}: {warning}")
+    for warning in by_importance(names):
+        say(f"Note: {', '.join(names[warning])}: {warning}")
 
 
-def _text(estimate: str, interval: str) -> str:
-    return f"{estimate} ({interval})" if interval else estimate
+def _text(row: ParameterRow) -> str:
+    details = ", ".join(filter(None, [row.interval, row.identified.precision]))
+    return f"{row.estimate} ({details})" if details else row.estimate
 
 
 def _write(batch: Batch, assembly: Assembly, folder: Path) -> None:

@@ -24,8 +24,8 @@ _HEADINGS = {
     "times": "Time [s]",
 }
 _PARAMETERS = [
-    "case", "value", "method", "parameter", "unit", "identified", "estimate", "lower", "upper", "verdict", "truth",
-    "believable",
+    "case", "value", "method", "parameter", "unit", "identified", "estimate", "lower", "upper", "precision",
+    "verdict", "truth", "believable",
 ]  # fmt: skip
 
 

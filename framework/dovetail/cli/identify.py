@@ -27,7 +27,7 @@ __all__ = ["identify"]
 
 _STARTED = ("refined", "posterior")
 """Methods that start from a network's answer."""
-_WORDS = ("unit", "verdict", "range")
+_WORDS = ("unit", "precision", "verdict", "best fit lies", "range")
 """Columns of the table of parameters, in addition to the first, that are not numbers."""
 
 ModelOrAssembly = Annotated[
@@ -264,9 +264,10 @@ def _identify_from_modes(
 
 def _print(result: Identification, truth: Truth | None) -> None:
     from dovetail.identification.posterior import NOT_BELIEVED
-    from dovetail.report.content import fit_sentence, mode_rows, warnings_of
+    from dovetail.report.content import fit_sentence, mode_rows
 
     title(f"{result.provenance['assembly']}: joint identified from {measurement_names(result)} ({result.method})")
+    _print_notes(result, truth, decisive=True)
     _print_parameters(result, truth)
     heading("Natural frequencies [Hz]" if result.believable else f"Natural frequencies [Hz], {NOT_BELIEVED}")
     modes = [
@@ -290,12 +291,22 @@ def _print(result: Identification, truth: Truth | None) -> None:
     for response in result.responses:
         where = f" at {response.point}" if result.further else ""
         say(f"Mean coherence of measured and reconstructed FRF{where}: {response.mean_coherence:.3f}")
+    _print_notes(result, truth, decisive=False)
+
+
+def _print_notes(result: Identification | ModalIdentification, truth: Truth | None, *, decisive: bool) -> None:
+    """Print the notes that decide what the numbers are worth, which come first, or the others, which come last."""
+    from dovetail.errors import is_decisive
+    from dovetail.report.content import warnings_of
+
     for warning in warnings_of(result, truth):
-        say(f"Note: {warning}")
+        if is_decisive(warning) == decisive:
+            say(f"Note: {warning}")
 
 
 def _print_of_modes(result: ModalIdentification, truth: Truth | None) -> None:
     title(f"{result.provenance['assembly']}: joint identified from {result.measured.label}")
+    _print_notes(result, truth, decisive=True)
     _print_parameters(result, truth)
     heading("Modes")
     headers = ["identified [Hz]", "measured [Hz]", "identified damping [%]", "measured damping [%]"]
@@ -308,8 +319,7 @@ def _print_of_modes(result: ModalIdentification, truth: Truth | None) -> None:
     say()
     if result.chi_squared is not None:
         say(f"Chi-squared {result.chi_squared:.3g} per degree of freedom ({result.degrees_of_freedom:.3g}).")
-    for warning in result.warnings:
-        say(f"Note: {warning}")
+    _print_notes(result, truth, decisive=False)
 
 
 def _print_parameters(result: Identification | ModalIdentification, truth: Truth | None) -> None:
@@ -326,24 +336,31 @@ def _print_parameters(result: Identification | ModalIdentification, truth: Truth
         "estimate": lambda row: row.estimate,
         "90 % interval": lambda row: row.interval,
         "unit": lambda row: row.unit,
+        "precision": lambda row: row.identified.precision,
         "verdict": _verdict,
         "truth": lambda row: row.true_value if with_truth else "",
         "error [%]": lambda row: row.error if with_truth else "",
         "network": lambda row: row.network,
         "its error [%]": lambda row: row.network_error if with_truth else "",
         "best fit": lambda row: row.best_fit,
+        "best fit lies": lambda row: row.best_fit_lies,
         "range": lambda row: f"{row.lower} to {row.upper}",
     }
-    texts = [[text(row) for text in shown.values()] for row in rows]
+    texts = []
+    for row in rows:
+        texts.append([text(row) for text in shown.values()])
+        for group in row.groups:
+            cells = {"estimate": group.estimate, "90 % interval": group.interval, "precision": group.precision}
+            texts.append([f"  {group.share}", *(cells.get(column, "") for column in [*shown][1:])])
     table(list(shown), texts, numbers=[column for column in shown if column not in (name, *_WORDS)], split=True)
     sentences = [content.columns_sentence(result), content.truth_sentence(rows)]
     if result.posterior is not None:
         sentences.append(content.posterior_sentence(result.posterior))
     if result.believable:
         sentences += [
-            f"{row.name}: {row.verdict}. {row.why}"
-            for row in result.table
-            if row.why and row.verdict != "identified" and not row.follows
+            f"{row.identified.name}: {row.identified.verdict}. {row.reason}"
+            for row in rows
+            if row.reason and not row.identified.follows
         ]
     if any(sentences):
         say()

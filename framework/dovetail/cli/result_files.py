@@ -209,5 +209,12 @@ def csv_text(header: Sequence[str], rows: Iterable[Iterable[Any]]) -> str:
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     for row in (header, *rows):
-        writer.writerow([csv_cell(cell) if isinstance(cell, str) else cell for cell in row])
+        writer.writerow([_cell(cell) for cell in row])
     return stream.getvalue()
+
+
+def _cell(value: Any) -> Any:
+    """Return a value as a cell of a CSV file: a list as JSON."""
+    if isinstance(value, (list, tuple)):
+        return json.dumps(value, ensure_ascii=False)
+    return csv_cell(value) if isinstance(value, str) else value

@@ -1,9 +1,10 @@
 """Frequency response functions: the FRF with its quantity, conversions, and the agreement of two FRFs."""
 
-from dovetail.frf.frf import Frf, coherence_spectrum, coherence_with_model, in_bands
+from dovetail.frf.frf import LOW_COHERENCE, Frf, coherence_spectrum, coherence_with_model, in_bands, poor_bands
 from dovetail.frf.quantity import QUANTITIES, Quantity, conversion, unit_of
 
 __all__ = [
+    "LOW_COHERENCE",
     "QUANTITIES",
     "Frf",
     "Quantity",
@@ -11,5 +12,6 @@ __all__ = [
     "coherence_with_model",
     "conversion",
     "in_bands",
+    "poor_bands",
     "unit_of",
 ]

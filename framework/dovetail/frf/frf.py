@@ -12,7 +12,13 @@ from dovetail.errors import MeasurementError
 from dovetail.frf.quantity import QUANTITIES, Quantity, conversion, unit_of
 from dovetail.plain_text import html_table, terminal_text
 
-__all__ = ["Frf", "coherence_spectrum", "coherence_with_model", "in_bands"]
+__all__ = ["LOW_COHERENCE", "Frf", "coherence_spectrum", "coherence_with_model", "in_bands", "poor_bands"]
+
+LOW_COHERENCE = 0.9
+"""Coherence below which two FRFs visibly differ: an amplitude by a factor of 2, or a phase by 37 degrees."""
+_WINDOW, _SHORTEST = 200, 3
+"""The coherence is averaged over this part of the lines, and over no fewer than `_SHORTEST` of them: a band that is
+narrower cannot be seen."""
 
 
 def _frozen(values: ArrayLike, dtype: type[np.generic]) -> NDArray[np.generic]:
@@ -228,3 +234,28 @@ def coherence_with_model(measured: Frf, values: NDArray[np.complex128]) -> NDArr
     if measured.has_phase:
         return coherence_spectrum(measured.values, values)
     return coherence_spectrum(measured.amplitude, np.abs(values))
+
+
+def poor_bands(frequency: NDArray[np.float64], coherence: NDArray[np.float64]) -> tuple[tuple[float, float], ...]:
+    """Return the bands [Hz] in which two FRFs agree poorly, those first that lower the mean coherence most.
+
+    Parameters
+    ----------
+    frequency, coherence : (n_freq,) arrays
+
+    Returns
+    -------
+    tuple of (float, float)
+        The mean coherence in each is below `LOW_COHERENCE`, as is that of its first and of its last line.
+    """
+    window = max(_SHORTEST, len(frequency) // _WINDOW)
+    padded = np.pad(coherence, (window // 2, (window - 1) // 2), mode="edge")
+    lines = np.flatnonzero(np.convolve(padded, np.full(window, 1.0 / window), mode="valid") < LOW_COHERENCE)
+    bands = []
+    for run in np.split(lines, np.flatnonzero(np.diff(lines) > window) + 1):
+        low = run[coherence[run] < LOW_COHERENCE]
+        if low.size:
+            first, last = int(low[0]), int(low[-1])
+            deficit = float(np.sum(LOW_COHERENCE - coherence[first : last + 1]))
+            bands.append((-deficit, float(frequency[first]), float(frequency[last])))
+    return tuple((low, high) for deficit, low, high in sorted(bands) if deficit < 0.0)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dovetail.frf.frf import Frf
 
-__all__ = ["PeakPair", "counterpart", "pair_peaks", "resonance_peaks"]
+__all__ = ["PairedPeaks", "PeakPair", "counterpart", "pair_peaks", "resonance_peaks"]
 
 
 @dataclass(frozen=True)
@@ -95,6 +95,37 @@ def counterpart(
     candidate = float(others[np.argmin(np.abs(others - frequency))])
     nearest = among[np.argmin(np.abs(among - candidate))]
     return candidate if nearest == frequency and abs(candidate - frequency) <= closeness * frequency else None
+
+
+@dataclass(frozen=True, eq=False)
+class PairedPeaks:
+    """The resonance peaks of a measured FRF and of a model's on the same lines, and which of them belong together.
+
+    Whatever says that a resonance has a counterpart, or has none, takes it from here.
+
+    Parameters
+    ----------
+    measured, modelled : (n,) arrays
+        Hz, increasing.
+    """
+
+    measured: NDArray[np.float64]
+    modelled: NDArray[np.float64]
+
+    @staticmethod
+    def of(measured: Frf, modelled: Frf) -> PairedPeaks:
+        """Return the peaks of two FRFs."""
+        return PairedPeaks(resonance_peaks(measured), resonance_peaks(modelled))
+
+    def measured_for(self, peak: float) -> float | None:
+        """Return the measured peak that belongs to one of the model; None if it has no counterpart."""
+        return counterpart(peak, self.modelled, self.measured)
+
+    @property
+    def unpaired(self) -> NDArray[np.float64]:
+        """The measured peaks [Hz] that belong to none of the model's."""
+        paired = {self.measured_for(peak) for peak in self.modelled.tolist()}
+        return np.array([peak for peak in self.measured.tolist() if peak not in paired])
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
-from dovetail.errors import Fault, MeasurementError
+from dovetail.errors import Fault, Importance, MeasurementError, Note
 from dovetail.frf import Frf
 from dovetail.identification.fitting import one_per_response
 from dovetail.identification.fitting.random_error import random_error_variance
@@ -23,6 +23,8 @@ _RECIPROCITY, _EXCESS = 0.05, 3.0
 """Relative difference of two reciprocal FRFs that is reported, and its ratio to the one that random errors explain."""
 _MOST_GAPS = 5
 """Largest number of gaps that a warning lists."""
+_MUCH = 0.1
+"""Share of the band without lines from which this decides what the result is worth."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,23 +84,27 @@ class MeasuredLines:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings about parts of the band without lines, and about reciprocal FRFs that differ."""
-        messages = []
+        messages: list[str] = []
         for frf, alone, where in self._responses:
-            ends = " and from ".join(
-                f"{low:.6g} to {high:.6g} Hz" for low, high in find_missing_ends(frf, alone.frequency)
-            )
-            if ends:
-                first, last = frf.frequency[[0, -1]]
-                messages.append(
+            missing, (first, last) = find_missing_ends(frf, alone.frequency), frf.frequency[[0, -1]]
+            if missing:
+                ends = " and from ".join(f"{low:.6g} to {high:.6g} Hz" for low, high in missing)
+                message = (
                     f"The measurement{where} has no lines from {ends}: it was compared from "
                     f"{first:.6g} to {last:.6g} Hz only."
                 )
+                messages.append(Note(message, self._importance(missing)))
             gaps = self._gaps(frf)
             if gaps:
-                messages.append(
-                    f"The measurement{where} lacks lines between {_listed(gaps)}: nothing was compared there."
-                )
+                message = f"The measurement{where} lacks lines between {_listed(gaps)}: nothing was compared there."
+                messages.append(Note(message, self._importance(gaps)))
         return (*messages, *self._reciprocity_warnings())
+
+    def _importance(self, missing: Sequence[tuple[float, float]]) -> Importance:
+        """Return how much it matters that parts of the band were not measured."""
+        low, high = self.band
+        share = sum(above - below for below, above in missing) / (high - low)
+        return Importance.DECISIVE if share >= _MUCH else Importance.LIMITING
 
     def _reciprocity_warnings(self) -> Iterable[str]:
         """Yield a warning for each pair of reciprocal FRFs that differ by more than their random error.
@@ -113,10 +119,11 @@ class MeasuredLines:
                 continue
             apart, explained = _difference_of_reciprocals(first.to("receptance"), second.to("receptance"))
             if apart > max(_RECIPROCITY, _EXCESS * explained):
-                yield (
+                yield Note(
                     f"The measurements{here} and{there} should be equal by reciprocity. Half of their lines differ by "
                     f"{100 * apart:.2g} % or more, and random errors explain {100 * explained:.2g} %: a gain, a "
-                    "sensor or a point is not what the description says, or the structure is not linear."
+                    "sensor or a point is not what the description says, or the structure is not linear.",
+                    Importance.DECISIVE,
                 )
 
     @property

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly, Theta
-from dovetail.errors import Fault, MeasurementError, ParameterError, PluginError, listing
+from dovetail.errors import Fault, Importance, MeasurementError, Note, ParameterError, PluginError, listing
 from dovetail.identification.adequacy import CAUSE_SECONDS, assess
 from dovetail.identification.adequacy.assess import check_limits
 from dovetail.identification.fitting import Fit, Objective, fit_at, multistart, refine
@@ -154,10 +154,11 @@ def _network_answer(
     try:
         resampled = measured.resampled(trained.assembly)
     except MeasurementError as error:
-        return None, (f"The network takes no part: {error.faults[0].problem}",)
+        return None, (Note(f"The network takes no part: {error.faults[0].problem}", Importance.DETAIL),)
     answer = trained.predict_parameters(accelerance_amplitudes(resampled))[0]
     if not np.isfinite(answer).all():
-        return None, ("The network takes no part: this FRF is far from all it was trained on.",)
+        message = "The network takes no part: this FRF is far from all it was trained on."
+        return None, (Note(message, Importance.DETAIL),)
     return answer, ()
 
 
@@ -346,10 +347,11 @@ def _best_fit_warnings(measured: MeasuredLines, fit: Fit, name: str, seed: int, 
     gain = (fit.chi_squared - best.chi_squared) * fit.degrees_of_freedom
     if gain <= max(_LEAST_GAIN * len(theta), _LEAST_PART * best.chi_squared * fit.degrees_of_freedom):
         return ()
-    return (
+    message = (
         f"The estimate of the method '{name}' is not the best fit: its chi-squared is {fit.chi_squared:.3g} per degree "
-        f"of freedom, and a fit reaches {best.chi_squared:.3g}. What is said of the model is not said of the estimate.",
+        f"of freedom, and a fit reaches {best.chi_squared:.3g}. What is said of the model is not said of the estimate."
     )
+    return (Note(message, Importance.DECISIVE),)
 
 
 def _fractions(assembly: Assembly, answer: object, label: str) -> NDArray[np.float64]:

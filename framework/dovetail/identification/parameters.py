@@ -12,7 +12,9 @@ from typing import Any
 import numpy as np
 
 from dovetail.errors import DovetailError, Fault
-from dovetail.identification.posterior.posterior import NOT_BELIEVED, Posterior
+from dovetail.identification.fitting.fit import end_reached
+from dovetail.identification.posterior.posterior import Posterior
+from dovetail.identification.posterior.verdicts import NOT_BELIEVED, Group, Verdict
 from dovetail.interfaces import Parameter, Prior, Scale
 
 __all__ = [
@@ -127,6 +129,11 @@ class TableRow:
     interval_low, interval_high : float or None
         Ends of the 90 % interval; None too where the result is not to be believed.
     unit : str
+    precision : str
+        How far the true value may be from the estimate, with a probability of 90 %, as in `Verdict`: "±4 %"; empty if
+        the method does not say.
+    factor : float or None
+        Largest ratio of the estimate to an end of the interval, or the reverse; None if the interval includes zero.
     verdict : str
         "identified", "weakly identified", "not identifiable", "not believed"; empty if the method does not judge it.
     why : str
@@ -138,6 +145,12 @@ class TableRow:
     best_fit : float or None
         Of all parameters together, which fit the measurement best; None if that is the estimate. Where parameters
         trade with each other the two differ.
+    best_fit_at : str
+        The end of the range, "lower" or "upper", at which the value of the fit is within rounding; empty if at neither.
+    best_fit_outside : bool or None
+        Whether the best fit lies outside the 90 % interval; None without one of them.
+    groups : tuple of Group or None
+        The separate groups of the likely values, if there are several; the estimate is that of the likeliest.
     network : float or None
         The answer of a trained network, if one took part.
     joint, description : str
@@ -153,6 +166,8 @@ class TableRow:
     interval_low: float | None
     interval_high: float | None
     unit: str
+    precision: str
+    factor: float | None
     verdict: str
     why: str
     range_low: float
@@ -160,6 +175,9 @@ class TableRow:
     scale: Scale
     in_range: bool
     best_fit: float | None
+    best_fit_at: str
+    best_fit_outside: bool | None
+    groups: tuple[Group, ...] | None
     network: float | None
     joint: str
     description: str
@@ -175,6 +193,7 @@ class TableRow:
         ends = times(self.interval_low, self.interval_high), times(self.range_low, self.range_high)
         (low, high), (lower, upper) = (pair[::-1] if follower.ratio < 0 else pair for pair in ends)
         estimate, best_fit, network = times(self.estimate, self.best_fit, self.network)
+        reversed_end = {"lower": "upper", "upper": "lower"}.get(self.best_fit_at, "")
         return replace(
             self,
             name=follower.name,
@@ -184,6 +203,8 @@ class TableRow:
             range_low=lower,
             range_high=upper,
             best_fit=best_fit,
+            best_fit_at=reversed_end if follower.ratio < 0 else self.best_fit_at,
+            groups=self.groups and tuple(group.times(follower.ratio) for group in self.groups),
             network=network,
             joint=follower.joint,
             description=follower.description,
@@ -206,14 +227,16 @@ def parameter_table(
     intervals = {} if posterior is None or caveat else posterior.interval()
     estimates = {} if posterior is None else dict(zip(posterior.names, posterior.estimate.tolist(), strict=True))
     verdicts = {} if posterior is None else posterior.verdicts
+    groups = {} if posterior is None or caveat else posterior.groups
     doubtful = () if posterior is None else posterior.unreliable
+    unjudged = Verdict(NOT_BELIEVED, 0.0, caveat) if caveat else None
     rows = []
     for name, parameter in parameters.items():
         low, high = intervals.get(name, (None, None))
-        estimate = estimates.get(name, parameter.value)
-        word, why = (NOT_BELIEVED, caveat) if caveat else ("", "")
-        if name in verdicts:
-            word, why = verdicts[name].word, verdicts[name].reason
+        estimate, judged = estimates.get(name, parameter.value), verdicts.get(name, unjudged)
+        why = "" if judged is None else judged.reason
+        limits = parameter.lower, parameter.upper, parameter.scale
+        best_fit = parameter.value if is_fitted and name in estimates else None
         rows.append(
             TableRow(
                 name=name,
@@ -221,13 +244,18 @@ def parameter_table(
                 interval_low=low,
                 interval_high=high,
                 unit=parameter.unit,
-                verdict=word,
+                precision="" if judged is None else judged.precision,
+                factor=None if judged is None or caveat else judged.factor,
+                verdict="" if judged is None else judged.word,
                 why=f"{why} The interval is not to be trusted." if name in doubtful else why,
                 range_low=parameter.lower,
                 range_high=parameter.upper,
                 scale=parameter.scale,
-                in_range=is_in_range(estimate, parameter.lower, parameter.upper, parameter.scale),
-                best_fit=parameter.value if is_fitted and name in estimates else None,
+                in_range=is_in_range(estimate, *limits),
+                best_fit=best_fit,
+                best_fit_at=end_reached(parameter.value, *limits) if is_fitted else "",
+                best_fit_outside=_is_outside(best_fit, low, high),
+                groups=groups.get(name),
                 network=None if network is None else network.get(name),
                 joint=parameter.joint,
                 description=parameter.description,
@@ -236,6 +264,10 @@ def parameter_table(
         )
     pairs = zip(rows, parameters.values(), strict=True)
     return (*rows, *(row.of(follower) for row, parameter in pairs for follower in parameter.followers))
+
+
+def _is_outside(value: float | None, low: float | None, high: float | None) -> bool | None:
+    return None if value is None or low is None or high is None else not low <= value <= high
 
 
 def _missing(library: str) -> DovetailError:

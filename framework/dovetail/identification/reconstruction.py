@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
 from dovetail.assembly.description import Tie, follow
-from dovetail.errors import DovetailError, PluginError
-from dovetail.frf import Frf
-from dovetail.frf.resonance_peaks import counterpart, resonance_peaks
+from dovetail.errors import DovetailError, Importance, Note, PluginError, by_importance
+from dovetail.frf import LOW_COHERENCE, Frf
+from dovetail.frf.resonance_peaks import PairedPeaks, counterpart
 from dovetail.identification.adequacy import Adequacy
+from dovetail.identification.adequacy.resonances import describe_lacking, lacking_resonances
 from dovetail.identification.fitting import Fit, one_per_response
 from dovetail.identification.parameters import Follower, IdentifiedParameter, is_in_range
 from dovetail.identification.result import AtPoint, Identification, Mode
@@ -29,8 +30,6 @@ __all__ = ["identified_parameters", "known_parameters", "reconstruct"]
 class Settings:
     """When a result has a warning, and what it lists."""
 
-    low_coherence: float = 0.9
-    """Mean coherence below which the reconstruction visibly misses the measurement."""
     low_r2: float = 0.1
     """R2 on test FRFs below which a network is hardly better than a guess of the middle of the range."""
     most_listed: int = 8
@@ -79,7 +78,8 @@ def reconstruct(
     at_points = _at_points(assembly, theta, one_per_response(assembly, measured), f"{assembly.name}, {method}")
     first = at_points[0]
     band = (float(assembly.frequency[0]), float(assembly.frequency[-1])) if band is None else band
-    modes, without_modes = _modes(assembly, theta, band, first)
+    paired = [PairedPeaks.of(at_point.measured, at_point.frf) for at_point in at_points]
+    modes, without_modes = _modes(assembly, theta, band, paired[0])
     result = Identification(
         method=method,
         parameters=identified_parameters(assembly, theta),
@@ -92,7 +92,7 @@ def reconstruct(
         fit=fit,
         point=first.point,
         further=at_points[1:],
-        adequacy=adequacy,
+        adequacy=adequacy and _with_agreement(adequacy, at_points, paired),
         band=band,
     )
     return replace(result, warnings=_warnings(result, without_modes))
@@ -110,6 +110,18 @@ def _at_points(
         there = replace(frf.to(response.quantity), rotation=response.rotation, moment=response.moment)
         at_points.append(AtPoint(point, values, there))
     return tuple(at_points)
+
+
+def _with_agreement(adequacy: Adequacy, at_points: Sequence[AtPoint], paired: Sequence[PairedPeaks]) -> Adequacy:
+    """Add to a judgement what the reconstructed FRFs show: the resonances that the model lacks, and the coherence."""
+    if adequacy.size is None:
+        return adequacy
+    measured, modelled = [at_point.measured for at_point in at_points], [at_point.frf for at_point in at_points]
+    lacking = lacking_resonances(paired, measured, modelled, adequacy.size.natural_frequency)
+    notes = describe_lacking(lacking, measured)
+    coherence = float(np.concatenate([at_point.coherence for at_point in at_points]).mean())
+    causes = tuple(replace(cause, coherence=(coherence, cause.coherence[1])) for cause in adequacy.causes)
+    return replace(adequacy, causes=causes, reasons=by_importance((*notes, *adequacy.reasons)))
 
 
 def identified_parameters(assembly: Assembly, theta: NDArray[np.float64]) -> dict[str, IdentifiedParameter]:
@@ -149,7 +161,7 @@ def _ties(assembly: Assembly) -> Iterator[tuple[str, Parameter, Tie]]:
 
 
 def _modes(
-    assembly: Assembly, theta: NDArray[np.float64], band: tuple[float, float], at_point: AtPoint
+    assembly: Assembly, theta: NDArray[np.float64], band: tuple[float, float], paired: PairedPeaks
 ) -> tuple[tuple[Mode, ...], str]:
     """Return the modes within a band and, where there are none, why."""
     try:
@@ -165,21 +177,18 @@ def _modes(
     inside = (natural >= band[0]) & (natural <= band[1])
     if not inside.any():
         return (), "The identified model has no natural frequency within the assembly's frequencies."
-    peaks, measured_peaks = resonance_peaks(at_point.frf), resonance_peaks(at_point.measured)
-    return _paired_modes(natural[inside], peaks, measured_peaks), ""
+    return _paired_modes(natural[inside], paired), ""
 
 
-def _paired_modes(
-    natural: NDArray[np.float64], reconstructed: NDArray[np.float64], measured: NDArray[np.float64]
-) -> tuple[Mode, ...]:
+def _paired_modes(natural: NDArray[np.float64], paired: PairedPeaks) -> tuple[Mode, ...]:
     """Pair each natural frequency with its peak in the reconstructed FRF, and that with its peak in the measured one.
 
     Parameters
     ----------
     natural : (n_modes,) array
         Natural frequencies of the identified model, Hz.
-    reconstructed, measured : (n_peaks,) arrays
-        Resonance peaks of the two FRFs, Hz.
+    paired : PairedPeaks
+        Of the measured and of the reconstructed FRF.
 
     Returns
     -------
@@ -191,16 +200,20 @@ def _paired_modes(
     """
     modes = []
     for frequency in natural:
-        peak = counterpart(frequency, natural, reconstructed)
-        measured_peak = None if peak is None else counterpart(peak, reconstructed, measured)
+        peak = counterpart(frequency, natural, paired.modelled)
+        measured_peak = None if peak is None else paired.measured_for(peak)
         modes.append(Mode(float(frequency), peak, measured_peak))
     return tuple(modes)
 
 
 def _warnings(result: Identification, without_modes: str) -> tuple[str, ...]:
-    warnings = [
-        f"{parameter.name} = {format_quantity(parameter.value, parameter.unit)} lies outside its range, "
-        f"{format_quantity(parameter.lower, parameter.unit)} to {format_quantity(parameter.upper, parameter.unit)}."
+    warnings: list[str] = [
+        Note(
+            f"{parameter.name} = {format_quantity(parameter.value, parameter.unit)} lies outside its range, "
+            f"{format_quantity(parameter.lower, parameter.unit)} to "
+            f"{format_quantity(parameter.upper, parameter.unit)}.",
+            Importance.DECISIVE,
+        )
         for parameter in result.parameters.values()
         if not parameter.in_range
     ]
@@ -208,8 +221,11 @@ def _warnings(result: Identification, without_modes: str) -> tuple[str, ...]:
     unknown = [name for name, metrics in tests if metrics["r2"] is not None and metrics["r2"] < _SETTINGS.low_r2]
     if unknown and result.fit is None:
         warnings.append(
-            f"Do not rely on {', '.join(unknown)}: on FRFs that it was not trained on, the network does hardly better "
-            "there than a guess of the middle of the range."
+            Note(
+                f"Do not rely on {', '.join(unknown)}: on FRFs that it was not trained on, the network does hardly "
+                "better there than a guess of the middle of the range.",
+                Importance.LIMITING,
+            )
         )
     if result.fit is not None:
         warnings += [
@@ -232,15 +248,18 @@ def _warnings_at(at_point: AtPoint, where: str, by_coherence: bool) -> list[str]
 
     Lines of noise alone have no coherence, even if a fit reaches the noise: there it means nothing.
     """
-    warnings = []
+    warnings: list[str] = []
     if not at_point.measured.has_phase:
         warnings.append(
             f"The measurement{where} has no phase: the coherence compares amplitudes and cannot fall below 0.5."
         )
-    if at_point.mean_coherence < _SETTINGS.low_coherence and by_coherence:
+    if at_point.mean_coherence < LOW_COHERENCE and by_coherence:
         warnings.append(
-            f"The mean coherence{where} is {at_point.mean_coherence:.3f}: the reconstructed FRF does not follow the "
-            "measured one, so the parameters are not to be relied on."
+            Note(
+                f"The mean coherence{where} is {at_point.mean_coherence:.3f}: the reconstructed FRF does not follow "
+                "the measured one, so the parameters are not to be relied on.",
+                Importance.DECISIVE,
+            )
         )
     return warnings
 
@@ -251,4 +270,5 @@ def _warnings_of_lines(fit: Fit, where: str) -> list[str]:
         return []
     lines = ", ".join(f"{frequency:.6g}" for frequency in fit.ignored[: _SETTINGS.most_listed])
     more = ", ..." if fit.ignored.size > _SETTINGS.most_listed else ""
-    return [f"{fit.ignored.size} lines{where} stand alone and were left out: {lines}{more} Hz."]
+    message = f"{fit.ignored.size} lines{where} stand alone and were left out: {lines}{more} Hz."
+    return [Note(message, Importance.DETAIL)]

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.errors import DovetailError, Fault
-from dovetail.frf import Frf, coherence_with_model
-from dovetail.identification.adequacy.adequacy import Adequacy
+from dovetail.errors import DovetailError, Fault, by_importance
+from dovetail.frf import Frf
+from dovetail.identification.adequacy.adequacy import Adequacy, AtPoint, plain_frf
 from dovetail.identification.fitting.fit import Fit
 from dovetail.identification.parameters import IdentifiedParameter, TableRow, dataframe, inference_data, parameter_table
 from dovetail.identification.posterior.posterior import Posterior
@@ -44,48 +44,6 @@ class Mode:
     measured_peak: float | None
 
 
-@dataclass(frozen=True, eq=False)
-class AtPoint:
-    """The measured and the reconstructed FRF at one response.
-
-    Parameters
-    ----------
-    point : str
-        Where the response is: ``"tool, 10 mm"``.
-    frf, measured : Frf
-        As in `Identification`.
-    """
-
-    point: str
-    frf: Frf
-    measured: Frf
-
-    @property
-    def coherence(self) -> NDArray[np.float64]:
-        """(n_freq,) coherence of reconstruction and measurement; of their amplitudes if there is no phase.
-
-        Eq. 15 of Processes 14 (2026) 1875, doi:10.3390/pr14121875.
-        """
-        return coherence_with_model(self.measured, self.frf.values)
-
-    @property
-    def mean_coherence(self) -> float:
-        """Mean of `coherence` over the frequencies."""
-        return float(self.coherence.mean())
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return everything as plain values, fit for JSON."""
-        return {
-            "point": self.point,
-            "frequency_Hz": self.frf.frequency.tolist(),
-            "mean_coherence": self.mean_coherence,
-            "quantity": self.frf.quantity,
-            "frf": _plain(self.frf),
-            "measured": _plain(self.measured),
-            "coherence": self.coherence.tolist(),
-        }
-
-
 class _Answer:
     """What results from FRFs and from modal parameters have in common: the parameters, and what is known of them."""
 
@@ -97,10 +55,15 @@ class _Answer:
     posterior: Posterior | None
     network: Mapping[str, float] | None
     adequacy: Adequacy | None
+    warnings: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        """Make mappings read-only, and give the posterior, which may be used by itself, the caveat and the doubts."""
+        """Make mappings read-only, order the warnings, and give the posterior the caveat and the doubts.
+
+        It may be used by itself.
+        """
         self.__setstate__(dict(self.__dict__))
+        object.__setattr__(self, "warnings", by_importance(self.warnings))
         if self.posterior is not None:
             definitions = [parameter.definition for parameter in self.parameters.values()]
             doubts = {} if self.adequacy is None else self.adequacy.doubts(self.posterior.interval(), definitions)
@@ -226,8 +189,14 @@ class Identification(_Answer):
     network: Mapping[str, float] | None = None
 
     def __post_init__(self) -> None:
-        """Hand the caveat to what may be used by itself: the reconstructed FRFs too."""
+        """Hand the caveat to what may be used by itself: the reconstructed FRFs too.
+
+        Where a model is off that does not fit is where its FRFs and the measured ones agree poorly.
+        """
         super().__post_init__()
+        if self.adequacy is not None and not self.believable:
+            bands = tuple(band for response in self.responses for band in response.poor_bands)
+            object.__setattr__(self, "adequacy", replace(self.adequacy, bands=bands))
         further = tuple(replace(at_point, frf=replace(at_point.frf, note=self.caveat)) for at_point in self.further)
         object.__setattr__(self, "frf", replace(self.frf, note=self.caveat))
         object.__setattr__(self, "further", further)
@@ -237,9 +206,10 @@ class Identification(_Answer):
         for row in self.table:
             ends = [end for end in (row.interval_low, row.interval_high) if end is not None]
             interval = " to ".join(format_quantity(end, row.unit) for end in ends)
-            rows.append((row.name, format_quantity(row.estimate, row.unit), interval, row.verdict, row.why))
+            words = row.precision, row.verdict, row.why
+            rows.append((row.name, format_quantity(row.estimate, row.unit), interval, *words))
         head = f"<Identification: {self._head}> {self.caveat}"
-        return html_table(head, [("parameter", "estimate", "90 % interval", "verdict", "why"), *rows])
+        return html_table(head, [("parameter", "estimate", "90 % interval", "precision", "verdict", "why"), *rows])
 
     @property
     def responses(self) -> tuple[AtPoint, ...]:
@@ -292,6 +262,7 @@ class Identification(_Answer):
         return {
             **self._common(),
             "mean_coherence": self.mean_coherence,
+            "poor_bands_Hz": [list(band) for band in self.responses[0].poor_bands],
             "modes": [asdict(mode) for mode in self.modes],
             "warnings": list(self.warnings),
             "interval": None if self.interval is None else {name: list(ends) for name, ends in self.interval.items()},
@@ -303,8 +274,8 @@ class Identification(_Answer):
             "frequency_Hz": self.frf.frequency.tolist(),
             "point": self.point,
             "quantity": self.frf.quantity,
-            "frf": _plain(self.frf),
-            "measured": _plain(self.measured),
+            "frf": plain_frf(self.frf),
+            "measured": plain_frf(self.measured),
             "coherence": self.coherence.tolist(),
             "further_responses": [response.to_dict() for response in self.further],
         }
@@ -388,8 +359,3 @@ def caveats_of(results: Iterable[tuple[str, _Answer | None]]) -> str:
         if result is not None and result.caveat:
             names.setdefault(result.caveat, []).append(name)
     return " ".join(f"{', '.join(named)}: {caveat}" for caveat, named in names.items())
-
-
-def _plain(frf: Frf) -> dict[str, Any]:
-    values = {"real": frf.values.real.tolist(), "imag": frf.values.imag.tolist()}
-    return {"label": frf.label, "has_phase": frf.has_phase, "rotation": frf.rotation, "moment": frf.by_moment, **values}

@@ -16,6 +16,7 @@ from dovetail.frf import Frf, Quantity
 from dovetail.identification.adequacy import Adequacy, AdequacyWord, Cause
 from dovetail.identification.parameters import IdentifiedParameter
 from dovetail.identification.posterior import Form, ModelError, Posterior, typical_model_error
+from dovetail.identification.posterior.posterior import central_fractions
 from dovetail.identification.result import AtPoint, Identification, MatchedMode, ModalIdentification, Mode
 from dovetail.measurement import ModalParameters
 
@@ -66,7 +67,6 @@ class _StoredSamples(_Stored):
 
 
 class _StoredParameter(_Stored):
-    estimate: float | None = None
     doubtful: bool = False
 
 
@@ -226,15 +226,14 @@ def _posterior(file: Path, parameters: Mapping[str, IdentifiedParameter], stored
         raise DovetailError(Fault(str(file), "the most probable place of its posterior does not fit its parameters."))
     ranges = [parameter.definition for parameter in parameters.values()]
     fraction = np.stack([parameter.to_unit(column) for parameter, column in zip(ranges, theta.T, strict=True)], axis=1)
-    mean = (weight / total) @ fraction
-    means = [parameter.from_unit(value) for parameter, value in zip(ranges, mean, strict=True)]
-    stated = [stored.parameters.get(name, _StoredParameter()).estimate for name in parameters]
+    normal = np.array([parameter.prior == "normal" for parameter in ranges])
+    middle = central_fractions(fraction, weight / total, normal)
     return Posterior(
         names=tuple(parameters),
         theta=theta,
         fraction=fraction,
         weight=weight / total,
-        estimate=np.array([value if told is None else told for told, value in zip(stated, means, strict=True)]),
+        estimate=np.array([p.from_unit(value) for p, value in zip(ranges, middle, strict=True)]),
         model_error=(
             stored.model_error
             if isinstance(stored.model_error, ModelError)

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from dovetail.identification import Batch
-from dovetail.report.content import parameter_rows, verdict
+from dovetail.errors import is_decisive
+from dovetail.identification import Batch, Identification
+from dovetail.report.content import parameter_rows, verdict, warnings_of
 from dovetail.report.pages import write_page
 
 __all__ = ["write_batch"]
@@ -30,7 +31,7 @@ def write_batch(batch: Batch, path: str | Path, title: str, reports: Mapping[str
     -------
     Path
     """
-    judged = {name: verdict(result) for name, result in batch.results.items()}
+    judged = {name: _judged(result) for name, result in batch.results.items()}
     content = {
         "title": title,
         "count": len(batch.results) + len(batch.failures),
@@ -44,6 +45,12 @@ def write_batch(batch: Batch, path: str | Path, title: str, reports: Mapping[str
         "believable": {name: result.believable for name, result in batch.results.items()},
     }
     return write_page(path, "batch.html.jinja", content, charts=False)
+
+
+def _judged(result: Identification) -> tuple[str, str]:
+    """Return the mark of a result, and its verdict after the warnings that decide what it is worth."""
+    mark, sentence = verdict(result)
+    return mark, " ".join([*filter(is_decisive, warnings_of(result, None)), sentence])
 
 
 def _parameters(batch: Batch) -> list[tuple[Any, list[tuple[str, Any]]]]:

@@ -116,7 +116,7 @@ def time_rows(comparison: Comparison) -> Iterator[Row]:
 
 
 def parameter_value_rows(comparison: Comparison) -> Iterator[Row]:
-    """Yield case, value of the series, method, parameter, unit, value, estimate, interval, verdict and truth, in SI.
+    """Yield what each result says of each parameter, in SI, as the columns of the table of parameters have it.
 
     The last cell says whether the result may be believed; if not, there is no interval.
     """
@@ -128,11 +128,12 @@ def parameter_value_rows(comparison: Comparison) -> Iterator[Row]:
         for index, (name, parameter) in enumerate(row.identification.parameters.items()):
             low, high = intervals.get(name, ("", ""))
             estimate = "" if posterior is None else float(posterior.estimate[index])
-            verdict = "" if posterior is None else posterior.verdicts[name].word
+            judged = None if posterior is None else posterior.verdicts[name]
+            words = ("", "") if judged is None else (judged.precision, judged.word)
             true = comparison.truth.get(row.case.name, {}).get(name, "")
             yield [
                 row.case.name, row.case.value, row.method, name, parameter.unit, parameter.value,
-                estimate, low, high, verdict, true, row.believable,
+                estimate, low, high, *words, true, row.believable,
             ]  # fmt: skip
 
 
@@ -152,7 +153,8 @@ def _verdicts(comparison: Comparison) -> list[tuple[str, str, list[tuple[str, st
             true = comparison.truth.get(case, {}).get(name)
             inside = "" if true is None else ("✓" if low <= true <= high else "✗")
             interval = f"{texts[1]} to {texts[2]} {inside}".strip()
-            word = posterior.verdicts[name].word
-            cells.append((texts[0], "withheld" if word == NOT_BELIEVED else interval, word))
+            judged = posterior.verdicts[name]
+            words = ", ".join(filter(None, [judged.precision, judged.word]))
+            cells.append((texts[0], "withheld" if judged.word == NOT_BELIEVED else interval, words))
         table.append((name, shown.text, cells))
     return table

@@ -11,21 +11,22 @@ from typing import Any
 import numpy as np
 import scipy
 
-from dovetail.errors import listing
+from dovetail.errors import Importance, Note, by_importance, listing, reworded
+from dovetail.frf import LOW_COHERENCE
 from dovetail.frf.resonance_peaks import counterpart
-from dovetail.identification import Fit, Identification, ModalIdentification, Mode, Posterior, TableRow
+from dovetail.identification import AtPoint, Fit, Identification, ModalIdentification, Mode, Posterior, TableRow
 from dovetail.identification.parameters import place_on_range
+from dovetail.identification.posterior import FIXED
 from dovetail.report.truth import Truth
 from dovetail.report.wording import ABSENT, display_unit, fixed, hertz, number, readable
 from dovetail.units import format_quantity
 
 __all__ = [
-    "EvaluationRow",
+    "GroupRow",
     "ModeRow",
     "ParameterRow",
     "adequacy_sentences",
     "columns_sentence",
-    "evaluation_rows",
     "fit_sentence",
     "is_synthetic",
     "known_rows",
@@ -54,6 +55,8 @@ _SYNTHETIC = "This measurement is synthetic: it was simulated, not taken in a la
 
 _CHANCE = 0.01
 """Probability of as many intervals without the truth below which they are more than expected."""
+_MOST_BANDS = 5
+"""Bands in which model and measurement agree poorly that a sentence lists."""
 _PIECES, _AGREES = 20, 0.995
 """Number of parts of the band, of which the one with the least agreement is named, unless its mean is above this."""
 
@@ -66,8 +69,18 @@ _EXPLAINED = {
 }
 """Mark and sentence for each word of the adequacy."""
 
-_KNOWN = {"identified": "well known", "weakly identified": "roughly known", "not identifiable": "not told by it"}
-"""Words for the verdicts on parameters."""
+_VERDICTS = ("identified", "weakly identified", "not identifiable")
+"""The verdicts on parameters, in the order in which they are counted."""
+
+
+@dataclass(frozen=True)
+class GroupRow:
+    """One of the separate groups of a parameter's likely values, as text."""
+
+    share: str
+    estimate: str
+    interval: str
+    precision: str
 
 
 @dataclass(frozen=True)
@@ -83,6 +96,11 @@ class ParameterRow:
     interval: str
     unit: str
     best_fit: str
+    best_fit_lies: str
+    """Whether the best fit is at an end of the range, or outside the interval; empty if neither."""
+    groups: tuple[GroupRow, ...]
+    reason: str
+    """Of the verdict; empty if there is nothing to add to it."""
     network: str
     lower: str
     upper: str
@@ -113,17 +131,6 @@ class ModeRow:
     difference: str
 
 
-@dataclass(frozen=True)
-class EvaluationRow:
-    """Accuracy of the network for one parameter on the test part."""
-
-    name: str
-    r2: str
-    mae: str
-    unit: str
-    mae_of_range: str
-
-
 def is_synthetic(result: Identification, truth: Truth | None) -> bool:
     """Return whether the measurement was simulated, according to its name or note, the provenance or the truth."""
     if truth is not None and truth.synthetic:
@@ -132,12 +139,13 @@ def is_synthetic(result: Identification, truth: Truth | None) -> bool:
     return bool(result.provenance.get("synthetic")) or any("synthetic" in str(text).lower() for text in said)
 
 
-def warnings_of(result: Identification, truth: Truth | None) -> list[str]:
-    """Return the warnings, with one of a synthetic measurement first."""
-    warnings = [readable(warning) for warning in result.warnings]
-    if is_synthetic(result, truth) and not any("synthetic" in warning.lower() for warning in warnings):
-        warnings.insert(0, _SYNTHETIC)
-    return warnings
+def warnings_of(result: Identification | ModalIdentification, truth: Truth | None) -> list[str]:
+    """Return the warnings by their importance, with one of a synthetic measurement at the end."""
+    warnings = [reworded(warning, readable(warning)) for warning in result.warnings]
+    is_said = any("synthetic" in warning.lower() for warning in warnings)
+    if not is_said and isinstance(result, Identification) and is_synthetic(result, truth):
+        warnings.append(Note(_SYNTHETIC, Importance.DETAIL))
+    return list(by_importance(warnings))
 
 
 def verdict(result: Identification) -> tuple[str, str]:
@@ -155,11 +163,11 @@ def verdict(result: Identification) -> tuple[str, str]:
         return mark, explained
     within = "" if size is None else f" (natural frequencies are off by {100.0 * size.natural_frequency:.2g} %)"
     counts = Counter(row.verdict for row in result.table)
-    told = [f"{counts[word]} {words}" for word, words in _KNOWN.items() if counts[word]]
+    counted = [f"{counts[word]} {word}" for word in _VERDICTS if counts[word]]
     count = len(result.parameters)
     known = (
-        f"of {count} parameter{'s' * (count > 1)}, {listing(told)}"
-        if told
+        f"of {count} parameter{'s' * (count > 1)}, {listing(counted)}"
+        if counted
         else "how well each parameter is known was not asked"
     )
     return mark, readable(f"{explained}{within}; {known}.")
@@ -170,12 +178,21 @@ def adequacy_sentences(result: Identification | ModalIdentification) -> list[str
     adequacy = result.adequacy
     if adequacy is None:
         return []
-    sentences = [result.caveat, adequacy.sentence, *adequacy.reasons, "" if result.caveat else adequacy.meaning]
-    sentences += [cause.sentence for cause in adequacy.causes]
-    if adequacy.bands and not result.believable:
-        bands = ", ".join(f"{low:.6g} to {high:.6g} Hz" for low, high in adequacy.bands)
-        sentences.append(f"It is off at {bands}.")
-    return [readable(sentence) for sentence in sentences if sentence]
+    notes = [*adequacy.reasons, "" if result.caveat else adequacy.meaning]
+    notes += [cause.sentence for cause in adequacy.causes]
+    if isinstance(result, Identification) and not result.believable:
+        notes += [_poor_bands_sentence(response, result) for response in result.responses]
+    return [readable(sentence) for sentence in (result.caveat, adequacy.sentence, *by_importance(notes)) if sentence]
+
+
+def _poor_bands_sentence(response: AtPoint, result: Identification) -> str:
+    """Say where the FRFs at a response agree poorly: the bands that the chart shades; empty if nowhere."""
+    bands = [f"{low:.6g} to {high:.6g} Hz" for low, high in response.poor_bands]
+    if not bands:
+        return ""
+    where = f" at {response.point}" if result.further else ""
+    named = listing([*bands[:_MOST_BANDS], *([f"{len(bands) - _MOST_BANDS} more"] * (len(bands) > _MOST_BANDS))])
+    return f"The model is off{where} (coherence below {LOW_COHERENCE:g}) at {named}."
 
 
 def parameter_rows(result: Identification | ModalIdentification, truth: Truth | None) -> list[ParameterRow]:
@@ -203,39 +220,24 @@ def mode_rows(result: Identification, truth: Truth | None) -> list[ModeRow]:
     return [row for _, row in sorted(rows, key=lambda entry: (not np.isfinite(entry[0]), entry[0]))]
 
 
-def evaluation_rows(result: Identification) -> list[EvaluationRow]:
-    """Return the network's accuracy on the test part, if the provenance contains it."""
-    evaluation = result.provenance.get("evaluation")
-    evaluated = evaluation.get("parameters", {}) if isinstance(evaluation, Mapping) else {}
-    rows = []
-    for name, metrics in evaluated.items():
-        unit, factor = str(metrics["unit"]), 1.0
-        if name in result.parameters:
-            parameter = result.parameters[name]
-            shown = display_unit(parameter.unit, parameter.lower, parameter.upper)
-            unit, factor = shown.text, shown.factor
-        rows.append(
-            EvaluationRow(
-                name=name,
-                r2=fixed(metrics["r2"], 2),
-                mae=number(metrics["mae_si"] * factor, 3),
-                unit=unit,
-                mae_of_range=fixed(100.0 * metrics["mae"], 1),
-            )
-        )
-    return rows
-
-
 def columns_sentence(result: Identification | ModalIdentification) -> str:
     """Return sentences that explain the columns of the table."""
     sentences = []
     if any(row.best_fit is not None for row in result.table):
         sentences.append(
-            "The estimate is what to quote of one parameter by itself. The best fit is all parameters together that "
-            "fit the measurement best: where parameters trade with each other, the two differ."
+            "Quote the estimate of a single parameter; the best fit is the set of all that together reproduce the "
+            "measurement best."
+        )
+    outside = [row.name for row in result.table if row.best_fit_outside and not row.follows]
+    if outside:
+        one = len(outside) == 1
+        sentences.append(
+            f"The best fit of {listing(outside)} lies outside {'its' if one else 'their'} 90 % "
+            f"interval{'s' * (not one)}: where many sets fit nearly equally well, small errors decide which is the "
+            "best, and it need not be a likely one."
         )
     if result.network is not None:
-        sentences.append("The fit began with the network's answer.")
+        sentences.append("The network's estimate is one of the starts of the fit.")
     return " ".join(sentences)
 
 
@@ -311,14 +313,27 @@ def _parameter_row(row: TableRow, withheld: bool, true: float | None) -> Paramet
     def text(value: float | None) -> str:
         return "" if value is None else number(value * shown.factor)
 
+    def interval(low: float | None, high: float | None) -> str:
+        return "" if low is None or high is None else f"{text(low)} to {text(high)}"
+
     low, high = row.interval_low, row.interval_high
-    interval = "" if low is None or high is None else f"{text(low)} to {text(high)}"
     return ParameterRow(
         row,
         estimate=text(row.estimate),
-        interval="withheld" if withheld else interval,
+        interval="withheld" if withheld else interval(low, high),
         unit=shown.text,
         best_fit=text(row.best_fit),
+        best_fit_lies=_place_of_best_fit(row),
+        groups=tuple(
+            GroupRow(
+                f"{group.weight:.0%}".replace("%", " %"),
+                text(group.estimate),
+                interval(group.interval_low, group.interval_high),
+                group.precision,
+            )
+            for group in row.groups or ()
+        ),
+        reason="" if row.why == FIXED else row.why,
         network=text(row.network),
         lower=number(row.range_low * shown.factor, padded=False),
         upper=number(row.range_high * shown.factor, padded=False),
@@ -331,6 +346,11 @@ def _parameter_row(row: TableRow, withheld: bool, true: float | None) -> Paramet
         true_place=_place(row, true),
         within=None if true is None or low is None or high is None else low <= true <= high,
     )
+
+
+def _place_of_best_fit(row: TableRow) -> str:
+    at_end = f"at the {row.best_fit_at} end of its range" if row.best_fit_at else ""
+    return ", ".join(filter(None, [at_end, "outside its interval" if row.best_fit_outside else ""]))
 
 
 def _place(row: TableRow, value: float | None) -> float | None:

@@ -179,7 +179,7 @@ class Explorer:
             "intervals": {
                 row.name: [row.interval_low, row.interval_high] for row in table if row.interval_low is not None
             },
-            "verdicts": {row.name: row.verdict for row in table},
+            "verdicts": {row.name: ", ".join(filter(None, [row.precision, row.verdict])) for row in table},
             "mark": mark,
             "verdict": sentence,
             "warnings": list(result.warnings),

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import json
 import shlex
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from dovetail.assembly import Assembly
-from dovetail.errors import DovetailError, Fault
+from dovetail.errors import DovetailError, Fault, is_decisive
 from dovetail.identification import Identification, Posterior
 from dovetail.report import content
 from dovetail.report.charts import as_data, chart_data
@@ -18,9 +20,9 @@ from dovetail.report.drawing import assembly_figure, drawing_text, mode_shapes
 from dovetail.report.pages import write_page
 from dovetail.report.svg import page_figure
 from dovetail.report.truth import Truth
-from dovetail.report.wording import fixed, number
+from dovetail.report.wording import display_unit, fixed, number
 
-__all__ = ["write_report"]
+__all__ = ["EvaluationRow", "evaluation_rows", "write_report"]
 
 _MOST_SHAPES = 10
 _MOST_LINES = 3000
@@ -30,6 +32,17 @@ _MOST_TRADING, _SAMPLES, _SIZE, _GAP, _MARGIN = 6, 150, 92, 8, 86
 """Parameters and samples in the pair plot; pixels of a panel, between panels, and for names."""
 _LEAST_CORRELATION = 0.3
 """Correlation from which two parameters are shown in the pair plot."""
+
+
+@dataclass(frozen=True)
+class EvaluationRow:
+    """Accuracy of the network for one parameter on the test part."""
+
+    name: str
+    r2: str
+    mae: str
+    unit: str
+    mae_of_range: str
 
 
 def write_report(
@@ -74,6 +87,7 @@ def _context(result: Identification, truth: Truth | None) -> dict[str, Any]:
     low, high = min(axis[0] for axis in axes), max(axis[-1] for axis in axes)
     evaluation = result.provenance.get("evaluation")
     mark, verdict = content.verdict(result)
+    warnings = content.warnings_of(result, truth)
     return {
         "assembly": str(result.provenance.get("assembly", result.frf.label)),
         "measurement": _measurements(result),
@@ -88,7 +102,8 @@ def _context(result: Identification, truth: Truth | None) -> dict[str, Any]:
         "joints": list(dict.fromkeys(row.joint for row in result.table)),
         "believable": result.believable,
         "adequacy": content.adequacy_sentences(result),
-        "warnings": content.warnings_of(result, truth),
+        "decisive": [warning for warning in warnings if is_decisive(warning)],
+        "warnings": [warning for warning in warnings if not is_decisive(warning)],
         "truth": truth,
         "posterior_sentence": "" if result.posterior is None else content.posterior_sentence(result.posterior),
         "parameters": rows,
@@ -104,7 +119,7 @@ def _context(result: Identification, truth: Truth | None) -> dict[str, Any]:
         "misfit": content.misfit_sentence(result),
         "pairs": _pair_plot(result),
         "again": _how_to_reproduce(result),
-        "evaluation": content.evaluation_rows(result),
+        "evaluation": evaluation_rows(result),
         "test_samples": evaluation.get("test_samples") if isinstance(evaluation, dict) else None,
         "provenance": content.provenance_rows(result.provenance),
         "description": _pretty(result.provenance.get("description")),
@@ -125,9 +140,9 @@ def _mean_coherence(result: Identification) -> str:
 def _figures(result: Identification) -> list[tuple[str, str, Any, bool]]:
     """Return for each response the chart's name, the point (empty for a single one), data, and if there is a phase."""
     natural = [mode.natural_frequency for mode in result.modes]
-    bands = result.adequacy.bands if result.adequacy is not None and not result.believable else ()
     figures = []
     for index, response in enumerate(result.responses):
+        bands = () if result.believable else response.poor_bands
         both = {"measured": ("measured", response.measured), "model": ("reconstructed", response.frf)}
         title = f"Measured and reconstructed FRF and their agreement, {response.point or 'the response'}"
         content = chart_data(title, both, coherence=response.coherence, natural=natural, bands=bands, most=_MOST_LINES)
@@ -175,6 +190,29 @@ def _correlated_parameters(posterior: Posterior) -> list[int]:
     largest = correlation.max(axis=1)
     strongest = np.argsort(-largest, kind="stable")[:_MOST_TRADING]
     return sorted(strongest[largest[strongest] >= _LEAST_CORRELATION].tolist())
+
+
+def evaluation_rows(result: Identification) -> list[EvaluationRow]:
+    """Return the network's accuracy on the test part, if the provenance contains it."""
+    evaluation = result.provenance.get("evaluation")
+    evaluated = evaluation.get("parameters", {}) if isinstance(evaluation, Mapping) else {}
+    rows = []
+    for name, metrics in evaluated.items():
+        unit, factor = str(metrics["unit"]), 1.0
+        if name in result.parameters:
+            parameter = result.parameters[name]
+            shown = display_unit(parameter.unit, parameter.lower, parameter.upper)
+            unit, factor = shown.text, shown.factor
+        rows.append(
+            EvaluationRow(
+                name=name,
+                r2=fixed(metrics["r2"], 2),
+                mae=number(metrics["mae_si"] * factor, 3),
+                unit=unit,
+                mae_of_range=fixed(100.0 * metrics["mae"], 1),
+            )
+        )
+    return rows
 
 
 def _how_to_reproduce(result: Identification) -> str:

@@ -7,12 +7,14 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Final, Literal, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
+from dovetail.frf import Frf, coherence_with_model, poor_bands
 from dovetail.identification.posterior.model_error import TYPICAL, ModelError, typical_model_error
 from dovetail.interfaces import Parameter
 from dovetail.units import format_quantity
 
-__all__ = ["NOTHING_LEFT", "Adequacy", "AdequacyWord", "Cause", "word_for"]
+__all__ = ["NOTHING_LEFT", "Adequacy", "AdequacyWord", "AtPoint", "Cause", "plain_frf", "word_for"]
 
 AdequacyWord: TypeAlias = Literal["to the noise", "good", "rough", "does not fit", "not judged"]
 """From best to worst; "not judged" if a method does not judge the model."""
@@ -58,7 +60,7 @@ class Cause:
     words : str
         The change, worded to follow "with": "the sign reversed".
     coherence : (float, float)
-        Mean coherence of model and measurement without and with it.
+        Mean coherence of model and measurement without and with it: that of the result, and that of a fit on few lines.
     residual_factor : float
         By how much typical residuals become smaller.
     theta : tuple of float
@@ -103,7 +105,8 @@ class Adequacy:
     reasons : tuple of str
         What else there is to say, as sentences.
     bands : tuple of (float, float)
-        Frequency bands [Hz] in which the measurement deviates, response by response, the worst of each first.
+        Frequency bands [Hz] in which the measurement deviates by more than its noise, response by response, the worst
+        of each first. If the model does not fit, those in which the `Identification`'s FRFs agree poorly.
     """
 
     word: AdequacyWord
@@ -178,3 +181,57 @@ def word_for(size: ModelError) -> AdequacyWord:
     if size.within(_SETTINGS.good):
         return "good"
     return "rough" if size.within(_SETTINGS.rough) else "does not fit"
+
+
+@dataclass(frozen=True, eq=False)
+class AtPoint:
+    """The measured and the reconstructed FRF at one response.
+
+    Parameters
+    ----------
+    point : str
+        Where the response is: ``"tool, 10 mm"``.
+    frf, measured : Frf
+        As in `Identification`.
+    """
+
+    point: str
+    frf: Frf
+    measured: Frf
+
+    @property
+    def coherence(self) -> NDArray[np.float64]:
+        """(n_freq,) coherence of reconstruction and measurement; of their amplitudes if there is no phase.
+
+        Eq. 15 of Processes 14 (2026) 1875, doi:10.3390/pr14121875.
+        """
+        return coherence_with_model(self.measured, self.frf.values)
+
+    @property
+    def mean_coherence(self) -> float:
+        """Mean of `coherence` over the frequencies."""
+        return float(self.coherence.mean())
+
+    @property
+    def poor_bands(self) -> tuple[tuple[float, float], ...]:
+        """Bands [Hz] in which the two agree poorly, those first that lower the mean coherence most."""
+        return poor_bands(self.frf.frequency, self.coherence)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything as plain values, fit for JSON."""
+        return {
+            "point": self.point,
+            "frequency_Hz": self.frf.frequency.tolist(),
+            "mean_coherence": self.mean_coherence,
+            "poor_bands_Hz": [list(band) for band in self.poor_bands],
+            "quantity": self.frf.quantity,
+            "frf": plain_frf(self.frf),
+            "measured": plain_frf(self.measured),
+            "coherence": self.coherence.tolist(),
+        }
+
+
+def plain_frf(frf: Frf) -> dict[str, Any]:
+    """Return label, kind and values of an FRF as plain values, fit for JSON."""
+    values = {"real": frf.values.real.tolist(), "imag": frf.values.imag.tolist()}
+    return {"label": frf.label, "has_phase": frf.has_phase, "rotation": frf.rotation, "moment": frf.by_moment, **values}

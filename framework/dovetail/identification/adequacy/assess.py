@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
 from dovetail.assembly.calibration import unknown_gains
-from dovetail.errors import Fault, ParameterError, listing
+from dovetail.errors import Fault, Importance, Note, ParameterError, listing
 from dovetail.frf import Frf
 from dovetail.frf.resonance_peaks import counterpart, resonance_peaks
 from dovetail.identification.adequacy.adequacy import NOTHING_LEFT, Adequacy, word_for
@@ -24,10 +24,9 @@ from dovetail.identification.fitting.fit import bounds_reached
 from dovetail.identification.fitting.least_squares import without
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import ModelFrfs
-from dovetail.identification.fitting.search_lines import missed_resonances
 from dovetail.identification.fitting.whiteness import find_deviating_bands, has_size_of_noise, is_white
 from dovetail.identification.posterior import typical_model_error
-from dovetail.identification.posterior.model_error import ModelError, fit_resonances
+from dovetail.identification.posterior.model_error import ModelError
 from dovetail.interfaces import Progress, logged
 
 __all__ = ["assess", "check_limits"]
@@ -37,21 +36,6 @@ __all__ = ["assess", "check_limits"]
 class Settings:
     """When a fit is no longer to the noise."""
 
-    most_missed: int = 5
-    """Resonances of the measurement that are listed where the model lacks them."""
-    same_missed: float = 0.01
-    """Relative distance within which missed resonances of several FRFs are taken for the same one."""
-    displaced: float = 2.0
-    """Distance of a peak from the model's resonance to which it may belong, over the error of natural frequencies."""
-    near: tuple[float, float] = (0.01, 0.05)
-    """Relative distance that this is at least and at most."""
-    mains: tuple[float, ...] = (50.0, 60.0)
-    """Hz; multiples show in measurements with a ground loop."""
-    mains_lines: float = 2.0
-    """Lines of the measurement within which a peak is at a multiple."""
-    finest_part: float = 0.02
-    """Of the mains frequency, above which lines are too coarse to recognise hum."""
-    fewest_hums: int = 2
     fewest_lines: int = 3
     """Of one FRF, in which a resonance shows."""
     follows: float = 0.5
@@ -139,14 +123,14 @@ def assess(
     began = time.monotonic()
     with logged(__name__, "causes of the misfit"):
         causes = find_causes(assembly, measured, refitted, seconds=cause_seconds, progress=progress)
-    late = [_LATE] if 0.0 < cause_seconds < time.monotonic() - began else []
+    late = [Note(_LATE, Importance.DETAIL)] if 0.0 < cause_seconds < time.monotonic() - began else []
     given_out = power_given_out(assembly, target, fit.variance)
     adequacy = Adequacy(
         "does not fit" if given_out > MOST_GIVEN_OUT else word_for(size),
         size,
         model_error,
         causes=causes,
-        reasons=(*_reasons(target, fit, estimated, model_error, given_out), *remarks, *late),
+        reasons=(*_reasons(fit, estimated, model_error, given_out), *remarks, *late),
         bands=_bands(target, fit, estimated.values),
     )
     return adequacy, refitted
@@ -207,14 +191,13 @@ def _distance_of_lost_peaks(target: Observations, values: NDArray[np.complex128]
     return float(np.sqrt(np.mean(np.square(distances)))) if is_lost else 0.0
 
 
-def _reasons(
-    target: Observations, fit: Fit, estimated: FitWithError, allowed: float | None, given_out: float
-) -> Iterator[str]:
+def _reasons(fit: Fit, estimated: FitWithError, allowed: float | None, given_out: float) -> Iterator[str]:
     """Yield further remarks on a measurement and on a fit that does not reach its noise, as sentences."""
     if given_out > MOST_GIVEN_OUT:
-        yield (
+        yield Note(
             f"As measured, the structure gives out {100.0 * given_out:.0f} % of the power where it is driven, which no "
-            "passive structure does: a sign or a phase is wrong."
+            "passive structure does: a sign or a phase is wrong.",
+            Importance.DECISIVE,
         )
     needed = estimated.size.natural_frequency
     if allowed is not None and needed > _SETTINGS.exceeds * allowed:
@@ -222,31 +205,8 @@ def _reasons(
             f"The measurement shows errors of natural frequencies of {100.0 * needed:.2g} %, more than the "
             f"{100.0 * allowed:.2g} % that are allowed."
         )
-    yield from _missed_resonances(target, fit, estimated)
-    yield f"Of {fit.starts} searches {fit.agreeing} ended in the same fit, none in a better one."
-
-
-def _missed_resonances(target: Observations, fit: Fit, estimated: FitWithError) -> Iterator[str]:
-    """Yield which resonances of the measurement the model lacks.
-
-    A peak near a resonance of the model that makes no peak in that FRF is not another resonance.
-    """
-    missed = np.unique(missed_resonances(target, fit.variance, estimated.values))
-    near = np.clip(_SETTINGS.displaced * estimated.size.natural_frequency, *_SETTINGS.near)
-    modelled = fit_resonances(target.frfs, target.split(estimated.values)).poles.real
-    missed = missed[np.all(np.abs(modelled[:, np.newaxis] - missed) > near * missed, axis=0)]
-    if not len(missed):
-        return
-    missed = missed[np.append(True, np.diff(missed) > _SETTINGS.same_missed * missed[1:])]
-    named = [f"{frequency:.4g}" for frequency in missed[: _SETTINGS.most_missed]]
-    yield f"The measurement has resonances that the model lacks: {', '.join(named)} Hz."
-    lines = max(float(np.median(np.diff(frf.frequency))) for frf in target.frfs if len(frf.frequency) > 1)
-    for mains in _SETTINGS.mains:
-        nearest = mains * np.maximum(1.0, np.round(missed / mains))
-        hum = np.abs(missed - nearest) <= _SETTINGS.mains_lines * lines
-        if lines < _SETTINGS.finest_part * mains and np.count_nonzero(hum) >= _SETTINGS.fewest_hums:
-            at = ", ".join(f"{frequency:.4g}" for frequency in missed[hum])
-            yield f"Of these, {at} Hz are multiples of {mains:g} Hz: the hum of the mains?"
+    repeated = f"Of {fit.starts} searches {fit.agreeing} ended in the same fit, none in a better one."
+    yield Note(repeated, Importance.DETAIL)
 
 
 def is_noise(assembly: Assembly, target: Observations, fit: Fit) -> bool:

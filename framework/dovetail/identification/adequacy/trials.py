@@ -19,7 +19,7 @@ from dovetail.identification.fitting import Fit
 from dovetail.identification.fitting.least_squares import SumOfSquares, minimise
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs, Residual
-from dovetail.identification.fitting.search_lines import search_lines
+from dovetail.identification.fitting.search_lines import lines_represented, search_lines
 from dovetail.identification.posterior.likelihood import MarginalisedResiduals
 
 __all__ = ["MOST_GIVEN_OUT", "LogRatio", "Trial", "Trials", "power_given_out"]
@@ -74,7 +74,7 @@ class Trial:
         typical residuals, so that neither peaks nor antiresonances dominate. Where the model is less than a tenth of
         the measurement, the residual is multiplied by the measurement over ten times the model.
     coherence : float
-        Mean coherence of model and measurement.
+        Mean coherence of model and measurement, over all lines of the measurement as far as those of the trial show it.
     residual : float
         Median over the lines of |residual| / |measured|.
     values : (n_lines,) complex array
@@ -120,6 +120,7 @@ class Trials:
         self.assembly = assembly.on(*(frf.frequency for frf in self.target.frfs))
         self.relative = fit.variance[lines] / np.maximum(self.target.amplitude**2, fit.variance[lines])
         self._used = np.ones(len(lines), dtype=np.bool_)
+        self._represented = lines_represented(target, lines)
         self._most = np.inf
 
     @property
@@ -148,6 +149,7 @@ class Trials:
         part.assembly = alone.on(*(frf.frequency for frf in part.target.frfs))
         part.relative = self.relative[np.repeat(chosen, counts)]
         part._used = self._used[np.repeat(chosen, counts)]
+        part._represented = self._represented[np.repeat(chosen, counts)]
         part._most = np.inf
         return part
 
@@ -322,7 +324,8 @@ class Trials:
         pair = [measured, values]
         if not all(frf.has_phase for frf in target.frfs):
             pair = [np.abs(part).astype(complex) for part in pair]
-        return Trial(theta, misfit, float(coherence_spectrum(*pair).mean()), residual, values)
+        coherence = float(np.average(coherence_spectrum(*pair), weights=self._represented))
+        return Trial(theta, misfit, coherence, residual, values)
 
 
 def power_given_out(assembly: Assembly, target: Observations, variance: NDArray[np.float64]) -> float:

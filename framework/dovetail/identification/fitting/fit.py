@@ -17,9 +17,18 @@ from dovetail.frf import Frf
 from dovetail.identification.fitting.least_squares import minimise
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import FrfResiduals
-from dovetail.interfaces import Progress, silent
+from dovetail.interfaces import Parameter, Progress, Scale, silent
 
-__all__ = ["Fit", "Objective", "bounds_reached", "count_agreeing", "fit_at", "highest_agreeing", "multistart"]
+__all__ = [
+    "Fit",
+    "Objective",
+    "bounds_reached",
+    "count_agreeing",
+    "end_reached",
+    "fit_at",
+    "highest_agreeing",
+    "multistart",
+]
 
 Objective: TypeAlias = Literal["frf", "weighted"]
 """Residuals that are minimised: differences of the FRFs as they are, or over their random error."""
@@ -28,6 +37,8 @@ _TOLERANCE = 0.02
 """Decrease of the sum of squares in one step that ends a search; it is small compared to the scatter of the sum."""
 _MOST_STEPS = 150
 """Largest number of steps of one search; one that needs more is in a wrong valley."""
+_AT_END = 1e-6
+"""Part of the range within which a value is at its end; more digits than any measurement tells apart."""
 _SAME_MINIMUM = 1e-3
 """Relative difference of sums of squares below which two searches ended in the same minimum."""
 
@@ -266,5 +277,20 @@ def fractions_within(assembly: Assembly, theta: NDArray[np.float64]) -> NDArray[
 
 def bounds_reached(assembly: Assembly, fraction: NDArray[np.float64]) -> dict[str, str]:
     """Return the parameters at a bound of their range, and at which, from fractions (n_params,) of the ranges."""
-    pairs = zip(assembly.parameters, fraction.tolist(), strict=True)
-    return {p.name: "lower" if at <= 0.0 else "upper" for p, at in pairs if at <= 0.0 or at >= 1.0}
+    values = assembly.from_unit(fraction).tolist()
+    pairs = zip(assembly.parameters, values, strict=True)
+    ends = {p.name: end_reached(value, p.lower, p.upper, p.scale) for p, value in pairs}
+    return {name: end for name, end in ends.items() if end}
+
+
+def end_reached(value: float, lower: float, upper: float, scale: Scale) -> str:
+    """Return the end of a range, "lower" or "upper", at which a value is within rounding; empty if at neither.
+
+    A value is at an end that it equals in the four digits that are shown, or within a millionth of the range.
+    """
+    shown, low, high = (f"{number:.4g}" for number in (value, lower, upper))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        place = float(Parameter("value", "1", lower, upper, scale).to_unit(np.array(value)))
+    if abs(place) <= _AT_END or (shown == low != high):
+        return "lower"
+    return "upper" if abs(place - 1.0) <= _AT_END or (shown == high != low) else ""

@@ -13,7 +13,7 @@ from scipy.ndimage import uniform_filter1d
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import Residual
 
-__all__ = ["Smoothed", "missed_resonances", "search_lines", "thinned_lines"]
+__all__ = ["Smoothed", "lines_represented", "missed_resonances", "search_lines", "thinned_lines"]
 
 
 @dataclass(frozen=True)
@@ -113,6 +113,20 @@ def thinned_lines(observations: Observations, most: int, always: NDArray[np.intp
     responses = zip(observations.firsts, observations.counts, strict=True)
     thinned = [np.arange(first, first + count, max(1, round(count / most))) for first, count in responses]
     return np.union1d(np.concatenate(thinned), always)
+
+
+def lines_represented(observations: Observations, lines: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Return for chosen lines (n,) how many of all lines of their response are nearest to each.
+
+    So weighted, a mean over few lines that crowd around resonances is that over all lines.
+    """
+    counts = []
+    for first, count in zip(observations.firsts, observations.counts, strict=True):
+        chosen = lines[(lines >= first) & (lines < first + count)] - first
+        if chosen.size:
+            nearest = np.searchsorted((chosen[1:] + chosen[:-1]) / 2.0, np.arange(count))
+            counts.append(np.bincount(nearest, minlength=chosen.size).astype(np.float64))
+    return np.concatenate(counts)
 
 
 def missed_resonances(

@@ -9,16 +9,20 @@ from dovetail.identification.posterior.model_error import (
     error_shapes,
     typical_model_error,
 )
-from dovetail.identification.posterior.posterior import LEVEL, NOT_BELIEVED, Form, Posterior, Verdict, quantiles
+from dovetail.identification.posterior.posterior import Form, Posterior
 from dovetail.identification.posterior.sampling import sample_posterior
+from dovetail.identification.posterior.verdicts import FIXED, LEVEL, LIMITS, NOT_BELIEVED, Group, Verdict, quantiles
 
 __all__ = [
+    "FIXED",
     "LEVEL",
+    "LIMITS",
     "MODEL_ERROR",
     "NOT_BELIEVED",
     "PRIOR_PRECISION",
     "TYPICAL",
     "Form",
+    "Group",
     "ModelError",
     "Posterior",
     "Verdict",

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from numbers import Integral
-from typing import Any, Final, Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,28 +15,29 @@ from dovetail.assembly import Assembly
 from dovetail.errors import Fault, ParameterError, did_you_mean, listing
 from dovetail.identification.posterior.likelihood import PRIOR_PRECISION, normal_from_unit, unit_from_normal
 from dovetail.identification.posterior.model_error import ModelError
+from dovetail.identification.posterior.verdicts import (
+    FIXED,
+    LEVEL,
+    NOT_BELIEVED,
+    Group,
+    Known,
+    Verdict,
+    drawn_by_weight,
+    ends_cut,
+    ends_of,
+    heaviest_combination,
+    how_little,
+    precision_text,
+    quantiles,
+    separate_groups,
+    word_for,
+    word_for_groups,
+)
 
-__all__ = [
-    "LEVEL",
-    "NOT_BELIEVED",
-    "Form",
-    "Posterior",
-    "Verdict",
-    "Word",
-    "check_options",
-    "drawn_by_weight",
-    "quantiles",
-    "split_half_difference",
-]
+__all__ = ["Form", "Posterior", "central_fractions", "check_options", "split_half_difference"]
 
-LEVEL = 0.9
-"""Probability that an interval holds the true value."""
+_NUMBERS = {2: "two", 3: "three", 4: "four"}
 _FEWEST_SAMPLES = 20  # of fewer, the ends of an interval would be the outermost samples
-
-NOT_BELIEVED: Final = "not believed"
-"""The verdict on every parameter of a result that is not to be believed."""
-
-Word: TypeAlias = Literal["identified", "weakly identified", "not identifiable", "not believed"]
 
 Form: TypeAlias = Literal["samples", "laplace"]
 
@@ -58,48 +59,17 @@ def check_options(samples: int, form: str = "samples") -> None:
 
 @dataclass(frozen=True)
 class Settings:
-    """Limits of verdicts and warnings."""
+    """Limits of reasons and warnings."""
 
-    identified: float = 0.9
-    """Smallest gain, the share of the prior variance that the measurement removes, of an identified parameter."""
-    weakly_identified: float = 0.5
-    """Smallest gain of a weakly identified parameter."""
     trading: float = 0.6
     """Correlation above which two parameters are said to trade with each other."""
-    end_zone: float = 0.25
-    """Width of the zone at an end of a parameter's range, over the width of its interval."""
-    end_share: float = 1.0 / 3.0
-    """Share of the posterior in this zone above which a parameter presses against the end. Half a Gaussian, cut off by
-    the range, has 0.37 there; a parameter that is uniform over its range has 0.23."""
     effective_samples: int = 50
     """Below this effective sample size, a tail of an interval rests on two or three samples."""
-    gap: float = 1.0 / 3.0
-    """Part of an interval's width that holds no sample, from which a parameter has two separate groups of values. Of 50
-    independent samples, evenly distributed, two neighbours are 0.08 of it apart."""
     split_half_difference: float = 0.5
     """Part of an interval's width by which its ends may differ between two halves of the samples."""
 
 
 _SETTINGS = Settings()
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """How far one parameter can be known from the measurement.
-
-    Parameters
-    ----------
-    word : str
-        "identified", "weakly identified" or "not identifiable"; "not believed" if the result is not to be believed.
-    gain : float
-        Share of the prior variance that the measurement removes; 1 if the parameter is known exactly.
-    reason : str
-        A sentence.
-    """
-
-    word: Word
-    gain: float
-    reason: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +86,8 @@ class Posterior:
     weight : (n,) array
         Sums to 1.
     estimate : (n_params,) array
-        SI; posterior means, taken on the parameters' scales.
+        SI; posterior means, taken on the parameters' scales. Where likely values are in separate groups, the means of
+        the combination of groups that holds the largest share of the posterior.
     model_error : ModelError
         The errors that the model was allowed.
     searches : int
@@ -172,14 +143,12 @@ class Posterior:
     ) -> Posterior:
         """Return the posterior with these samples, in fractions of the assembly's ranges."""
         normal = np.array([parameter.prior == "normal" for parameter in assembly.parameters])
-        mean = weight @ fraction
-        mean[normal] = unit_from_normal(weight @ normal_from_unit(fraction[:, normal]))
         return Posterior(
             names=tuple(parameter.name for parameter in assembly.parameters),
             theta=assembly.from_unit(fraction),
             fraction=fraction,
             weight=weight,
-            estimate=assembly.from_unit(mean),
+            estimate=assembly.from_unit(central_fractions(fraction, weight, normal)),
             model_error=model_error,
             searches=searches,
             lines=lines,
@@ -216,15 +185,28 @@ class Posterior:
         return dict(zip(self.names, differences.tolist(), strict=True))
 
     @cached_property
+    def groups(self) -> Mapping[str, tuple[Group, ...]]:
+        """The separate groups of the likely values of a parameter, by its name; of others there is no entry.
+
+        There are several where equal parts can be exchanged, for example.
+        """
+        numbers = _group_numbers(self.fraction, self.weight)
+        columns = np.flatnonzero(numbers.any(axis=0)).tolist()
+        return {self.names[column]: tuple(self._groups(column, numbers[:, column])) for column in columns}
+
+    def _groups(self, column: int, numbers: NDArray[np.intp]) -> Iterator[Group]:
+        for number in range(int(numbers.max()) + 1):
+            rows = numbers == number
+            share = float(self.weight[rows].sum())
+            levels = [ends_of(LEVEL)[0], 0.5, ends_of(LEVEL)[1]]
+            ends = quantiles(self.theta[rows, column, np.newaxis], self.weight[rows] / share, levels)
+            low, middle, high = (float(end[0]) for end in ends)
+            yield Group.of(share, middle, low, high)
+
+    @property
     def in_two_groups(self) -> tuple[str, ...]:
-        """Parameters with two separate groups of values, as where two equal parts can be exchanged."""
-        fraction, weight = self.fraction[::2], self.weight[::2]  # the others may be about the best fit, no second group
-        low, high = quantiles(fraction, weight, _ends_of(LEVEL))
-        drawn = fraction[drawn_by_weight(weight, len(weight), np.random.default_rng(7))]
-        gaps = np.diff(np.sort(np.clip(drawn, low, high), axis=0), axis=0).max(axis=0, initial=0.0)
-        enough = self.effective_sample_size >= _SETTINGS.effective_samples
-        apart = enough & (gaps > _SETTINGS.gap * (high - low))
-        return tuple(name for name, is_apart in zip(self.names, apart, strict=True) if is_apart)
+        """Parameters with separate groups of values."""
+        return tuple(self.groups)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -251,7 +233,7 @@ class Posterior:
 
     def interval(self, level: float = LEVEL) -> Mapping[str, tuple[float, float]]:
         """Return the central interval of each parameter, SI, by name."""
-        ends = quantiles(self.theta, self.weight, _ends_of(level))
+        ends = quantiles(self.theta, self.weight, ends_of(level))
         return {name: (float(low), float(high)) for name, low, high in zip(self.names, *ends, strict=True)}
 
     @cached_property
@@ -275,52 +257,44 @@ class Posterior:
         """How far each parameter can be known, by name."""
         mean = self.weight @ self._deviations
         gains = np.clip(1.0 - self.weight @ (self._deviations - mean) ** 2, 0.0, 1.0)
-        return {name: self._verdict(index, float(gains[index])) for index, name in enumerate(self.names)}
+        places = zip(*quantiles(self.fraction, self.weight, ends_of(LEVEL)), strict=True)
+        known = [
+            # a normal prior has no end that could cut anything off
+            Known(estimate, *ends, gain, "" if name in self.normal else ends_cut(*place))
+            for (name, ends), place, estimate, gain in zip(
+                self.interval().items(), places, self.estimate.tolist(), gains.tolist(), strict=True
+            )
+        ]
+        return {name: self._verdict(index, known[index]) for index, name in enumerate(self.names)}
 
-    def _verdict(self, index: int, gain: float) -> Verdict:
+    def _verdict(self, index: int, known: Known) -> Verdict:
         if self.caveat:
-            return Verdict(NOT_BELIEVED, gain, self.caveat)
-        word: Word = "not identifiable"
-        if gain >= _SETTINGS.weakly_identified:
-            word = "identified" if gain >= _SETTINGS.identified else "weakly identified"
-        end = self._nearest_end(index)
-        reasons = [f"it presses against the {end} end of its range"] if end else []
-        if word != "identified":
-            reasons.append(self._explanation(index, word))
+            return Verdict(NOT_BELIEVED, known.gain, self.caveat)
         name = self.names[index]
-        if name in self.in_two_groups:
-            reasons.append("its values are in two separate groups, and the estimate is their mean")
+        word, precision = word_for(known), precision_text(known, is_normal=name in self.normal)
+        reasons = []
+        if known.is_determined and known.cut:
+            reasons.append(f"it presses against the {known.cut} end of its range, which cuts its interval off")
+        if word != "identified":
+            reasons.append(self._explanation(index, known))
+        if groups := self.groups.get(name, ()):
+            word, precision = word_for_groups(groups), f"{len(groups)} groups"
+            several = _NUMBERS.get(len(groups), str(len(groups)))
+            reasons.append(f"its likely values are in {several} separate groups; the estimate is that of the likeliest")
         if name in self.doubts:
             reasons.append(self.doubts[name])
-        if word == "identified" and (name in self.in_two_groups or name in self.doubts):
-            word = "weakly identified"
-        reason = "; ".join(reasons) or "the measurement fixes it"
-        return Verdict(word, gain, f"{reason[0].upper()}{reason[1:]}.")
+            word = "weakly identified" if word == "identified" else word
+        reason = "; ".join(reasons)
+        sentence = f"{reason[0].upper()}{reason[1:]}." if reason else FIXED
+        return Verdict(word, known.gain, sentence, precision, known.factor)
 
-    def _nearest_end(self, index: int) -> str:
-        """Return the end of the range, "lower" or "upper", that a parameter presses against; empty if none.
-
-        A normal prior has no end to press against.
-        """
-        if self.names[index] in self.normal:
-            return ""
-        column = self.fraction[:, [index]]
-        low, high = quantiles(column, self.weight, _ends_of(LEVEL))
-        zone = _SETTINGS.end_zone * (high[0] - low[0])
-        shares = {
-            "lower": float(self.weight @ (column[:, 0] < zone)),
-            "upper": float(self.weight @ (column[:, 0] > 1.0 - zone)),
-        }
-        end = max(shares, key=lambda name: shares[name])
-        return end if shares[end] >= _SETTINGS.end_share else ""
-
-    def _explanation(self, index: int, word: Word) -> str:
+    def _explanation(self, index: int, known: Known) -> str:
         """Say with which parameters this one trades, or that the FRF says little about it."""
         row = self.correlation[index].copy()
         row[index] = 0.0
         partners = [int(other) for other in np.argsort(-np.abs(row))[:2] if abs(row[other]) >= _SETTINGS.trading]
         if not partners:
-            return f"the measurement {'hardly depends on it' if word == 'not identifiable' else 'tells little of it'}"
+            return f"the measurement {how_little(known)}"
         named = " and ".join(f"{self.names[other]} (correlation {row[other]:+.2f})" for other in partners)
         return f"it trades with {named}"
 
@@ -337,6 +311,9 @@ class Posterior:
                     "estimate": float(estimate),
                     "interval": list(intervals[name]),
                     "verdict": self.verdicts[name].word,
+                    "precision": self.verdicts[name].precision,
+                    "factor": self.verdicts[name].factor,
+                    "groups": [asdict(group) for group in self.groups.get(name, ())],
                     "gain": self.verdicts[name].gain,
                     "reason": self.verdicts[name].reason,
                     "doubtful": name in self.unreliable,
@@ -359,23 +336,36 @@ class Posterior:
         }
 
 
-def drawn_by_weight(weight: NDArray[np.float64], count: int, random: np.random.Generator) -> NDArray[np.intp]:
-    """Return increasing indices (count,) of samples drawn by weight (systematic resampling)."""
-    levels = (np.arange(count) + random.random()) / count * weight.sum()
-    return np.asarray(np.minimum(np.searchsorted(np.cumsum(weight), levels), len(weight) - 1))
+def central_fractions(
+    fraction: NDArray[np.float64], weight: NDArray[np.float64], normal: NDArray[np.bool_]
+) -> NDArray[np.float64]:
+    """Return the estimates (n_params,) of weighted samples, in fractions of the ranges, as in `Posterior`.
+
+    Parameters
+    ----------
+    fraction : (n, n_params) array
+    weight : (n,) array
+    normal : (n_params,) array of bool
+        Which parameters have a normal prior: the mean of these is taken on its quantiles.
+    """
+
+    def means(rows: NDArray[np.bool_]) -> NDArray[np.float64]:
+        share = weight[rows] / weight[rows].sum()
+        mean = share @ fraction[rows]
+        mean[normal] = unit_from_normal(share @ normal_from_unit(fraction[rows][:, normal]))
+        return np.asarray(mean)
+
+    numbers = _group_numbers(fraction, weight)
+    mean = means(np.ones(len(weight), dtype=np.bool_))
+    grouped = numbers.any(axis=0)
+    if grouped.any():
+        mean[grouped] = means(heaviest_combination(numbers[:, grouped], weight))[grouped]
+    return mean
 
 
-def quantiles(
-    values: NDArray[np.float64], weight: NDArray[np.float64], levels: list[float]
-) -> tuple[NDArray[np.float64], ...]:
-    """Return weighted quantiles of the columns of (n, m) values, an (m,) array for each level."""
-    order = np.argsort(values, axis=0)
-    ordered = np.take_along_axis(values, order, axis=0)
-    below = np.cumsum(weight[order], axis=0) - 0.5 * weight[order]
-    return tuple(
-        np.array([np.interp(level, below[:, column], ordered[:, column]) for column in range(values.shape[1])])
-        for level in levels
-    )
+def _group_numbers(fraction: NDArray[np.float64], weight: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return the group (n, n_params) of each sample for each parameter; 0 everywhere if there is one group."""
+    return np.stack([separate_groups(column, weight) for column in fraction.T], axis=1)
 
 
 def split_half_difference(
@@ -390,11 +380,6 @@ def split_half_difference(
     halves = [(values[rows], weight[rows]) for rows in (slice(None, middle), slice(middle, None))]
     if min(half.sum() for _, half in halves) <= 0.0:
         return np.ones(values.shape[1])
-    low, high = quantiles(values, weight, _ends_of(level))
-    first, second = (np.array(quantiles(rows, half / half.sum(), _ends_of(level))) for rows, half in halves)
+    low, high = quantiles(values, weight, ends_of(level))
+    first, second = (np.array(quantiles(rows, half / half.sum(), ends_of(level))) for rows, half in halves)
     return np.asarray(np.abs(first - second).max(axis=0) / np.maximum(high - low, np.finfo(float).tiny))
-
-
-def _ends_of(level: float) -> list[float]:
-    """Return the quantiles at the ends of a central interval."""
-    return [(1.0 - level) / 2.0, (1.0 + level) / 2.0]

@@ -28,8 +28,9 @@ from dovetail.identification.posterior.likelihood import (
 )
 from dovetail.identification.posterior.mode_search import likelihood_at_mode, maximise_posterior, search_modes
 from dovetail.identification.posterior.model_error import TYPICAL, ModelError
-from dovetail.identification.posterior.posterior import Form, Posterior, check_options, drawn_by_weight
+from dovetail.identification.posterior.posterior import Form, Posterior, check_options
 from dovetail.identification.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, decorrelate
+from dovetail.identification.posterior.verdicts import drawn_by_weight
 from dovetail.interfaces import Progress, logged, silent
 
 __all__ = ["draw", "sample_posterior"]
