@@ -27,7 +27,7 @@ __all__ = ["Frequency", "InUnit", "Mass", "dimension", "format_quantity", "is_un
 
 _LONGEST_TEXT = 100
 _WRITTEN_TOGETHER = ("newton_meter = N m = Nm", "newton_millimeter = N mm = Nmm", "newton_second = N s = Ns",
-                     "newton_meter_second = N m s = Nms")  # fmt: skip
+                     "newton_meter_second = N m s = Nms", "mil = 25.4 micrometer = _ = mils")  # fmt: skip
 """Products that laboratories write as one word, with and without a prefix; pint takes Nm for a measure of yarn."""
 _POWER = r"(?:\^|\*\*)\s*-?\d{1,2}(?:\.\d{1,3})?|[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]{1,3}"
 _UNIT = re.compile(rf"(?:[^\W\d⁰¹²³⁴⁵⁶⁷⁸⁹]|(?:{_POWER})(?![\d.⁻⁰¹²³⁴⁵⁶⁷⁸⁹]|\s*(?:\^|\*\*))|1(?!\d)|[\s*/·()°%])*+")

@@ -2,14 +2,27 @@
 
 from __future__ import annotations
 
+import math
 import re
-from typing import NamedTuple
+from functools import cache
+from typing import Literal, NamedTuple
 
 from dovetail.errors import Fault, MeasurementError, UnitError
 from dovetail.frf import QUANTITIES, Quantity, unit_of
-from dovetail.units import to_si
+from dovetail.units import is_unit, to_si
 
-__all__ = ["UnitMeaning", "conversion_factor", "is_angular", "meaning_of_unit", "motion_unit", "pint_spelling"]
+__all__ = [
+    "UnitKind",
+    "UnitMeaning",
+    "UnitReading",
+    "conversion_factor",
+    "frequency_factor",
+    "is_angular",
+    "meaning_of_unit",
+    "motion_unit",
+    "pint_spelling",
+    "read_unit",
+]
 
 _SQUARE = re.compile(r"(?<=[a-z])2(?![\d.])|²")
 _GRAVITY = re.compile(r"^\(?[gG]\)?(?=\s*/|$)")
@@ -25,6 +38,21 @@ _MOTION: dict[tuple[Quantity, bool], str] = {
     ("mobility", True): "rad/s",
     ("accelerance", True): "rad/s^2",
 }
+
+
+UnitKind = Literal["ratio", "motion", "load", "frequency", "time", "inverse", "none", "other"]
+"""What a unit measures: a motion per load, a motion, a load, a frequency, a time, a load per motion, nothing (``-``,
+``NONE``), or something else."""
+_LOADS = (("N", False), ("N m", True))
+_FREQUENCIES = {"rad/s": 1.0 / (2.0 * math.pi), "rad/sec": 1.0 / (2.0 * math.pi), "rpm": 1.0 / 60.0}
+_SPELLINGS = {
+    **dict.fromkeys(("hertz", "cycles/s", "cycles/sec", "cycles/second"), "Hz"),
+    **dict.fromkeys(("newton", "newtons"), "N"),
+    **dict.fromkeys(("meters/second^2", "meters/sec^2", "metres/second^2"), "m/s^2"),
+    **dict.fromkeys(("1/min", "rev/min"), "rpm"),
+}
+"""Spellings of analysers that pint does not know, in lower case."""
+_PURE = ("", "-", "--", "1", "none", "n/a", "dimensionless")
 
 
 class UnitMeaning(NamedTuple):
@@ -65,7 +93,8 @@ def meaning_of_unit(label: str, where: str) -> UnitMeaning:
         raise MeasurementError(Fault(where, problem, remedy="Give the unit of the amplitude, and call its column db."))
     text = pint_spelling(label)
     turns = is_angular(text)  # an angle has no dimension, by which rad/N and m/(N m) would be alike
-    kinds = [(q, *pair) for pair in ((False, False), (True, True), (turns, not turns)) for q in QUANTITIES]
+    pairs = ((True, True), (True, False)) if turns else ((False, False), (False, True))
+    kinds = [(q, *pair) for pair in pairs for q in QUANTITIES]
     spelled_so = [(q, r, m) for q, r, m in kinds if unit_of(q, rotation=r, moment=m) == text]
     for quantity, rotation, moment in spelled_so or kinds:  # the spelling of Dovetail's own files needs no pint
         factor = conversion_factor(text, unit_of(quantity, rotation=rotation, moment=moment))
@@ -73,6 +102,74 @@ def meaning_of_unit(label: str, where: str) -> UnitMeaning:
             return UnitMeaning(quantity, factor, rotation, moment)
     accepted = "a motion per force or moment, such as um/N, mm/s/N, m/s^2/N, g/N, in/lbf, rad/(N m)"
     raise MeasurementError(Fault(where, f"the unit '{label[:_SHOWN]}' is not understood.", accepted))
+
+
+class UnitReading(NamedTuple):
+    """What a text means as a unit.
+
+    Parameters
+    ----------
+    kind : UnitKind
+    factor : float
+        Converts to SI: a motion per load, a motion, a load, Hz or s; 1 for other kinds.
+    quantity : Quantity or None
+        Of a motion, or of a motion per load.
+    rotation, moment : bool
+        Whether the motion is a rotation, and the load a moment.
+    """
+
+    kind: UnitKind
+    factor: float = 1.0
+    quantity: Quantity | None = None
+    rotation: bool = False
+    moment: bool = False
+
+
+@cache
+def read_unit(label: str) -> UnitReading | None:
+    """Return what a text means as a unit, or None if it is not the unit of anything.
+
+    ``rad/s`` is a motion here; as the unit of an axis it is a frequency, which `frequency_factor` converts.
+    """
+    text = label.strip().strip("'\"").strip()
+    if text.lower() in _PURE:
+        return UnitReading("none")
+    text = pint_spelling(_SPELLINGS.get(text.lower(), text))
+    if not _has_unit_characters(text):
+        return None
+    try:
+        meaning = meaning_of_unit(text, "")
+        return UnitReading("ratio", meaning.factor, meaning.quantity, meaning.rotation, meaning.moment)
+    except MeasurementError:
+        pass
+    rotation = is_angular(text)
+    for quantity in QUANTITIES:
+        if (factor := conversion_factor(text, motion_unit(quantity, rotation=rotation))) is not None:
+            return UnitReading("motion", factor, quantity, rotation)
+    if (factor := frequency_factor(text)) is not None:
+        return UnitReading("frequency", factor)
+    for unit, moment in _LOADS:
+        if (factor := conversion_factor(text, unit)) is not None:
+            return UnitReading("load", factor, moment=moment)
+    if (factor := conversion_factor(text, "s")) is not None:
+        return UnitReading("time", factor)
+    if any(conversion_factor(text, f"N m^{a}/m s^{b}") for a, b in ((0, 0), (0, 1), (0, 2), (2, 0), (2, 1), (2, 2))):
+        return UnitReading("inverse")
+    return UnitReading("other") if is_unit(text) else None
+
+
+def frequency_factor(label: str) -> float | None:
+    """Return the factor from the unit of a frequency to Hz, or None if it is none."""
+    text = label.strip()
+    text = _SPELLINGS.get(text.lower(), text)
+    if text.lower() in _FREQUENCIES:
+        return _FREQUENCIES[text.lower()]
+    spelled = {"hz": "Hz", "khz": "kHz", "mhz": "mHz" if text.startswith("m") else "MHz"}.get(text.lower(), text)
+    return conversion_factor(spelled, "Hz")
+
+
+def _has_unit_characters(text: str) -> bool:
+    return 0 < len(text) <= _SHOWN and any(map(str.isalpha, text)) and not text[0].isdigit()
 
 
 def is_angular(label: str) -> bool:

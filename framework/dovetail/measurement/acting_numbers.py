@@ -1,0 +1,121 @@
+"""Numbers in a file that may act on the values: gains, factors, sensitivities, delays and corrections."""
+
+from __future__ import annotations
+
+import re
+
+from dovetail.measurement.frf_units import read_unit
+from dovetail.measurement.quantity_words import word_set, words_of
+
+__all__ = ["find_acting_number", "is_harmless_number"]
+
+_MULTIPLIES = re.compile(
+    r"gain|verst[äa]e?rk|amplif|attenu|a[bu]schw[äa]e?ch|fac?tor|faktor|facteur|fattore|\bscal(?:e|ing)|skalier"
+    r"|sensitiv|\bsens\b|empfindl|calib|kalib|[ée]talon|corr?ect|\bcorr\b|korrekt|multipl|divi[ds]|conversion"
+    r"|umrechn|normali[sz]|weight"
+)
+"""Words of what multiplies values; a factor of 1 does nothing."""
+_SHIFTS = re.compile(
+    r"delay|latenc|\blags?\b|verz[öo]e?ger|retard|skew|offset|compensat|kompens|decay|exponential|time ?shift|tau\b"
+)
+"""Words of what shifts values or is added to them; 0 does nothing."""
+_REFERENCE = re.compile(
+    r"\b(?:no|nr|number|id|serial|certificate|dates?|due|file|name|version|lab|by|scale factor dialog)\b|datum"
+)
+"""Words of what identifies a calibration."""
+_TIME = re.compile(
+    r"time|zeit|temps|dur|period|length|record|interval|\bdt\b|\bt\b|delta|\bx\b|sampl|abscissa|resol|step|trig|span"
+    r"|window|timeout|sweep|dwell|rate|block|frame|acquisition|measur"
+)
+"""Words of times that do not act on an FRF."""
+_LEVEL = re.compile(r"range|dynamic|noise|level|snr|ratio|thd|floor|threshold|limit|reference|\bref\b|trig|sound")
+"""Words of decibels that do not act on an FRF."""
+_DATES = re.compile(
+    r"\b\d{1,4}[-./]\d{1,2}[-./]\d{1,4}(?:[T ]\d{1,2}:\d{2}\S*)?|\b\d{1,2}:\d{2}(?::\d{2}\S*)?"
+    r"|\b\d{1,2}[-. ][A-Za-z\u00e4]{3,9}[-. ,]+\d{2,4}\b"
+)
+_YEAR = re.compile(r"\b(?:19|20)\d{2}\b")
+_NUMBER = re.compile(r"(?<![\w.,/^-])[-+]?(?:\d+(?:[.,]\d+)?|\.\d+)(?:[eE][-+]?\d+)?(?![\w]*\d)\s*([^\s\d,;()]\S*)?")
+_TIMES = re.compile(
+    r"(?:\btimes|\bmultiplied by|\bdivided by|[\u00d7*])\s*[-+]?\d[\d.,]*(?:[eE][-+]?\d+)?|\bx\s?1[0.e]\d*", re.I
+)
+_CLAUSE = re.compile(r"[;\n]|,(?!\d)|\.\s")
+_HARMLESS = word_set(
+    "fs rate sampling sample samplerate samplingrate samples n nfft fft nf nfreq points lines bins size block blocksize"
+    " blocks count counts number num nr no id index channel channels averages avg navg average record records frames"
+    " version major minor date time datenum year month day hour minute second overlap bandwidth span fmin fmax fstart"
+    " fstop fend fnyq nyquist frequency freq f start stop end begin df delta dt step increment resolution duration t"
+    " length temperature temp humidity torque speed rpm mass node nodes dof dofs point position direction dir response"
+    " reference ref input output force run test trial repetition repeat impact impacts hits set serial seed ans i j"
+    " duration trigger level pretrigger threshold range bits bit overload overloads status flag code x y z"
+)
+"""Words of numbers that describe a measurement and do not act on its values."""
+_SHOWN = 60
+
+
+def is_harmless_number(name: str, value: complex) -> bool:
+    """Return whether a single number under a name that is not read cannot act on the values.
+
+    It cannot if all words of its name are those of the settings of a measurement.
+    """
+    words = words_of(name.rpartition(".")[2].rpartition("/")[2])
+    plain = " ".join(words)
+    if _SHIFTS.search(plain):
+        return value == 0
+    if _MULTIPLIES.search(plain):
+        return value == 1
+    return bool(words) and all(word in _HARMLESS for word in words)
+
+
+def find_acting_number(key: str, text: str) -> str:
+    """Return a sentence on a number that may act on the values, or an empty text.
+
+    Parameters
+    ----------
+    key : str
+        The name in front of the text; empty for running text.
+    text : str
+    """
+    if (match := _TIMES.search(_DATES.sub(" ", text))) and not _REFERENCE.search(" ".join(words_of(key))):
+        return f"'{match[0].strip()[:_SHOWN]}' may be a factor of the values."
+    clauses = [text] if key else _CLAUSE.split(text)
+    for clause in clauses:
+        if problem := _in_clause(key, clause):
+            return problem
+    return ""
+
+
+def _in_clause(key: str, clause: str) -> str:
+    words = " ".join(words_of(f"{key} {clause}"))
+    multiplies, shifts = _MULTIPLIES.search(words), _SHIFTS.search(words)
+    if (multiplies or shifts) and _REFERENCE.search(words):
+        return ""
+    text = _DATES.sub(" ", clause)
+    if "calib" in words or "kalib" in words:
+        text = _YEAR.sub(" ", text)
+    numbers = [(match[0], (match[1] or "").strip(".")) for match in _NUMBER.finditer(text)]
+    shown = f"'{f'{key}: {clause}'.strip(': ')[:_SHOWN]}'"
+    for number, unit in numbers:
+        value = float(_plain(number))
+        in_decibels = unit.lower().startswith("db")
+        neutral = 0.0 if shifts or in_decibels else 1.0
+        if (multiplies or shifts) and value != neutral:
+            return f"{shown} may act on the values."
+        if key and _acts_by_unit(" ".join(words_of(key)), unit) and value != neutral:
+            return f"{shown} may act on the values."
+    return ""
+
+
+def _plain(number: str) -> str:
+    match = re.match(r"[-+]?[\d.,]+(?:[eE][-+]?\d+)?", number)
+    return (match[0] if match else "0").rstrip(".,").replace(",", ".")
+
+
+def _acts_by_unit(words: str, unit: str) -> bool:
+    """Return whether a number in this unit, under a key that is not known, may be a delay, a gain or a sensitivity."""
+    if unit.lower().startswith("db"):
+        return not _LEVEL.search(words)
+    if re.match(r"[munpk\u00b5\u03bc]?[VC]/", unit):
+        return True
+    reading = read_unit(unit) if unit else None
+    return reading is not None and reading.kind == "time" and not _TIME.search(words)

@@ -1,0 +1,282 @@
+"""What a measurement file states about its values, and what all of it means together.
+
+A reader declares every statement with its place: units, quantities, labels, free text and entries that it does not
+use. `interpret` combines them. Statements that agree give the quantity and the factors to SI; a contradiction is
+refused with both places; what looks like a statement and is not understood is refused with its place. The same
+function serves FRFs (a motion per load) and signals (a motion or a load alone).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any, Literal, NamedTuple
+
+from dovetail.errors import Fault, MeasurementError
+from dovetail.frf import QUANTITIES, Quantity, unit_of
+from dovetail.measurement.frf_units import UnitReading, frequency_factor, motion_unit, read_unit
+from dovetail.measurement.quantity_words import read_label
+
+__all__ = ["About", "Meaning", "Statement", "interpret"]
+
+About = Literal["quantity", "motion quantity", "unit", "motion unit", "load unit", "axis unit", "label", "load label",
+                "axis label"]  # fmt: skip
+"""What a statement is about.
+
+A ``quantity`` and a ``motion quantity`` are words such as ``mobility``, the second without saying per what. A ``unit``
+is that of the values, whole or of the motion or the load alone. A label is a name with words and perhaps a unit in
+brackets: of the values, of the load, or of the abscissa.
+"""
+_ROUNDING = 1e-6
+"""Largest relative difference of two factors that are equal, since files write factors with few digits."""
+_SHOWN = 60
+
+
+class Statement(NamedTuple):
+    """One thing that a file states.
+
+    Parameters
+    ----------
+    about : About
+    text : str
+        As the file writes it.
+    where : str
+        Its place, such as ``frf.csv:3`` or ``frf.mat  H_unit``.
+    """
+
+    about: About
+    text: str
+    where: str
+
+
+class _Claim(NamedTuple):
+    """One fact that a statement contains.
+
+    `fact` names the fact: ratio, motion, load, axis, quantity, motion quantity, moment.
+    """
+
+    fact: str
+    value: Any
+    said: str
+    where: str
+
+
+class Meaning(NamedTuple):
+    """What all statements together mean.
+
+    Parameters
+    ----------
+    quantity : Quantity or None
+        None if it is not stated.
+    per_load : bool
+        Whether the values are stated to be a motion per load, so that `quantity` is that of an FRF.
+    factor : float
+        Converts values that are a motion per load to SI; 1 without a unit.
+    motion_factor, load_factor : float or None
+        Convert a motion and a load alone; None without a unit.
+    rotation, moment : bool or None
+        Whether the motion is a rotation and the load a moment; None if no statement says so.
+    axis_factor : float or None
+        Converts the abscissa to Hz or s; None without a unit.
+    unit : str
+        The unit of the values, for messages; empty if none is stated.
+    """
+
+    quantity: Quantity | None = None
+    per_load: bool = False
+    factor: float = 1.0
+    motion_factor: float | None = None
+    load_factor: float | None = None
+    rotation: bool | None = None
+    moment: bool | None = None
+    axis_factor: float | None = None
+    unit: str = ""
+
+
+def interpret(statements: Iterable[Statement], *, axis: Literal["Hz", "s"] = "Hz") -> Meaning:
+    """Return what statements about one FRF, or about one signal and its time, mean together.
+
+    Parameters
+    ----------
+    statements : iterable of Statement
+    axis : {"Hz", "s"}
+        What the abscissa has to be.
+
+    Returns
+    -------
+    Meaning
+
+    Raises
+    ------
+    MeasurementError
+        A statement that is not understood, or two that contradict each other; the fault names their places.
+    """
+    claims = [claim for statement in statements for claim in _claims(statement, axis)]
+    ratio, motion, load, scale = (_agreed(claims, fact) for fact in ("ratio", "motion", "load", "axis"))
+    whole = _whole(ratio, motion, load)
+    quantity = _agreed_quantity(claims)
+    moment = _agreed([*claims, *_moments(ratio, load)], "moment")
+    unit: UnitReading | None = None if whole is None else whole.value
+    moving: UnitReading | None = unit or (motion.value if motion else None)
+    return Meaning(
+        quantity=None if quantity is None else quantity.value,
+        per_load=ratio is not None or load is not None or moment is not None or _names(claims, "quantity"),
+        factor=1.0 if unit is None else unit.factor,
+        motion_factor=None if motion is None else motion.value.factor,
+        load_factor=None if load is None else load.value.factor,
+        rotation=None if moving is None else moving.rotation,
+        moment=None if moment is None else moment.value,
+        axis_factor=None if scale is None else scale.value,
+        unit="" if whole is None else whole.said,
+    )
+
+
+def _names(claims: Sequence[_Claim], fact: str) -> bool:
+    return any(claim.fact == fact for claim in claims)
+
+
+def _claims(statement: Statement, axis: Literal["Hz", "s"]) -> list[_Claim]:
+    """Return the facts in one statement."""
+    about, text, where = statement
+    if about in ("quantity", "motion quantity"):
+        return [_quantity_claim(statement)]
+    if about in ("unit", "motion unit", "load unit"):
+        return _unit_claims(statement)
+    if about == "axis unit":
+        return _axis_claims(text, where, axis)
+    label = read_label(text)
+    if about == "axis label":
+        return [claim for unit in label.units for claim in _axis_claims(unit, where, axis)]
+    if label.unclear:
+        problem = f"'{text[:_SHOWN]}' is not a motion per load: '{label.unclear}' is not understood."
+        raise MeasurementError(Fault(where, problem, _ACCEPTED_LABELS, _HOW_TO_CORRECT))
+    claims = [_Claim("moment", moment, f"'{text[:_SHOWN]}'", where) for moment in label.moments]
+    kind: About = "load unit" if about == "load label" else "unit"
+    claims += [claim for unit in label.units for claim in _unit_claims(Statement(kind, unit, where))]
+    if about == "load label":
+        return claims
+    motions = [_Claim("motion quantity", word, f"'{text[:_SHOWN]}'", where) for word in label.motions]
+    return claims + motions + [_Claim("quantity", word, f"'{text[:_SHOWN]}'", where) for word in label.quantities]
+
+
+def _quantity_claim(statement: Statement) -> _Claim:
+    about, text, where = statement
+    label = read_label(text)
+    named = dict.fromkeys((*label.quantities, *label.motions))
+    if label.unclear or len(named) != 1:
+        accepted = ", ".join(QUANTITIES)
+        raise MeasurementError(Fault(where, f"{text[:_SHOWN]!r} is not a quantity.", accepted, _HOW_TO_CORRECT))
+    per_load = about == "quantity" and bool(label.quantities or label.moments)
+    return _Claim("quantity" if per_load else "motion quantity", next(iter(named)), f"'{text[:_SHOWN]}'", where)
+
+
+def _unit_claims(statement: Statement) -> list[_Claim]:
+    """Return the facts in a unit: what it is of, and the quantity."""
+    about, text, where = statement
+    reading = read_unit(text)
+    accepted = {"motion unit": ("motion", "ratio"), "load unit": ("load",)}.get(about, ("motion", "ratio", "load"))
+    if reading is not None and reading.kind == "none":
+        return []
+    said = f"'{text[:_SHOWN]}'"
+    if reading is None or reading.kind not in accepted:
+        problem = f"the unit {said} is not understood."
+        if reading is not None and reading.kind == "inverse":
+            problem = f"the unit {said} is that of a load per motion."
+        raise MeasurementError(Fault(where, problem, _ACCEPTED_UNITS[about], _HOW_TO_CORRECT))
+    claims = [_Claim(reading.kind, reading, said, where)]
+    if reading.quantity is not None:
+        fact = "quantity" if reading.kind == "ratio" else "motion quantity"
+        claims.append(_Claim(fact, reading.quantity, f"the unit {said}", where))
+    return claims
+
+
+def _axis_claims(text: str, where: str, axis: Literal["Hz", "s"]) -> list[_Claim]:
+    reading = read_unit(text)
+    if reading is not None and reading.kind == "none":
+        return []
+    time = reading.factor if reading is not None and reading.kind == "time" else None
+    factor = frequency_factor(text) if axis == "Hz" else time
+    if factor is None:
+        accepted = "Hz, kHz, rad/s" if axis == "Hz" else "s, ms, us"
+        what = "the frequency" if axis == "Hz" else "the time"
+        raise MeasurementError(Fault(where, f"{what} is in {text[:40]!r}.", accepted))
+    return [_Claim("axis", factor, f"'{text[:_SHOWN]}'", where)]
+
+
+def _agreed(claims: Sequence[_Claim], fact: str) -> _Claim | None:
+    """Return the claim on which all about one fact agree, or None without any."""
+    about = [claim for claim in claims if claim.fact == fact]
+    for other in about[1:]:
+        if not _equal(about[0].value, other.value):
+            raise _contradiction(about[0], other)
+    return about[0] if about else None
+
+
+def _equal(one: Any, other: Any) -> bool:
+    if isinstance(one, UnitReading) and isinstance(other, UnitReading):
+        return one[2:] == other[2:] and math.isclose(one.factor, other.factor, rel_tol=_ROUNDING)
+    return bool(one == other) or (
+        isinstance(one, float) and isinstance(other, float) and math.isclose(one, other, rel_tol=_ROUNDING)
+    )
+
+
+def _agreed_quantity(claims: Sequence[_Claim]) -> _Claim | None:
+    """Return the claim on the quantity, from quantities per load, or else from those of a motion; all must agree."""
+    named = [claim for claim in claims if claim.fact in ("quantity", "motion quantity")]
+    for other in named[1:]:
+        if other.value != named[0].value:
+            raise _contradiction(*(claim._replace(said=f"{claim.value} ({claim.said})") for claim in (named[0], other)))
+    return named[0] if named else None
+
+
+def _whole(ratio: _Claim | None, motion: _Claim | None, load: _Claim | None) -> _Claim | None:
+    """Return the unit of a motion per load: as it is stated, or from that of the motion and that of the load.
+
+    A motion alone is over newtons if another statement names its load; the caller asks where none does.
+    """
+    if motion is None:
+        if ratio is not None and load is not None:
+            _check_load(ratio, load)
+        return ratio
+    divisor = 1.0 if load is None else load.value.factor
+    moment = False if load is None else load.value.moment
+    reading = motion.value._replace(kind="ratio", factor=motion.value.factor / divisor, moment=moment)
+    said = motion.said if load is None else f"{motion.said} over {load.said}"
+    combined = _Claim("ratio", reading, said, motion.where)
+    if ratio is not None and load is not None and not _equal(ratio.value, reading):
+        raise _contradiction(ratio, combined)
+    if ratio is not None and load is None and ratio.value[2:4] != reading[2:4]:
+        raise _contradiction(ratio, combined)
+    return ratio or combined
+
+
+def _check_load(ratio: _Claim, load: _Claim) -> None:
+    """Refuse a unit of the load that is not that in the unit of the whole, such as g/N over lbf."""
+    below = read_unit(ratio.said.strip("'").rpartition("/")[2].strip())
+    if below is None or below.kind != "load":
+        below = UnitReading("load", 1.0, moment=ratio.value.moment)
+    if below.moment != load.value.moment or not math.isclose(below.factor, load.value.factor, rel_tol=_ROUNDING):
+        raise _contradiction(ratio, load)
+
+
+def _moments(ratio: _Claim | None, load: _Claim | None) -> list[_Claim]:
+    return [claim._replace(fact="moment", value=claim.value.moment) for claim in (ratio, load) if claim is not None]
+
+
+def _contradiction(one: _Claim, other: _Claim) -> MeasurementError:
+    problem = f"the file contradicts itself: {one.said} here, and {other.said} at {other.where}."
+    if one.where == other.where:
+        problem = f"the file contradicts itself: {one.said} and {other.said}."
+    return MeasurementError(Fault(one.where, problem, remedy="Correct the file, or export it again."))
+
+
+_FRF_UNITS = "um/N, mm/s/N, m/s^2/N, g/N, in/lbf, rad/(N m)"
+_ACCEPTED_UNITS: dict[str, str] = {
+    "unit": f"a motion per force or moment, such as {_FRF_UNITS}",
+    "motion unit": ", ".join(motion_unit(q, rotation=r) for r in (False, True) for q in QUANTITIES)
+    + ", or "
+    + ", ".join(unit_of(q) for q in QUANTITIES),
+    "load unit": "N, lbf, N m",
+}
+_ACCEPTED_LABELS = f"a motion per force or moment: {', '.join(QUANTITIES)}"
+_HOW_TO_CORRECT = "Correct the file, or export it in SI units."
