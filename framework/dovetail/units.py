@@ -6,6 +6,7 @@ the first unit that is read, not on import.
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
 from dataclasses import dataclass
@@ -23,15 +24,52 @@ if TYPE_CHECKING:
     import pint
     from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 
-__all__ = ["Frequency", "InUnit", "Mass", "dimension", "format_quantity", "is_unit", "to_si"]
+__all__ = [
+    "Frequency",
+    "InUnit",
+    "Mass",
+    "dimension",
+    "find_homonym",
+    "format_quantity",
+    "is_unit",
+    "refuse_marks",
+    "to_si",
+]
 
 _LONGEST_TEXT = 100
 _WRITTEN_TOGETHER = ("newton_meter = N m = Nm", "newton_millimeter = N mm = Nmm", "newton_second = N s = Ns",
-                     "newton_meter_second = N m s = Nms", "mil = 25.4 micrometer = _ = mils")  # fmt: skip
-"""Products that laboratories write as one word, with and without a prefix; pint takes Nm for a measure of yarn."""
+                     "newton_meter_second = N m s = Nms", "inch_per_second = inch / second = ips")  # fmt: skip
+"""What laboratories write as one word; pint takes Nm for a measure of yarn."""
+_HOMONYMS = {
+    **dict.fromkeys(("ton", "tons"), "'t' (1000 kg), 'short_ton' (907.2 kg) or 'long_ton' (1016 kg)"),
+    "mt": "'t' (1000 kg) or 'kg'",
+    **dict.fromkeys(("gr", "grs"), "'g' or 'grain'"),
+    **dict.fromkeys(("hundredweight", "cwt", "quarter", "quarters"), "'kg'"),
+    **dict.fromkeys(("dram", "drams", "dr", "drachm", "dwt"), "'g'"),
+    **dict.fromkeys(("ton_force", "force_ton", "tonf"), "'kN', 'metric_ton_force' or 'short_ton_force'"),
+    **dict.fromkeys(("hp", "horsepower"), "'W', 'metric_horsepower' (735.5 W) or 'UK_horsepower' (745.7 W)"),
+    **dict.fromkeys(("grad", "grade", "grads", "grades"), "'deg' (360 in a circle) or 'gon' (400 in a circle)"),
+    **dict.fromkeys(("gal", "gals"), "'Gal' (1 cm/s^2), 'US_liquid_gallon' or 'imperial_gallon'"),
+    **dict.fromkeys(("gallon", "gallons"), "'US_liquid_gallon' or 'imperial_gallon'"),
+    **dict.fromkeys(("pint", "quart", "qt", "cup", "fluid_ounce", "floz", "fl_oz", "bushel", "barrel", "bbl"), "'l'"),
+    **dict.fromkeys(("point", "points", "pt", "pica", "picas", "hand", "hands", "pole", "perch"), "'mm'"),
+    **dict.fromkeys(("mile_us", "league", "leagues", "link", "links"), "'m'"),
+    **dict.fromkeys(("calorie", "calories", "cal", "btu", "Btu", "BTU", "therm", "thm"), "'J'"),
+    **dict.fromkeys(("month", "months", "year", "years", "a", "yr"), "'s' or 'day'"),
+    **dict.fromkeys(("c", "c_0"), "'m/s'"),
+    "u": "'um' (a length) or 'amu' (a mass)",
+}
+"""Words with two meanings of the same dimension, between which no error of the dimension decides, and what to write.
+
+All names of units of mechanics in pint's registry were looked through: masses, lengths, times, forces, pressures,
+speeds, energies, powers, volumes and angles."""
+_PREFIXES = ("", "k", "kilo", "M", "mega", "m", "milli", "d", "c")
+_THOUSANDS = re.compile(r"^[+-]?\d{1,3}(?:[ _'\u2019,.\u00a0\u202f]\d{3})+(?!\d)")
 _POWER = r"(?:\^|\*\*)\s*-?\d{1,2}(?:\.\d{1,3})?|[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]{1,3}"
-_UNIT = re.compile(rf"(?:[^\W\d⁰¹²³⁴⁵⁶⁷⁸⁹]|(?:{_POWER})(?![\d.⁻⁰¹²³⁴⁵⁶⁷⁸⁹]|\s*(?:\^|\*\*))|1(?!\d)|[\s*/·()°%])*+")
+_UNIT = re.compile(rf"(?:[^\W\d⁰¹²³⁴⁵⁶⁷⁸⁹]|(?:{_POWER})(?![\d.⁻⁰¹²³⁴⁵⁶⁷⁸⁹]|\s*(?:\^|\*\*))|1(?=\s*/)|[\s*/·()°%])*+")
 """Names, small powers and products. Pint's parser would not return from a tower of powers."""
+_MIL = re.compile(r"(?<![^\W\d])mils?(?![^\W\d])")
+"""A thousandth of an inch, which pint calls thou; its mil is an angle of gunners."""
 _GLUED_POWER = re.compile(r"(?<=[a-z])(?=[234](?![\d.]))")
 """Where a power follows its unit without a mark, as in kg/m3."""
 
@@ -97,6 +135,27 @@ def dimension(unit: str) -> tuple[float, Mapping[str, float]]:
     return float(quantity.magnitude), {str(name).strip("[]"): float(power) for name, power in dimensions.items()}
 
 
+def find_homonym(unit: str) -> str:
+    """Return a sentence on the first word of a unit that has two meanings, and what to write; empty without one."""
+    for word in re.findall(r"[^\W\d]+", unit):
+        for prefix in _PREFIXES:
+            base = word.removeprefix(prefix)
+            if base in _HOMONYMS and word == prefix + base and (len(base) > 1 or not prefix):
+                return f"'{word}' has more than one meaning: write {_HOMONYMS[base]}."
+    return ""
+
+
+def refuse_marks(value: object) -> object:
+    """Return a value, or raise a ValueError if it is a text of a number with marks of thousands, such as ``10_000``."""
+    if not isinstance(value, str) or not (match := _THOUSANDS.match(value.strip())):
+        return value
+    with contextlib.suppress(ValueError):
+        plain_float(value)
+        return value
+    rest = value.strip()[match.end() :].replace(",", ".")
+    raise ValueError(f"{value!r} has marks of thousands: write {re.sub(r'[^0-9+-]', '', match[0])}{rest}")
+
+
 def plain_float(text: str) -> float:
     """Return the number that a text writes in ASCII; `float` takes ``1_0`` and the digits of other scripts too.
 
@@ -125,6 +184,8 @@ def _parse_text(text: str, unit: str) -> float:
     except ValueError:
         problem = f"{text!r} is not a quantity: write a number, a space and a unit of {unit}."
         raise UnitError(problem + _decimal_mark(text)) from None
+    if re.match(r"\d{3}", suffix.strip()):
+        raise UnitError(f"{text!r} is not a quantity in {unit}." + _decimal_mark(text))
     return magnitude * _factor(suffix.strip(), unit, text)
 
 
@@ -147,9 +208,10 @@ def _factor(unit: str, target: str, text: str) -> float:
     """
     import pint
 
-    registry, spelled = _registry(), _GLUED_POWER.sub("^", unit) if text != unit else unit
-    if "gr" in re.findall(r"[a-z]+", spelled):  # of powder, 65 mg, but written for grams as well
-        raise UnitError(f"'gr' in {text!r} is a grain to some and a gram to others: write 'g' or 'grain'.")
+    registry = _registry()
+    spelled = _MIL.sub("thou", _GLUED_POWER.sub("^", unit) if text != unit else unit)
+    if homonym := find_homonym(spelled):
+        raise UnitError(f"in {text!r}, {homonym}")
     try:
         if not _UNIT.fullmatch(spelled):
             raise ValueError(unit)
@@ -160,15 +222,26 @@ def _factor(unit: str, target: str, text: str) -> float:
         angular = target == "Hz" and "radian" in dict(registry.Quantity(1.0, source).to_root_units().unit_items())
         return float(one) / (2.0 * math.pi if angular else 1.0)
     except pint.DimensionalityError as error:
-        raise UnitError(
-            f"{text!r} has the dimension {error.dim1}, but a unit of {target} {error.dim2} was expected."
-        ) from None
+        problem = f"{text!r} has the dimension {error.dim1}, but a unit of {target} {error.dim2} was expected."
+        raise UnitError(problem + _force_hint(spelled, target)) from None
     except Exception:  # pint's parser raises whatever its tokenizer does
         problem = f"{unit!r} in {text!r} is not a unit; a unit of {target} was expected."
         raise UnitError(problem + _decimal_mark(text)) from None
 
 
+def _force_hint(unit: str, target: str) -> str:
+    """Return what to write if a unit of mass stands for its weight, as in lb/in."""
+    registry = _registry()
+    masses = [word for word in ("lb", "lbs", "pound", "oz", "kg") if word in re.findall(r"[a-z]+", unit)]
+    weight = registry.Unit(unit) * registry.Unit("standard_gravity")
+    if not masses or not weight.is_compatible_with(registry.Unit(target)):
+        return ""
+    return f" '{masses[0]}' is a mass; a force is written 'N', 'lbf', 'ozf' or 'kgf'."
+
+
 def _decimal_mark(text: str) -> str:
+    if _THOUSANDS.match(text.strip()):
+        return " Write numbers without marks of thousands, and with a decimal point: 10000 or 1000.5."
     return " The decimal mark is a point." if "," in text else ""
 
 

@@ -71,7 +71,7 @@ def test_as_laboratories_write_units(text: str, unit: str, expected: float) -> N
         ("5 kgm2", "kg m^2", "'kgm2' in '5 kgm2' is not a unit; a unit of kg m^2 was expected."),
         ("0.5 dB", "1", "'dB' in '0.5 dB' is not a unit; a unit of 1 was expected."),
         ("1 octave", "1", "'octave' in '1 octave' is not a unit; a unit of 1 was expected."),
-        ("1 gr", "kg", "'gr' in '1 gr' is a grain to some and a gram to others: write 'g' or 'grain'."),
+        ("1 gr", "kg", "in '1 gr', 'gr' has more than one meaning: write 'g' or 'grain'."),
     ],
 )
 def test_what_is_refused_is_quoted_as_it_was_written(text: str, unit: str, said: str) -> None:

@@ -13,7 +13,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 from dovetail.frf import Quantity
 from dovetail.interfaces import FileName
-from dovetail.units import Frequency, InUnit, Mass
+from dovetail.units import Frequency, InUnit, Mass, refuse_marks
 
 __all__ = [
     "FORMAT",
@@ -38,7 +38,7 @@ FORMAT = 1
 def _no_truth_value(value: object) -> object:
     if isinstance(value, bool):
         raise ValueError(f"{'true' if value else 'false'} is not a number")
-    return value
+    return refuse_marks(value)
 
 
 def _listed(value: object) -> object:

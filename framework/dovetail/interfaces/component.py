@@ -11,9 +11,10 @@ from pathlib import Path
 from types import FunctionType, TracebackType
 from typing import Any, ClassVar, Literal, Self
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, ValidationInfo, field_validator
 
 from dovetail.errors import DovetailError, Fault, PluginError
+from dovetail.units import refuse_marks
 
 __all__ = [
     "INTERFACE_VERSION",
@@ -44,6 +45,13 @@ class ComponentConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
     alternatives: ClassVar[tuple[tuple[tuple[str, ...], ...], ...]] = ()
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _refuse_marks_of_thousands(cls, value: object, info: ValidationInfo) -> object:
+        """Refuse ``10_000`` for a whole number, which pydantic takes for 10000."""
+        field = cls.model_fields.get(info.field_name or "")
+        return refuse_marks(value) if field is not None and field.annotation is int else value
 
     def with_options(self, options: Mapping[str, Any]) -> Self:
         """Return the same options with some values replaced, which are not validated and may be arrays.
