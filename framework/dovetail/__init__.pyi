@@ -8,6 +8,7 @@ from .assembly import find_omissions as find_omissions
 from .assembly import load as load
 from .atomic_files import read_bounded as read_bounded
 from .coupling import ReceptanceMatrix as ReceptanceMatrix
+from .coupling import check_receptance_units as check_receptance_units
 from .coupling import read_receptance as read_receptance
 from .coupling import spindle_flange as spindle_flange
 from .coupling import write_receptance as write_receptance

@@ -126,8 +126,7 @@ def test_version_7_3(tmp_path: Path) -> None:
 def test_what_cannot_be_read_is_listed(tmp_path: Path) -> None:
     path = saved(tmp_path / "a.mat", f=FREQUENCY, H=csc_matrix(np.eye(7) * 1j))
     assert fault_of(path) == (
-        "a.mat\n  'H' is of a class that is not read (sparse, object, function handle, "
-        "array of structs).\n"
+        "a.mat\n  'H' is of a class that is not read (sparse, object, function handle).\n"
         "  Accepted: a full matrix of numbers"
     )
 

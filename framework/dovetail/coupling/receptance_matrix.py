@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import io
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +17,13 @@ from dovetail.atomic_files import read_bounded, write_whole
 from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf
 from dovetail.measurement.formats import npz
+from dovetail.measurement.formats.archives import Archive, Entry
+from dovetail.measurement.formats.unused_entries import read_unused
+from dovetail.measurement.frf_units import is_si
 from dovetail.measurement.resampling import on_grid
+from dovetail.measurement.statements import interpret
 
-__all__ = ["ReceptanceMatrix", "read_receptance", "write_receptance"]
+__all__ = ["ReceptanceMatrix", "check_receptance_units", "read_receptance", "write_receptance"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,9 +108,11 @@ def read_receptance(path: str | os.PathLike[str]) -> ReceptanceMatrix:
         frequency = entries["frequency"].load().astype(np.float64, casting="safe")
         values = entries["receptance"].load().astype(np.complex128, casting="safe")
         note = str(entries["note"].load()) if "note" in entries else ""
+        arrays = {name: entry.load() for name, entry in entries.items() if entry.is_small}
     except (MeasurementError, KeyError, TypeError):
         accepted = "an archive (.npz) as 'dovetail spindle' writes it"
         raise MeasurementError(Fault(str(file), "this is no receptance matrix.", accepted)) from None
+    check_receptance_units(file, arrays | {"frequency": frequency, "receptance": values})
     try:
         matrix = ReceptanceMatrix(frequency, values, note or file.name)
     except MeasurementError as error:
@@ -112,3 +121,32 @@ def read_receptance(path: str | os.PathLike[str]) -> ReceptanceMatrix:
         problem = f"it is between {matrix.values.shape[1]} DOFs, and no table names them."
         raise MeasurementError(Fault(str(file), problem, "x and rz of one point: 2 DOFs"))
     return matrix
+
+
+def check_receptance_units(path: str | os.PathLike[str], arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Check that an archive with a receptance matrix states nothing but SI units.
+
+    Parameters
+    ----------
+    path : path
+        For messages.
+    arrays : mapping of str to array
+        The arrays of the archive, with ``frequency`` and ``receptance`` among them.
+
+    Raises
+    ------
+    MeasurementError
+        Another unit or quantity, or a number that may act on the values.
+    """
+    archive = Archive(Path(path), {name: Entry("", partial(np.asarray, array)) for name, array in arrays.items()})
+    found = read_unused(archive, {"frequency": "frequency", "values": "receptance"}, ())
+    meaning = interpret(found.statements)
+    other = [mention for mention in found.mentions if mention.about.endswith("unit") and not is_si(mention.text)]
+    where = other[0].where if other else str(path)
+    if other or meaning.factor != 1.0 or meaning.quantity not in (None, "receptance"):
+        unit = other[0].text if other else meaning.unit or meaning.quantity
+        problem = f"the archive states '{unit}', and its receptances are read in SI units."
+        accepted = "m/N, rad/N, m/(N m), rad/(N m)"
+        raise MeasurementError(Fault(where, problem, accepted, "Convert the values, and leave the unit out."))
+    if meaning.axis_factor not in (None, 1.0):
+        raise MeasurementError(Fault(where, "the frequencies of a receptance matrix are read in Hz.", "Hz"))

@@ -7,7 +7,7 @@ import re
 from dovetail.measurement.frf_units import read_unit
 from dovetail.measurement.quantity_words import word_set, words_of
 
-__all__ = ["find_acting_number", "is_harmless_number"]
+__all__ = ["find_acting_number", "is_harmless_number", "may_act"]
 
 _MULTIPLIES = re.compile(
     r"gain|verst[äa]e?rk|amplif|attenu|a[bu]schw[äa]e?ch|fac?tor|faktor|facteur|fattore|\bscal(?:e|ing)|skalier"
@@ -41,13 +41,17 @@ _TIMES = re.compile(
 )
 _CLAUSE = re.compile(r"[;\n]|,(?!\d)|\.\s")
 _HARMLESS = word_set(
-    "fs rate sampling sample samplerate samplingrate samples n nfft fft nf nfreq points lines bins size block blocksize"
-    " blocks count counts number num nr no id index channel channels averages avg navg average record records frames"
-    " version major minor date time datenum year month day hour minute second overlap bandwidth span fmin fmax fstart"
-    " fstop fend fnyq nyquist frequency freq f start stop end begin df delta dt step increment resolution duration t"
-    " length temperature temp humidity torque speed rpm mass node nodes dof dofs point position direction dir response"
-    " reference ref input output force run test trial repetition repeat impact impacts hits set serial seed ans i j"
-    " duration trigger level pretrigger threshold range bits bit overload overloads status flag code x y z"
+    "air ambient ans average averages avg band bands bandwidth begin beta bins bit bits block blocks blocksize"
+    " channel channels code coord coords count counts date datenum day deg delta depth df dir direction dof"
+    " dofs dt duration dx dy dz end f fend fft fig figure flag flags fmax fmin fnyq force frames freq frequency"
+    " fs fstart fstop h11 height hi high hits hour humidity hz i id impact impacts increment index input j khz"
+    " length level lin line lines lo log low major mass method minor minute mm mode modes month ms n n1 n2 nave"
+    " navg nblocks nch ncol nf nfft nfreq nlines no node nodes npts nr nrow nsamples num number nyquist offsetx"
+    " ok order output overlap overload overloads point points poly pos position pressure pretrigger pts range"
+    " rate record records ref reference repeat repetition resolution response room rpm rpms run sample"
+    " samplerate samples sampling samplingrate second seed sensor serial set size span speed start status step"
+    " stop t taps temp temperature tend test threshold time tmax torque trec trial trigger ts tstart valid"
+    " version weather welch width window windows x y year z"
 )
 """Words of numbers that describe a measurement and do not act on its values."""
 _SHOWN = 60
@@ -58,13 +62,21 @@ def is_harmless_number(name: str, value: complex) -> bool:
 
     It cannot if all words of its name are those of the settings of a measurement.
     """
-    words = words_of(name.rpartition(".")[2].rpartition("/")[2])
+    words = words_of(re.split(r"[./]", name)[-1])
     plain = " ".join(words)
     if _SHIFTS.search(plain):
         return value == 0
     if _MULTIPLIES.search(plain):
-        return value == 1
-    return bool(words) and all(word in _HARMLESS for word in words)
+        return value == 1 or _REFERENCE.search(plain) is not None
+    if "per" not in words and len(words) > 1 and (unit := read_unit(re.split(r"[_ ]", name)[-1])) is not None:
+        return unit.kind not in ("time", "none")
+    return value in (0, 1) or (bool(words) and all(word in _HARMLESS for word in words))
+
+
+def may_act(name: str) -> bool:
+    """Return whether a name is one of numbers that multiply or shift the values."""
+    plain = " ".join(words_of(name))
+    return bool(_MULTIPLIES.search(plain) or _SHIFTS.search(plain)) and not _REFERENCE.search(plain)
 
 
 def find_acting_number(key: str, text: str) -> str:

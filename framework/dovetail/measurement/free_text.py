@@ -17,7 +17,7 @@ from dovetail.measurement.frf_units import frequency_factor, read_unit
 from dovetail.measurement.quantity_words import inverse_quantity, read_label, word_set, words_of
 from dovetail.measurement.statements import About, Statement
 
-__all__ = ["FreeText", "read_texts"]
+__all__ = ["SKIP", "FreeText", "read_texts"]
 
 _UNIT_WORDS = word_set(
     "unit units einheit einheiten unite unites unité unités unidad unidades unità unita eenheid enhet jednostka eu uom"
@@ -28,10 +28,10 @@ _LOAD_WORDS = word_set("force load excitation denominator input hammer kraft mom
 _MOTION_WORDS = word_set("motion numerator response resp output acceleration velocity displacement")
 _VALUE_WORDS = word_set(
     "y h hv hxy frf frfs amplitude amplitudes magnitude mag real imag re im value values ordinate ylabel yaxis data"
-    " transfer function response complex db axis z zaxis si label of the ampl wert"
+    " transfer function response complex db axis z zaxis si label of the ampl wert quantity frd responsedata"
 )
 _LABEL_WORDS = word_set("label labels xlabel ylabel title name")
-_PHASE_WORDS = word_set("phase angle time coherence coh variance tip length mass temperature stiffness")
+_PHASE_WORDS = word_set("phase angle time coherence coh variance tip temperature stiffness")
 """Words of what has a unit of its own, which is not that of the values."""
 _QUANTITY_WORDS = word_set("quantity function type format measurement kind grösse größe ordinate y ylabel")
 _REMARKS = word_set("note notes comment comments remark remarks description title name file filename path")
@@ -46,6 +46,11 @@ _PER = re.compile(r"([^\s,;:=\"'()\[\]]+)\s+(?:per|pro|over)\s+([^\s,;:=\"'()\[\
 _IN_UNIT = re.compile(r"\b(?:in|unit)\s+([^\s,;:=\"'()\[\]]+)")
 _NUMBER_BEFORE = re.compile(r"[\d.)]\s*$")
 _LONGEST = 2000
+SKIP = (
+    "If the values already take it into account, or it does not concern them: --name skip=NAME (in Python "
+    "names={'skip': 'NAME'}), with its name in the file. Otherwise apply it, and remove it from the file."
+)
+"""What to do about a number that may act on the values."""
 _SHOWN = 60
 
 
@@ -58,7 +63,8 @@ class FreeText:
     statements : list of Statement
         What counts like any other statement of the file.
     mentions : list of Statement
-        Units and quantities in running text, which count only if nothing else states one.
+        Units and quantities in running text, which count only if nothing else states one, and units that are not
+        understood.
     """
 
     statements: list[Statement] = field(default_factory=list)
@@ -90,7 +96,8 @@ def read_texts(texts: Iterable[tuple[str, str, str]], skip: Sequence[str] = ()) 
 
 def _pairs(name: str, text: str) -> Iterator[tuple[str, str]]:
     """Yield keys and values in a text: that of its name, that in front of a colon, or the first cell of a row."""
-    line = text.strip().lstrip("#%!*;/ \t").strip().strip('"').strip()
+    line = text.strip() if name else text.strip().lstrip("#%!*;/ \t")
+    line = line.strip().strip('"').strip()
     if not line:
         return
     if name:
@@ -122,7 +129,7 @@ def _read_pair(found: FreeText, key: str, value: str, where: str) -> None:
         _read_prose(found, value, where)
         return
     if (statement := _unit_statement(words, value, where)) is not None:
-        found.statements.append(statement)
+        (found.mentions if statement.about == "unclear unit" else found.statements).append(statement)
         return
     if (statement := _label_statement(words, value, where)) is not None:
         found.statements.append(statement)
@@ -142,7 +149,7 @@ def _unit_statement(words: Sequence[str], value: str, where: str) -> Statement |
         known = _UNIT_WORDS | _AXIS_WORDS | _LOAD_WORDS | _MOTION_WORDS | _VALUE_WORDS | _LABEL_WORDS
         if reading is not None or frequency_factor(text) is not None:
             return Statement(about, text, where)
-        return Statement(about, text, where) if named <= known and text.upper() != "SI" else None
+        return Statement("unclear unit", text, where) if named <= known else None
     if reading is None or named & _PHASE_WORDS:
         return None
     is_compound = re.search(r"[/·*^²]", text) is not None
@@ -204,8 +211,4 @@ def _read_prose(found: FreeText, text: str, where: str) -> None:
 
 
 def _not_understood(problem: str, where: str) -> MeasurementError:
-    remedy = (
-        "If the values in the file already take it into account, say so: --name skip=NAME (in Python "
-        "names={'skip': NAME}), with the name in front of it; or apply it, and remove it from the file."
-    )
-    return MeasurementError(Fault(where, problem, remedy=remedy))
+    return MeasurementError(Fault(where, problem, remedy=SKIP))

@@ -30,15 +30,18 @@ class Format(NamedTuple):
 
 _UFF = Format(uff_reader.decode, uff_writer.encode)
 _TABLE = Format(tables.decode, has_columns=True)
-_GUARDED = Format(guarded.decode)
+_GUARDED = Format(guarded.decode, has_columns=True)
 _FORMATS = {
     ".uff": _UFF,
     ".unv": _UFF,
     ".csv": Format(tables.decode, tables.encode, has_columns=True),
-    ".npz": Format(npz.decode, npz.encode),
+    ".npz": Format(npz.decode, npz.encode, has_columns=True),
     ".npy": Format(npz.decode_array, has_columns=True),
     ".tsv": _TABLE,
     ".txt": _TABLE,
+    ".txf": _TABLE,
+    ".asc": _TABLE,
+    ".dat": _TABLE,
     ".mat": _GUARDED,
     ".h5": _GUARDED,
     ".hdf5": _GUARDED,
@@ -91,7 +94,8 @@ def read_frf(
         along the axes of an array.
     names : mapping of str to str, optional
         Names of the FRF's fields in the file, such as ``{"frequency": "f", "values": "data/H1"}``. Fields: frequency,
-        values, real, imag, amplitude, db, phase_deg, phase_rad, coherence, variance, averages, quantity, unit.
+        values, real, imag, amplitude, db, phase_deg, phase_rad, coherence, variance, averages, quantity, unit. `skip`
+        lists, with commas, names in the file that do not concern the values, such as a gain that has been applied.
     columns : sequence of str, optional
         The columns of a table, instead of its header: ``("frequency", "real", "imag", "skip")``, with a unit if
         necessary, ``"frequency [kHz]"``. `skip` leaves a column out.
@@ -127,7 +131,9 @@ def read_frf(
         _format_of(source, registry)
     if quantity is not None:
         parse_quantity(quantity, "the argument quantity")
-    options = ReadOptions(index, response, force, dict(names or {}), tuple(columns))
+    named = dict(names or {})
+    skip = tuple(name.strip() for name in named.pop("skip", "").split(",") if name.strip())
+    options = ReadOptions(index, response, force, named, tuple(columns), skip)
     with logged(__name__, f"measurement {source} read"):
         content = read_bounded(source)
         chosen = from_plugin.find_reader(source, content, registry, reader) if by_plugin else None

@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 
 from dovetail.errors import Fault, MeasurementError, UnitError
 from dovetail.frf import QUANTITIES, Quantity, unit_of
-from dovetail.units import is_unit, to_si
+from dovetail.units import find_homonym, is_unit, to_si
 
 __all__ = [
     "UnitKind",
@@ -18,6 +18,7 @@ __all__ = [
     "conversion_factor",
     "frequency_factor",
     "is_angular",
+    "is_si",
     "meaning_of_unit",
     "motion_unit",
     "pint_spelling",
@@ -29,6 +30,8 @@ _GRAVITY = re.compile(r"^\(?[gG]\)?(?=\s*/|$)")
 _NO_LABEL = ("", "none")
 _ANGLE = re.compile(r"rad|deg|°", re.IGNORECASE)
 _DECIBEL = re.compile(r"\bdb", re.IGNORECASE)
+_NO_MOTION = re.compile(r"strain|%|ppm|percent|permille|count|^1\s*/\s*[^*·\s]+$")
+"""Numerators without a dimension, which with a force look like a displacement per moment."""
 _SHOWN = 60
 _MOTION: dict[tuple[Quantity, bool], str] = {
     ("receptance", False): "m",
@@ -44,15 +47,14 @@ UnitKind = Literal["ratio", "motion", "load", "frequency", "time", "inverse", "n
 """What a unit measures: a motion per load, a motion, a load, a frequency, a time, a load per motion, nothing (``-``,
 ``NONE``), or something else."""
 _LOADS = (("N", False), ("N m", True))
-_FREQUENCIES = {"rad/s": 1.0 / (2.0 * math.pi), "rad/sec": 1.0 / (2.0 * math.pi), "rpm": 1.0 / 60.0}
+_FREQUENCIES = {"rad/s": 1.0 / (2.0 * math.pi), "rad/sec": 1.0 / (2.0 * math.pi)}
 _SPELLINGS = {
     **dict.fromkeys(("hertz", "cycles/s", "cycles/sec", "cycles/second"), "Hz"),
     **dict.fromkeys(("newton", "newtons"), "N"),
     **dict.fromkeys(("meters/second^2", "meters/sec^2", "metres/second^2"), "m/s^2"),
-    **dict.fromkeys(("1/min", "rev/min"), "rpm"),
 }
 """Spellings of analysers that pint does not know, in lower case."""
-_PURE = ("", "-", "--", "1", "none", "n/a", "dimensionless")
+_PURE = ("", "-", "--", "1", "none", "n/a", "dimensionless", "ratio", "linear", "lin", "si")
 
 
 class UnitMeaning(NamedTuple):
@@ -98,10 +100,11 @@ def meaning_of_unit(label: str, where: str) -> UnitMeaning:
     spelled_so = [(q, r, m) for q, r, m in kinds if unit_of(q, rotation=r, moment=m) == text]
     for quantity, rotation, moment in spelled_so or kinds:  # the spelling of Dovetail's own files needs no pint
         factor = conversion_factor(text, unit_of(quantity, rotation=rotation, moment=moment))
-        if factor is not None:
+        if factor is not None and not _NO_MOTION.search(text):
             return UnitMeaning(quantity, factor, rotation, moment)
     accepted = "a motion per force or moment, such as um/N, mm/s/N, m/s^2/N, g/N, in/lbf, rad/(N m)"
-    raise MeasurementError(Fault(where, f"the unit '{label[:_SHOWN]}' is not understood.", accepted))
+    problem = f"the unit '{label[:_SHOWN]}' is not understood."
+    raise MeasurementError(Fault(where, problem, accepted, find_homonym(text)))
 
 
 class UnitReading(NamedTuple):
@@ -158,9 +161,17 @@ def read_unit(label: str) -> UnitReading | None:
     return UnitReading("other") if is_unit(text) else None
 
 
+def is_si(label: str) -> bool:
+    """Return whether a unit is that of a motion per load in SI."""
+    reading = read_unit(label)
+    return reading is not None and reading.kind == "ratio" and reading.factor == 1.0
+
+
 def frequency_factor(label: str) -> float | None:
-    """Return the factor from the unit of a frequency to Hz, or None if it is none."""
+    """Return the factor from the unit of a frequency to Hz, or None if it is none; a speed in rpm is none."""
     text = label.strip()
+    if "min" in text or "rpm" in text:
+        return None
     text = _SPELLINGS.get(text.lower(), text)
     if text.lower() in _FREQUENCIES:
         return _FREQUENCIES[text.lower()]

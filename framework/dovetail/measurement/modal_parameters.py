@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from dovetail.atomic_files import read_bounded
 from dovetail.errors import DovetailError, Fault, MeasurementError
 from dovetail.measurement.formats.column_names import plain_name
-from dovetail.measurement.formats.tables import HERTZ, names_and_units
+from dovetail.measurement.formats.tables import names_and_units
 from dovetail.measurement.formats.text_tables import find_table, read_rows, split_lines
+from dovetail.measurement.frf_units import frequency_factor
 
 __all__ = ["ModalParameters", "is_modal_table", "read_modal_parameters"]
 
@@ -196,8 +197,8 @@ def _meaning(where: str, name: str, unit: str) -> tuple[str, float]:
         return parameter, _PERCENT
     label = (unit or ending).strip().lower()
     if parameter.startswith("frequency"):
-        if label in HERTZ and label:
-            return parameter, HERTZ[label]
+        if label in ("hz", "khz", "rad/s") and (factor := frequency_factor(label)) is not None:
+            return parameter, factor
         problem = f"the unit of '{name[:60]}' is {label[:40]!r}." if label else f"'{name[:60]}' has no unit."
         raise MeasurementError(Fault(where, problem, "Hz, kHz, rad/s, as in frequency_Hz or Frequency [kHz]"))
     if label in ("1", "-") or (not label and plain_name(name) in _RATIO):

@@ -121,4 +121,8 @@ def _units_of(text: str) -> list[str]:
 def _is_written_as_unit(text: str) -> bool:
     """Return whether a text in brackets is a unit; letters that only happen to be one, as in ``H(f)``, are not."""
     reading = read_unit(text)
-    return reading is not None and reading.kind != "none" and not re.fullmatch(r"[fthHxyz]|[xyz]{2}|in|re", text)
+    return (
+        reading is not None
+        and reading.kind != "none"
+        and not re.fullmatch(r"[fthHxyz]|[xyz]{2}|in|re|[dD][bB].*", text)
+    )

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError, did_you_mean, listing
 from dovetail.frf import QUANTITIES, Frf, Quantity, unit_of
-from dovetail.measurement.frf_units import UnitMeaning, meaning_of_unit
+from dovetail.measurement.frf_units import UnitMeaning, frequency_factor, is_si, meaning_of_unit
+from dovetail.measurement.statements import Meaning, Statement, interpret
 
 __all__ = [
     "DOF",
@@ -29,6 +30,8 @@ __all__ = [
     "ReadOptions",
     "Recording",
     "are_opposite",
+    "check_axis",
+    "fields_of",
     "parse_quantity",
     "prepare_for_writing",
 ]
@@ -84,6 +87,10 @@ class Recording:
         Names of the DOFs.
     taken : sequence of str
         Sentences on what each column or array is taken for; empty for formats without these.
+    mentions : sequence of Statement
+        Units in running text, which have to be settled by the caller if the file states none.
+    motion_unit : str
+        The unit of the motion, if the file states it without the unit of the load.
     """
 
     where: str
@@ -106,6 +113,8 @@ class Recording:
     response: str = ""
     force: str = ""
     taken: Sequence[str] = ()
+    mentions: Sequence[Statement] = ()
+    motion_unit: str = ""
 
     def to_frf(self, quantity: str | None, unit: str | None = None) -> Frf:
         """Check everything and return the FRF; a line at 0 Hz is left out.
@@ -123,6 +132,7 @@ class Recording:
         if unit is not None:
             return self._with_unit(unit).to_frf(quantity)
         agreed = self._resolve_quantity(quantity)
+        self._check_unit()
         first = 1 if self.frequency[0] == 0 else 0
         if self.frequency.size == first:
             raise MeasurementError(Fault(self.where, "there is no line but the one at 0 Hz."))
@@ -176,8 +186,11 @@ class Recording:
         """Return the recording with the caller's unit; a file that states another one is refused."""
         meaning = meaning_of_unit(label, "the argument unit")
         if not self.unit:
+            self._check_motion(label)
             return replace(
                 self._check_against(meaning),
+                mentions=(),
+                motion_unit="",
                 quantity=meaning.quantity,
                 is_stated=True,
                 factor=self.factor * meaning.factor,
@@ -187,7 +200,30 @@ class Recording:
             )
         if not math.isclose(abs(self.factor), meaning.factor, rel_tol=1e-6):
             raise self._contradiction(f"unit {self.unit}", label)
-        return self._check_against(meaning)
+        return replace(self._check_against(meaning), mentions=())
+
+    def _check_motion(self, label: str) -> None:
+        if self.motion_unit:
+            interpret([Statement("motion unit", self.motion_unit, self.where), Statement("unit", label, "the option")])
+
+    def _check_unit(self) -> None:
+        """Refuse an FRF whose unit the file only mentions, or states without that of the load."""
+        remedy = "Give the unit of the values: --unit g/N (in Python unit=...)."
+        for about, text, where in self.mentions:
+            if about == "disputed unit":
+                problem = f"the unit is '{text[:40]}' by its label and in SI by set 164."
+                raise MeasurementError(Fault(where, problem, remedy=remedy))
+            if about == "unclear unit":
+                raise MeasurementError(Fault(where, f"the unit '{text[:40]}' is not understood.", remedy=remedy))
+        if self.unit:
+            return
+        if self.motion_unit:
+            problem = f"the values are in '{self.motion_unit[:40]}', and the file does not say per unit of what load."
+            raise MeasurementError(Fault(self.where, problem, remedy=remedy))
+        for about, text, where in self.mentions:
+            if about == "unit" and not is_si(text):
+                problem = f"'{text[:40]}' is mentioned, and no unit of the values is given."
+                raise MeasurementError(Fault(where, problem, remedy=remedy))
 
     def _check_against(self, meaning: UnitMeaning) -> Recording:
         if self.quantity is not None and self.quantity != meaning.quantity:
@@ -281,6 +317,38 @@ class Recording:
         return np.clip(coherence, 0.0, 1.0)
 
 
+def fields_of(meaning: Meaning) -> dict[str, Any]:
+    """Return the fields of a `Recording` that follow from the statements of a file."""
+    alone = meaning.is_motion_alone
+    return {
+        "quantity": meaning.quantity,
+        "is_stated": meaning.quantity is not None and meaning.per_load,
+        "factor": 1.0 if alone else meaning.factor,
+        "unit": "" if alone else meaning.unit,
+        "motion_unit": meaning.unit if alone else "",
+        "rotation": bool(meaning.rotation),
+        "moment": bool(meaning.moment),
+    }
+
+
+def check_axis(meaning: Meaning, mentions: Sequence[Statement], remedy: str) -> float:
+    """Return the factor from the frequency's unit to Hz; 1 without a unit.
+
+    Raises
+    ------
+    MeasurementError
+        The file states no unit, and mentions one other than Hz.
+    """
+    if meaning.axis_factor is not None:
+        return meaning.axis_factor
+    for about, text, where in mentions:
+        if about == "axis unit" and frequency_factor(text) != 1.0:
+            raise MeasurementError(
+                Fault(where, f"'{text[:40]}' is mentioned, and the frequency has no unit.", "Hz", remedy)
+            )
+    return 1.0
+
+
 _REMOVE = (
     "Remove these lines from the file: a measurement need not be evenly spaced. "
     "With NumPy: ok = np.isfinite(values), then frequency[ok] and values[ok]."
@@ -317,6 +385,8 @@ class ReadOptions:
         From a field of the FRF (``frequency``, ``values``, ``coherence``, ...) to its name in the file.
     columns : tuple of str
         The columns of a table, instead of its header.
+    skip : tuple of str
+        Names in the file that do not concern the values, as the caller says.
     """
 
     index: int | None = None
@@ -324,6 +394,7 @@ class ReadOptions:
     force: str | None = None
     names: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     columns: tuple[str, ...] = ()
+    skip: tuple[str, ...] = ()
 
     @property
     def chooses(self) -> str:

@@ -16,16 +16,18 @@ from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import QUANTITIES, Quantity, unit_of
 from dovetail.measurement.frf_units import UnitReading, frequency_factor, motion_unit, read_unit
 from dovetail.measurement.quantity_words import read_label
+from dovetail.units import find_homonym
 
 __all__ = ["About", "Meaning", "Statement", "interpret"]
 
 About = Literal["quantity", "motion quantity", "unit", "motion unit", "load unit", "axis unit", "label", "load label",
-                "axis label"]  # fmt: skip
+                "axis label", "unclear unit", "disputed unit"]  # fmt: skip
 """What a statement is about.
 
 A ``quantity`` and a ``motion quantity`` are words such as ``mobility``, the second without saying per what. A ``unit``
 is that of the values, whole or of the motion or the load alone. A label is a name with words and perhaps a unit in
-brackets: of the values, of the load, or of the abscissa.
+brackets: of the values, of the load, or of the abscissa. An ``unclear unit`` is not understood, and a ``disputed
+unit`` contradicts the file's system of units: the caller has to give the unit of the values.
 """
 _ROUNDING = 1e-6
 """Largest relative difference of two factors that are equal, since files write factors with few digits."""
@@ -80,6 +82,8 @@ class Meaning(NamedTuple):
         Converts the abscissa to Hz or s; None without a unit.
     unit : str
         The unit of the values, for messages; empty if none is stated.
+    is_motion_alone : bool
+        Whether the unit is that of a motion, and the unit of the load is not stated.
     """
 
     quantity: Quantity | None = None
@@ -91,6 +95,7 @@ class Meaning(NamedTuple):
     moment: bool | None = None
     axis_factor: float | None = None
     unit: str = ""
+    is_motion_alone: bool = False
 
 
 def interpret(statements: Iterable[Statement], *, axis: Literal["Hz", "s"] = "Hz") -> Meaning:
@@ -127,7 +132,8 @@ def interpret(statements: Iterable[Statement], *, axis: Literal["Hz", "s"] = "Hz
         rotation=None if moving is None else moving.rotation,
         moment=None if moment is None else moment.value,
         axis_factor=None if scale is None else scale.value,
-        unit="" if whole is None else whole.said,
+        unit="" if whole is None else whole.said.replace("'", ""),
+        is_motion_alone=motion is not None and ratio is None and load is None,
     )
 
 
@@ -180,9 +186,9 @@ def _unit_claims(statement: Statement) -> list[_Claim]:
     said = f"'{text[:_SHOWN]}'"
     if reading is None or reading.kind not in accepted:
         problem = f"the unit {said} is not understood."
-        if reading is not None and reading.kind == "inverse":
-            problem = f"the unit {said} is that of a load per motion."
-        raise MeasurementError(Fault(where, problem, _ACCEPTED_UNITS[about], _HOW_TO_CORRECT))
+        is_inverse = reading is not None and reading.kind == "inverse"
+        remedy = "It is that of a load per motion." if is_inverse else find_homonym(text) or _HOW_TO_CORRECT
+        raise MeasurementError(Fault(where, problem, _ACCEPTED_UNITS[about], remedy))
     claims = [_Claim(reading.kind, reading, said, where)]
     if reading.quantity is not None:
         fact = "quantity" if reading.kind == "ratio" else "motion quantity"
@@ -232,31 +238,32 @@ def _agreed_quantity(claims: Sequence[_Claim]) -> _Claim | None:
 def _whole(ratio: _Claim | None, motion: _Claim | None, load: _Claim | None) -> _Claim | None:
     """Return the unit of a motion per load: as it is stated, or from that of the motion and that of the load.
 
-    A motion alone is over newtons if another statement names its load; the caller asks where none does.
+    A motion alone is over newtons; the caller asks for the unit of the load where the file need not mean newtons.
     """
-    if motion is None:
-        if ratio is not None and load is not None:
-            _check_load(ratio, load)
+    if ratio is not None:
+        above, _, below = ratio.said.strip("'").rpartition("/")
+        for part, text in ((motion, above), (load, below)):
+            if part is not None and not _agrees_with_part(part, text, ratio):
+                raise _contradiction(ratio, part)
         return ratio
+    if motion is None:
+        return None
     divisor = 1.0 if load is None else load.value.factor
     moment = False if load is None else load.value.moment
     reading = motion.value._replace(kind="ratio", factor=motion.value.factor / divisor, moment=moment)
     said = motion.said if load is None else f"{motion.said} over {load.said}"
-    combined = _Claim("ratio", reading, said, motion.where)
-    if ratio is not None and load is not None and not _equal(ratio.value, reading):
-        raise _contradiction(ratio, combined)
-    if ratio is not None and load is None and ratio.value[2:4] != reading[2:4]:
-        raise _contradiction(ratio, combined)
-    return ratio or combined
+    return _Claim("ratio", reading, said, motion.where)
 
 
-def _check_load(ratio: _Claim, load: _Claim) -> None:
-    """Refuse a unit of the load that is not that in the unit of the whole, such as g/N over lbf."""
-    below = read_unit(ratio.said.strip("'").rpartition("/")[2].strip())
-    if below is None or below.kind != "load":
-        below = UnitReading("load", 1.0, moment=ratio.value.moment)
-    if below.moment != load.value.moment or not math.isclose(below.factor, load.value.factor, rel_tol=_ROUNDING):
-        raise _contradiction(ratio, load)
+def _agrees_with_part(part: _Claim, text: str, ratio: _Claim) -> bool:
+    """Return whether the unit of a motion or a load is that in the unit of the whole, as lbf is in g/lbf."""
+    reading = read_unit(text.strip())
+    if reading is None or reading.kind != part.fact:
+        return (part.value.quantity in (None, ratio.value.quantity)) and part.value.moment in (
+            False,
+            ratio.value.moment,
+        )
+    return _equal(part.value, reading)
 
 
 def _moments(ratio: _Claim | None, load: _Claim | None) -> list[_Claim]:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail import DovetailError, Fault, ReceptanceMatrix, read_frf, read_receptance
+from dovetail import DovetailError, Fault, ReceptanceMatrix, check_receptance_units, read_frf, read_receptance
 from dovetail_plugins.substructures.dof_table import table_in
 from dovetail_plugins.substructures.matrix_files import read_archive
 
@@ -66,6 +66,7 @@ def _with_table(archive: Mapping[str, NDArray[np.generic]], file: str) -> KnownR
     if missing:
         raise DovetailError(Fault(file, f"there is no '{missing[0]}'; there is: {', '.join(sorted(archive)[:12])}."))
     frequency, values = _numbers(archive["frequency"], "f", file), _numbers(archive["receptance"], "c", file)
+    check_receptance_units(file, archive)
     whole = _matrix(frequency, values.astype(np.complex128), file)
     table = table_in(archive, file, values.shape[1])
     assert table is not None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ __all__ = [
     "PHASES",
     "VALUE_FIELDS",
     "assign_fields",
+    "check_same_signal",
     "column_word",
     "combine_values",
     "plain_name",
@@ -79,6 +80,10 @@ _PARTS = ("real", "imag", "amplitude", "db", "phase_deg", "phase_rad", "coherenc
 """Fields that the last word of a name may state, after the name of a signal."""
 _NO_FRF = frozenset(("force", "excitation", "hammer", "psd", "power", "autopower", "spectrum", "autospectrum", "time"))
 """Words which show that a signal is not an FRF."""
+_PART_WORDS = frozenset(word for field in VALUE_FIELDS for name in FIELD_NAMES[field] for word in name.split("_"))
+_PART_WORDS |= frozenset((*PHASES, "part", "deg", "rad", "frf", "function", "response", "transfer", "h", "hz", "col"))
+_PART_WORDS |= frozenset(_MOTION_NAMES)
+"""Words of a column's name that do not distinguish signals; quantities are compared by themselves."""
 _SHOWN = 60
 """Characters of a name that are shown."""
 _MOST_LISTED = 20
@@ -171,6 +176,8 @@ def assign_fields(
             continue
         candidates = [name for name in contents if words[name] in spellings and name not in taken]
         if len(candidates) > 1:
+            candidates = _in_folders(candidates, names.values()) or candidates
+        if len(candidates) > 1:
             shown = listing(repr(name) for name in candidates)
             problem = f"{shown} may each be the {field}; the file holds:{_inventory(contents)}"
             raise MeasurementError(
@@ -181,6 +188,31 @@ def assign_fields(
     _check_phase(where, contents, assigned, words)
     _check_complete(where, contents, assigned)
     return assigned
+
+
+def _in_folders(candidates: Sequence[str], chosen: Iterable[str]) -> list[str]:
+    """Return the candidates in a folder or struct from which the caller has chosen another name."""
+    folders = {folder for name in chosen if (folder := re.sub(r"[^/.]*$", "", name))}
+    return [name for name in candidates if re.sub(r"[^/.]*$", "", name) in folders]
+
+
+def check_same_signal(where: str, fields: Mapping[str, str]) -> None:
+    """Refuse values whose parts are from different signals, such as ``Point 1 (Real)`` and ``Point 2 (Imag)``.
+
+    Raises
+    ------
+    MeasurementError
+    """
+    signals = {name: signal for field, name in fields.items() if field in VALUE_FIELDS and (signal := _signal(name))}
+    if len(set(signals.values())) > 1:
+        shown = listing(repr(name) for name in signals)
+        problem = f"{shown} are not parts of one FRF."
+        raise MeasurementError(Fault(where, problem, _ACCEPTED, "Say what each column holds: --columns or --name."))
+
+
+def _signal(name: str) -> str:
+    """Return what a name says besides the part of the values: ``point 1`` for ``Point 1 (Real)``."""
+    return " ".join(word for word in _plain_words(name).split("_") if word not in _PART_WORDS)
 
 
 def taken_for(fields: Mapping[str, str], names: Sequence[str], units: Sequence[str] = ()) -> list[str]:

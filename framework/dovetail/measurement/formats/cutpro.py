@@ -8,13 +8,17 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from dovetail.errors import Fault, MeasurementError
+from dovetail.measurement.formats.column_names import FIELD_NAMES
 from dovetail.measurement.formats.text_tables import check_end, is_number, split_lines
-from dovetail.measurement.frf_units import UnitMeaning, meaning_of_unit
-from dovetail.measurement.recording import ReadOptions, Recording
+from dovetail.measurement.frf_units import frequency_factor, meaning_of_unit, read_unit
+from dovetail.measurement.quantity_words import read_label
+from dovetail.measurement.recording import ReadOptions, Recording, check_axis, fields_of
+from dovetail.measurement.statements import Meaning, Statement, interpret
 from dovetail.units import plain_float
 
 __all__ = ["decode"]
@@ -24,6 +28,8 @@ _GAP = re.compile(r"[\s,;]+")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 _LONGEST = 500
 """Largest number of characters in a line, including labels."""
+_ACCEPTED = "frequency in Hz, real part, imaginary part"
+_HARMLESS = ("", "part", "frf", "h", "h1", "h2", "hv", "function", "-", "/", "of", "the", "frequency_hz", "freq_hz")
 _NOT_READ = re.compile(r"\b(magnitude|mag|phase|amplitude|db|khz|rpm)\b", re.IGNORECASE)
 
 
@@ -56,21 +62,23 @@ def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
         raise MeasurementError(Fault(str(path), "there is no row of numbers."))
     check_end(str(path), lines)
     table = np.array(rows)
-    meaning, unit = _unit(f"{path}:{numbers[0]}", labels)
+    where = f"{path}:{numbers[0]}"
+    first, meaning = _labels(where, labels)
+    values = table[:, 1] + 1j * table[:, 2] if first == "real" else table[:, 2] + 1j * table[:, 1]
+    order = "real and imaginary part" if first == "real" else "imaginary and real part"
+    fields = fields_of(meaning)
+    unit = fields["unit"]
     return Recording(
         where=str(path),
         label=path.name,
-        frequency=table[:, 0],
-        values=table[:, 1] + 1j * table[:, 2],
+        frequency=table[:, 0] * check_axis(meaning, (), ""),
+        values=values,
         has_phase=True,
-        quantity=None if meaning is None else meaning.quantity,
-        is_stated=meaning is not None,
         coherence=None,
         locate=lambda index: f"{path}:{numbers[index]}",
         how_to_state_quantity="the unit in the first row, such as m/N",
-        factor=1.0 if meaning is None else meaning.factor,
-        unit=unit,
-        taken=[f"column 1 is the frequency in Hz, 2 and 3 are real and imaginary part{unit and f' in {unit}'}"],
+        taken=[f"column 1 is the frequency in Hz, 2 and 3 are {order}{unit and f' in {unit}'}"],
+        **fields,
     )
 
 
@@ -94,14 +102,38 @@ def _parse_row(words: list[str], where: str) -> list[float]:
     return row
 
 
-def _unit(where: str, labels: str) -> tuple[UnitMeaning | None, str]:
-    """Return the unit of the values according to the labels of the first row, and its meaning."""
+def _labels(where: str, labels: str) -> tuple[Literal["real", "imag"], Meaning]:
+    """Return which part is in the second column, and what the labels of the first row state.
+
+    Raises
+    ------
+    MeasurementError
+        A word that is not understood, so that the columns may hold something else.
+    """
     if match := _NOT_READ.search(labels):
         problem = f"the labels '{labels[:60]}' speak of {match[0]}."
-        raise MeasurementError(Fault(where, problem, "frequency in Hz, real part, imaginary part"))
-    words = [word.strip("[]()") if word.count("/") == 1 else word for word in labels.split()]
-    units = sorted({word for word in words if "/" in word})
-    meanings = {meaning_of_unit(word, where) for word in units}
-    if len(meanings) > 1:
+        raise MeasurementError(Fault(where, problem, _ACCEPTED))
+    parts: list[Literal["real", "imag"]] = []
+    statements: list[Statement] = []
+    for word in labels.split():
+        plain = word.strip("[](),;:.").lower()
+        text = word.strip("[]()") if word.count("/") == 1 else word
+        if plain in FIELD_NAMES["real"] or plain in FIELD_NAMES["imag"]:
+            parts.append("real" if plain in FIELD_NAMES["real"] else "imag")
+            statements.append(Statement("label", word, where))
+        elif frequency_factor(plain) is not None:
+            statements.append(Statement("axis unit", plain, where))
+        elif "/" in text or read_unit(text) is not None:
+            statements.append(Statement("unit", text, where))
+        elif plain not in _HARMLESS and plain not in FIELD_NAMES["frequency"]:
+            label = read_label(plain)
+            if not (label.quantities or label.motions or label.unclear):
+                problem = f"the word '{word[:40]}' in the labels '{labels[:60]}' is not understood."
+                raise MeasurementError(Fault(where, problem, _ACCEPTED))
+            statements.append(Statement("label", plain, where))
+    if parts and sorted(parts) != ["imag", "real"]:
+        raise MeasurementError(Fault(where, f"the labels '{labels[:60]}' do not name each part once.", _ACCEPTED))
+    units = sorted({text for about, text, _ in statements if about == "unit"})
+    if len({meaning_of_unit(unit, where) for unit in units}) > 1:
         raise MeasurementError(Fault(where, f"the values are in different units: {' and '.join(units)}.", "one unit"))
-    return (meanings.pop(), units[0]) if meanings else (None, "")
+    return (parts or ["real"])[0], interpret(statements)

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError
+from dovetail.measurement.formats.archives import Entry
 from dovetail.measurement.formats.column_names import FIELD_NAMES, plain_name
-from dovetail.measurement.formats.named_arrays import Entry
 
 __all__ = ["closed_entry", "with_frd_units"]
 

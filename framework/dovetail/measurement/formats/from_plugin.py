@@ -11,8 +11,10 @@ import numpy as np
 
 from dovetail.errors import Fault, MeasurementError, PluginError, listing
 from dovetail.interfaces import Component, FrfReader, RecordedFrf, plugin_errors
+from dovetail.measurement.free_text import read_texts
 from dovetail.measurement.frf_units import meaning_of_unit
-from dovetail.measurement.recording import DOF, ReadOptions, Recording
+from dovetail.measurement.recording import DOF, ReadOptions, Recording, fields_of
+from dovetail.measurement.statements import Statement, interpret
 from dovetail.registry import Registry
 
 __all__ = ["decode", "find_reader"]
@@ -83,25 +85,25 @@ def decode(path: Path, content: bytes, reader: FrfReader, options: ReadOptions) 
     with plugin_errors(reader, _label(reader)):
         _check_arrays(frf, _label(reader))
     where = str(path) if len(recorded) == 1 else f"{path}: FRF {number}"
-    meaning = meaning_of_unit(frf.unit, where) if frf.unit else None
+    found = read_texts([("", frf.note, f"{where}, note")], options.skip)
+    unit = [Statement("unit", frf.unit, where)] if frf.unit else []
+    if frf.unit:
+        meaning_of_unit(frf.unit, where)
+    meaning = interpret([*unit, *found.statements])
     recording = Recording(
         where=where,
         label=path.name,
         frequency=np.asarray(frf.frequency, dtype=np.float64),
         values=np.asarray(frf.values),
         has_phase=np.iscomplexobj(frf.values),
-        quantity=meaning.quantity if meaning else None,
-        is_stated=meaning is not None,
         coherence=None if frf.coherence is None else np.asarray(frf.coherence, dtype=np.float64),
         locate=lambda line: f"{where}, line {line + 1} of its data",
         how_to_state_quantity="a unit, which the reader passes on",
         note=frf.note,
-        factor=meaning.factor if meaning else 1.0,
-        unit=frf.unit,
         averages=frf.averages,
-        rotation=meaning is not None and meaning.rotation,
-        moment=meaning is not None and meaning.moment,
         taken=(f"read by {reader.name}",),
+        mentions=found.mentions,
+        **fields_of(meaning),
     )
     if any(name and not DOF.fullmatch(name) for name in (frf.response, frf.force)):
         problem = f"the {_label(reader)} gives the DOFs '{frf.response:.40}' and '{frf.force:.40}'."

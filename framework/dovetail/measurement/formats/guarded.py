@@ -12,9 +12,11 @@ from typing import Any, Literal
 from dovetail.errors import MeasurementError, require_package
 from dovetail.guarded_process import call_guarded
 from dovetail.measurement.formats import hdf5, matlab
+from dovetail.measurement.formats.archives import Archive, Entry
 from dovetail.measurement.formats.column_names import plain_name
-from dovetail.measurement.formats.named_arrays import Archive, Entry, read_recording
+from dovetail.measurement.formats.named_arrays import read_recording
 from dovetail.measurement.recording import ReadOptions, Recording
+from dovetail.measurement.statements import Statement
 
 __all__ = ["answer", "decode", "read_arrays"]
 
@@ -33,12 +35,14 @@ def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
     DovetailError
         h5py is not installed.
     """
-    question = [options.index, options.response, options.force, dict(options.names)]
+    question = [options.index, options.response, options.force, dict(options.names), options.columns, options.skip]
+    held = _ask(path, content, {"options": question})
+    held["mentions"] = [Statement(*mention) for mention in held.get("mentions", ())]
     return Recording(
         where=str(path),
         label=path.name,
         locate=lambda index: f"{path}  line {index + 1} of the arrays",
-        **{"coherence": None, "variance": None} | _ask(path, content, {"options": question}),
+        **{"coherence": None, "variance": None} | held,
     )
 
 
@@ -69,7 +73,8 @@ def answer(path: Path, content: bytes, form: Form, question: Mapping[str, Any]) 
     """Return the requested contents of a file; only for the guarded process."""
     with _opened(path, content, form) as archive:
         if "options" in question:
-            recording = read_recording(archive, ReadOptions(*question["options"]))
+            index, response, force, named, columns, skip = question["options"]
+            recording = read_recording(archive, ReadOptions(index, response, force, named, tuple(columns), tuple(skip)))
             return {name: getattr(recording, name) for name in _HELD}
         names = question["arrays"]
         wanted = [name for name in archive.entries if name in names or plain_name(name) in names]

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError, damage_reported
+from dovetail.measurement.formats.archives import LARGEST_ARRAY, SMALL_ARRAY, Archive, Entry
 from dovetail.measurement.formats.frd import closed_entry, with_frd_units
-from dovetail.measurement.formats.named_arrays import LARGEST_ARRAY, Archive, Entry
 
 if TYPE_CHECKING:
     import h5py
@@ -53,16 +53,23 @@ def open_hdf5(path: Path, content: bytes, *, matlab: bool) -> Iterator[Archive]:
 
     damage = damage_reported(str(path), "the HDF5 file is damaged or is none")  # OSError, RuntimeError and others
     with damage, h5py.File(io.BytesIO(content), "r") as file:
-        entries = dict(_entries(path, file, "", 0, [0], matlab))
+        groups: dict[str, Mapping[str, str]] = {}
+        entries = dict(_entries(path, file, "", 0, [0], matlab, groups))
         if matlab:
             labels = {name: label for name, entry in entries.items() if (label := entry.attributes.get(_CLOSED))}
             entries = with_frd_units(path, {name: entries[name] for name in entries if name not in labels}, "/")
             entries |= {name: closed_entry(path, name, label, entries) for name, label in labels.items()}
-        yield Archive(path, entries, _text_attributes(file))
+        yield Archive(path, entries, _text_attributes(file), groups)
 
 
 def _entries(
-    path: Path, group: h5py.Group, prefix: str, depth: int, count: list[int], matlab: bool
+    path: Path,
+    group: h5py.Group,
+    prefix: str,
+    depth: int,
+    count: list[int],
+    matlab: bool,
+    groups: dict[str, Mapping[str, str]],
 ) -> Iterator[tuple[str, Entry]]:
     import h5py
 
@@ -74,7 +81,8 @@ def _entries(
             continue
         item = group[name]
         if isinstance(item, h5py.Group):
-            yield from _entries(path, item, f"{prefix}{name}/", depth + 1, count, matlab)
+            groups[f"{prefix}{name}/"] = _text_attributes(item)
+            yield from _entries(path, item, f"{prefix}{name}/", depth + 1, count, matlab, groups)
         elif isinstance(item, h5py.Dataset) and not item.is_virtual and not item.external:
             yield from _dataset_entries(path, item, f"{prefix}{name}", matlab, count)
 
@@ -87,17 +95,21 @@ def _dataset_entries(
 
     attributes = _text_attributes(item)
     label = attributes.get("MATLAB_class", "") if matlab else ""
-    if label == "cell" and h5py.check_ref_dtype(item.dtype) is h5py.Reference and 0 < item.size <= _MOST_OBJECTS:
+    holds_references = h5py.check_ref_dtype(item.dtype) is h5py.Reference and 0 < (item.size or 0) <= _MOST_OBJECTS
+    if matlab and holds_references and label in ("cell", ""):
+        folder, _, field = name.rpartition("/")  # each field of an array of structs is an array of references
         for number, reference in enumerate(item[()].ravel(), start=1):
             count[0] += 1
             target = item.file[reference] if reference else None
             if count[0] <= _MOST_OBJECTS and isinstance(target, h5py.Dataset) and not target.external:
-                yield from _dataset_entries(path, target, f"{name}{{{number}}}", matlab, count)
+                element = f"{name}{{{number}}}" if label == "cell" else f"{folder}({number})/{field}"
+                yield from _dataset_entries(path, target, element, matlab, count)
         return
     if label and "MATLAB_object_decode" in item.attrs and label not in ("char", "logical"):
         attributes = {_CLOSED: label}
     what = "text" if label == "char" else f"{item.shape} {item.dtype}"
-    yield name, Entry(what, partial(_array, path, item, matlab), attributes)
+    is_small = (item.size or 0) * item.dtype.itemsize <= SMALL_ARRAY
+    yield name, Entry(what, partial(_array, path, item, matlab), attributes, is_small)
 
 
 def _array(path: Path, dataset: h5py.Dataset, matlab: bool) -> NDArray[Any]:
@@ -122,7 +134,7 @@ def _array(path: Path, dataset: h5py.Dataset, matlab: bool) -> NDArray[Any]:
 
 
 def _text_attributes(item: h5py.Group | h5py.Dataset) -> Mapping[str, str]:
-    """Return the attributes that are texts."""
+    """Return the attributes that are texts, and numbers as texts."""
     texts = {}
     for name in list(item.attrs)[:50]:
         try:
@@ -131,7 +143,9 @@ def _text_attributes(item: h5py.Group | h5py.Dataset) -> Mapping[str, str]:
             if name in _NEEDED:
                 raise
             continue
-        if value.size == 1 and isinstance(value[0], str | bytes):
+        if value.size == 1 and isinstance(value[0], np.number) and np.isrealobj(value):
+            texts[str(name)] = f"{value[0]:.10g}"
+        elif value.size == 1 and isinstance(value[0], str | bytes):
             texts[name.lower() if name.lower() in _NEEDED else str(name)] = _decode_text(value[0])
     return texts
 

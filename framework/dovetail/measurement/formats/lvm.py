@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,14 +11,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError, damage_reported, listing, require_package
+from dovetail.measurement.formats.column_names import VALUE_FIELDS
 from dovetail.measurement.formats.tables import check_columns, read_header, recording_of
 from dovetail.measurement.formats.text_tables import split_lines
+from dovetail.measurement.free_text import read_texts
 from dovetail.measurement.recording import MOST_LINES, ReadOptions, Recording
 
-__all__ = ["Segment", "decode", "read_segments"]
+__all__ = ["Segment", "decode", "read_segments", "texts_of"]
 
 _MOST_CELLS = MOST_LINES
 """Largest number of cells, enough for an FRF of 250,000 lines: the library stores each cell as an object."""
+_READ = (
+    "Channels",
+    "Samples",
+    "X_Dimension",
+    "X_Unit_Label",
+    "Y_Unit_Label",
+    "X0",
+    "Delta_X",
+    "Channel names",
+    "Comment",
+)
+"""Entries of headers that are read otherwise."""
 _TIME = "time"
 _FREQUENCY = "frequency"
 
@@ -38,6 +53,8 @@ class Segment(NamedTuple):
     channels : (n_channels, n) array
     axis_unit : str
         Of the abscissa; empty if none is stated.
+    header : mapping of str to sequence of str
+        All entries of the headers of the file and of the segment, with a cell for each channel.
     """
 
     where: str
@@ -47,6 +64,7 @@ class Segment(NamedTuple):
     units: tuple[str, ...]
     channels: NDArray[np.float64]
     axis_unit: str
+    header: Mapping[str, Sequence[str]]
 
 
 def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
@@ -77,7 +95,21 @@ def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
         header = read_header(segment.where, cells, below, options.names, {})
     rows = np.vstack([segment.axis, segment.channels])
     arrays = {field: rows[column] for field, column in header.columns.items()}
-    return recording_of(path, header, arrays, lambda index: f"{segment.where}, line {index + 1}")
+    used = [column - 1 for field, column in header.columns.items() if field in VALUE_FIELDS]
+    found = read_texts(texts_of(segment, used), options.skip)
+    return recording_of(path, header, arrays, lambda index: f"{segment.where}, line {index + 1}", found)
+
+
+def texts_of(segment: Segment, channels: Sequence[int]) -> list[tuple[str, str, str]]:
+    """Return the header's texts about some channels, each with its key and its place."""
+    texts = []
+    for key, cells in segment.header.items():
+        if key not in _READ:
+            wanted = [cells[channel] for channel in channels if channel < len(cells)] if len(cells) > 1 else cells
+            texts += [
+                (key, str(cell), f"{segment.where}  {key}") for cell in dict.fromkeys(wanted) if str(cell).strip()
+            ]
+    return texts
 
 
 def _chosen(path: Path, segments: list[Segment], index: int | None) -> Segment:
@@ -141,7 +173,18 @@ def _segment(path: Path, parsed: dict[Any, Any], number: int) -> Segment:
         units=(*units, *[""] * (len(names) - len(units))),
         channels=channels,
         axis_unit=next(iter(fields.get("X_Unit_Label", ())), "").strip(),
+        header=_header(parsed) | _header(fields),
     )
+
+
+def _header(entries: Mapping[Any, Any]) -> dict[str, Sequence[str]]:
+    """Return the entries of a header that are texts, or lists of them."""
+    texts: dict[str, Sequence[str]] = {}
+    for key, value in entries.items():
+        cells = value if isinstance(value, list) else [value]
+        if isinstance(key, str) and all(isinstance(cell, (str, int, float)) for cell in cells):
+            texts[key] = [str(cell) for cell in cells]
+    return texts
 
 
 def _even_axis(where: str, fields: dict[str, Any], count: int) -> NDArray[np.float64]:

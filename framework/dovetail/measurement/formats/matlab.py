@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError, damage_reported
+from dovetail.measurement.formats.archives import LARGEST_ARRAY, SMALL_ARRAY, Archive, Entry
 from dovetail.measurement.formats.frd import closed_entry, with_frd_units
 from dovetail.measurement.formats.hdf5 import SIGNATURE
-from dovetail.measurement.formats.named_arrays import LARGEST_ARRAY, Archive, Entry
 
 __all__ = ["check_version", "workspace"]
 
@@ -32,7 +32,7 @@ _HEADER = 1000
 _COMPRESSED = 10_000
 """Number of compressed bytes that unpack to at least a header, whatever their compression."""
 _MOST_CELLS = 1000
-_NOT_READ = "of a class that is not read (sparse, object, function handle, array of structs)"
+_NOT_READ = "of a class that is not read (sparse, object, function handle)"
 _ITEM = 16
 """Bytes of the largest type of number, complex in double precision."""
 _MOST_NUMBERS = 12_500_000
@@ -134,6 +134,10 @@ def _entries(path: Path, name: str, value: Any, depth: int = 0) -> Iterator[tupl
     if (is_array or isinstance(value, MatlabObject)) and value.dtype.names and value.size == 1:
         for field in value.dtype.names:
             yield from _entries(path, f"{name}.{field}", value[field].item(), depth)
+    elif is_array and value.dtype.names and value.size <= _MOST_CELLS and depth < 3:
+        for number, element in enumerate(value.ravel(order="F"), start=1):
+            for field in value.dtype.names:
+                yield from _entries(path, f"{name}({number}).{field}", element[field], depth + 1)
     elif is_array and value.dtype.kind == "O" and value.size <= _MOST_CELLS and depth < 3:
         for number, content in enumerate(value.ravel(order="F"), start=1):
             yield from _entries(path, f"{name}{{{number}}}", content, depth + 1)
@@ -142,7 +146,8 @@ def _entries(path: Path, name: str, value: Any, depth: int = 0) -> Iterator[tupl
     elif value.dtype.kind == "U":
         yield name, Entry("text", partial(np.array, "".join(value.ravel().tolist())))
     else:
-        yield name, Entry(f"{value.shape} {value.dtype.name}", partial(np.asarray, value))
+        is_small = value.nbytes <= SMALL_ARRAY
+        yield name, Entry(f"{value.shape} {value.dtype.name}", partial(np.asarray, value), is_small=is_small)
 
 
 def _refuse(path: Path, name: str) -> NDArray[Any]:

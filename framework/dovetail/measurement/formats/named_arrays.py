@@ -3,68 +3,40 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from pathlib import Path
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.errors import Fault, MeasurementError
-from dovetail.frf import Quantity
+from dovetail.errors import Fault, MeasurementError, listing
+from dovetail.measurement.formats.archives import Archive
+from dovetail.measurement.formats.column_arrays import columns_of_array, find_matrix
 from dovetail.measurement.formats.column_names import (
     NUMERIC_FIELDS,
+    VALUE_FIELDS,
     assign_fields,
     combine_values,
     quantity_of_name,
     taken_for,
 )
-from dovetail.measurement.frf_units import UnitMeaning, meaning_of_unit
-from dovetail.measurement.recording import MOST_LINES, ReadOptions, Recording, parse_quantity
+from dovetail.measurement.formats.even_axis import with_even_axis
+from dovetail.measurement.formats.unused_entries import read_unused
+from dovetail.measurement.recording import (
+    MOST_LINES,
+    ReadOptions,
+    Recording,
+    check_axis,
+    fields_of,
+    parse_quantity,
+)
+from dovetail.measurement.statements import Statement, interpret
 
-__all__ = ["LARGEST_ARRAY", "Archive", "Entry", "read_recording"]
+__all__ = ["read_recording"]
 
-LARGEST_ARRAY = 40_000_000
-"""Largest size of an unpacked array in bytes."""
-_HERTZ = {"": 1.0, "hz": 1.0, "1/s": 1.0, "khz": 1e3, "rad/s": 1.0 / (2.0 * np.pi)}
 _LONGEST_TEXT = 1000
-
-
-@dataclass(frozen=True)
-class Entry:
-    """One array or text of a file, not loaded yet.
-
-    Parameters
-    ----------
-    what : str
-        Shape and type in words.
-    load : callable
-        Returns the array; a text is an array of one string.
-    attributes : mapping of str to str
-        Texts that the file attaches to the entry, such as its unit.
-    """
-
-    what: str
-    load: Callable[[], NDArray[Any]] = field(repr=False)
-    attributes: Mapping[str, str] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Archive:
-    """A file of named arrays.
-
-    Parameters
-    ----------
-    path : Path
-    entries : mapping of str to Entry
-    attributes : mapping of str to str
-        Texts that the file attaches to itself.
-    """
-
-    path: Path
-    entries: Mapping[str, Entry]
-    attributes: Mapping[str, str] = field(default_factory=dict)
+_SAY_UNIT = "Save a text frequency_unit with the array, or the frequencies in Hz."
 
 
 def read_recording(archive: Archive, options: ReadOptions) -> Recording:
@@ -73,55 +45,81 @@ def read_recording(archive: Archive, options: ReadOptions) -> Recording:
     Raises
     ------
     MeasurementError
-        Fields that are missing or ambiguous, with a list of the file's contents; shapes and types that do not fit.
+        Fields that are missing or ambiguous, with a list of the file's contents; shapes and types that do not fit;
+        statements that contradict each other or are not understood.
     """
+    if (matrix := find_matrix(archive, options)) is not None:
+        found = read_unused(archive, {"values": matrix}, options.skip)
+        table = archive.entries[matrix].load()
+        return columns_of_array(archive.path, table, replace(options, names={}), _shown(archive, matrix), found)
+    archive = with_even_axis(archive, options.names)
     where = str(archive.path)
-    _check_is_no_table(archive)
     names = assign_fields(where, {name: entry.what for name, entry in archive.entries.items()}, options.names)
+    _check_folders(where, names, options.names)
     fields = _load_fields(archive, names, options)
 
     def locate(index: int) -> str:
         return f"{where}  line {index + 1} of the arrays"
 
     values, has_phase = combine_values(fields, locate)
-    meaning = _read_unit(archive, names)
-    quantity = _read_quantity(archive, names, meaning)
+    found = read_unused(archive, names, options.skip)
+    meaning = interpret([*_statements(archive, names), *found.statements])
     return Recording(
         where=where,
         label=archive.path.name,
-        frequency=fields["frequency"] * _hertz_per_unit(archive, names["frequency"]),
+        frequency=fields["frequency"] * check_axis(meaning, found.mentions, _SAY_UNIT),
         values=values,
         has_phase=has_phase,
-        quantity=quantity,
-        is_stated=quantity is not None,
         coherence=fields.get("coherence"),
         locate=locate,
         how_to_state_quantity="a text 'quantity' or 'unit' in the file",
         note=_read_text(archive, names, "note"),
-        factor=1.0 if meaning is None else meaning.factor,
-        unit=_read_text(archive, names, "unit"),
         averages=_read_averages(archive, names),
         variance=fields.get("variance"),
-        rotation=meaning is not None and meaning.rotation,
-        moment=meaning is not None and meaning.moment,
         response=_read_text(archive, names, "response"),
         force=_read_text(archive, names, "force"),
         taken=taken_for(names, list(archive.entries)),
+        mentions=found.mentions,
+        **fields_of(meaning),
     )
 
 
-def _check_is_no_table(archive: Archive) -> None:
-    """Refuse a file whose only array is a matrix: its columns have no names."""
-    if len(archive.entries) != 1:
-        return
-    ((name, entry),) = archive.entries.items()
-    array = entry.load()
-    if array.ndim == 2 and min(array.shape) > 1:
-        problem = f"the only array, '{name}', has the shape {array.shape}, and its columns have no names."
-        remedy = "Save each column under a name of its own, or all as a table (.csv), to be read with --columns."
-        raise MeasurementError(
-            Fault(str(archive.path), problem, "frequency and values | real, imag | amplitude", remedy)
-        )
+def _shown(archive: Archive, name: str) -> str:
+    return f"the only array, '{name}'," if len(archive.entries) == 1 else f"'{name}'"
+
+
+def _statements(archive: Archive, names: Mapping[str, str]) -> list[Statement]:
+    """Return what the quantity, the unit and the names of the values state."""
+    statements = []
+    if word := _read_text(archive, names, "quantity"):
+        parse_quantity(word, f"{archive.path}  quantity")
+        statements.append(Statement("quantity", word, f"{archive.path}  its word"))
+    if label := _read_text(archive, names, "unit"):
+        statements.append(Statement("unit", label, f"{archive.path}  unit"))
+    _check_quantities(archive, names, statements)
+    for field_name in VALUE_FIELDS & set(names):
+        name = re.split(r"[/.]", names[field_name])[-1]
+        statements.append(Statement("label", name, f"{archive.path}  {names[field_name]}"))
+    return statements
+
+
+def _check_quantities(archive: Archive, names: Mapping[str, str], statements: Sequence[Statement]) -> None:
+    """Refuse a word, a unit and a name of the values that state different quantities."""
+    meanings = {"quantity": "its word", "unit": "its unit"}
+    stated = {meanings[one.about]: interpret([one]).quantity for one in statements}
+    stated["the name of the values"] = quantity_of_name(names.get("values", ""))
+    known = {source: quantity for source, quantity in stated.items() if quantity is not None}
+    if len(set(known.values())) > 1:
+        each = ", ".join(f"{quantity} by {source}" for source, quantity in known.items())
+        raise MeasurementError(Fault(str(archive.path), f"the file contradicts itself: {each}."))
+
+
+def _check_folders(where: str, names: Mapping[str, str], chosen: Mapping[str, str]) -> None:
+    """Refuse parts of the values from different folders, unless the caller chooses them."""
+    parts = [names[name] for name in VALUE_FIELDS & set(names) if name not in chosen]
+    if len({re.sub(r"[^/.]*$", "", part) for part in parts}) > 1:
+        problem = f"{listing(repr(part) for part in sorted(parts))} are not parts of one FRF."
+        raise MeasurementError(Fault(where, problem, remedy="Say which they are: --name real=NAME, --name imag=NAME."))
 
 
 def _load_fields(archive: Archive, names: Mapping[str, str], options: ReadOptions) -> dict[str, NDArray[Any]]:
@@ -209,26 +207,6 @@ def _read_text(archive: Archive, names: Mapping[str, str], field_name: str) -> s
     return ""
 
 
-def _read_unit(archive: Archive, names: Mapping[str, str]) -> UnitMeaning | None:
-    label = _read_text(archive, names, "unit")
-    return meaning_of_unit(label, f"{archive.path}  unit") if label else None
-
-
-def _read_quantity(archive: Archive, names: Mapping[str, str], meaning: UnitMeaning | None) -> Quantity | None:
-    """Return the quantity that the file states in words, by its unit or by the name of the values; all must agree."""
-    word = _read_text(archive, names, "quantity")
-    statements = {
-        "its word": parse_quantity(word, f"{archive.path}  quantity") if word else None,
-        "its unit": None if meaning is None else meaning.quantity,
-        "the name of the values": quantity_of_name(names.get("values", "")),
-    }
-    stated = {source: quantity for source, quantity in statements.items() if quantity is not None}
-    if len(set(stated.values())) > 1:
-        each = ", ".join(f"{quantity} by {source}" for source, quantity in stated.items())
-        raise MeasurementError(Fault(str(archive.path), f"the file contradicts itself: {each}."))
-    return next(iter(stated.values()), None)
-
-
 def _read_averages(archive: Archive, names: Mapping[str, str]) -> int | None:
     if "averages" not in names:
         return None
@@ -237,12 +215,3 @@ def _read_averages(archive: Archive, names: Mapping[str, str]) -> int | None:
     if not (1 <= number <= MOST_LINES and number == int(number)):
         raise _shape_error(archive, names["averages"], array, "a number of averages of 1 or more")
     return int(number)
-
-
-def _hertz_per_unit(archive: Archive, name: str) -> float:
-    """Return the factor from the frequency's unit, stated by its attribute, to Hz."""
-    attributes = archive.entries[name].attributes
-    label = attributes.get("unit", attributes.get("units", "")).strip()
-    if label.lower() not in _HERTZ:
-        raise MeasurementError(Fault(str(archive.path), f"'{name}' is in {label[:40]!r}.", "Hz, kHz, rad/s"))
-    return _HERTZ[label.lower()]

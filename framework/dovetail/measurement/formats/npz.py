@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError, damage_reported
-from dovetail.measurement.formats.named_arrays import LARGEST_ARRAY, Archive, Entry, read_recording
-from dovetail.measurement.formats.tables import SAY_COLUMNS, check_columns, read_header, recording_of
+from dovetail.measurement.formats.archives import LARGEST_ARRAY, SMALL_ARRAY, Archive, Entry
+from dovetail.measurement.formats.column_arrays import columns_of_array
+from dovetail.measurement.formats.named_arrays import read_recording
 from dovetail.measurement.recording import MOST_LINES, FrfToWrite, ReadOptions, Recording
 
 __all__ = ["decode", "decode_array", "encode", "open_archive"]
@@ -53,7 +54,12 @@ def open_archive(path: Path, content: bytes) -> Archive:
     with _report_damage(path):
         archive = zipfile.ZipFile(io.BytesIO(content))
         names = [name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")]
-        return Archive(path, {name: Entry("", partial(_load_array, path, archive, name)) for name in names})
+        return Archive(path, {name: _entry(path, archive, name) for name in names})
+
+
+def _entry(path: Path, archive: zipfile.ZipFile, name: str) -> Entry:
+    is_small = archive.getinfo(f"{name}.npy").file_size <= SMALL_ARRAY
+    return Entry("", partial(_load_array, path, archive, name), is_small=is_small)
 
 
 def _report_damage(path: Path) -> AbstractContextManager[None]:
@@ -138,33 +144,7 @@ def decode_array(path: Path, content: bytes, options: ReadOptions) -> Recording:
     if options.chooses or options.names:
         option = options.chooses or f"names={dict(options.names)}"
         raise MeasurementError(Fault(str(path), f"{option} is not for an array without names, which holds one FRF."))
-    return _from_columns(path, array, options)
-
-
-def _from_columns(path: Path, array: NDArray[Any], options: ReadOptions) -> Recording:
-    """Return the FRF of an array of (n_freq, n_columns) numbers, or of its transpose."""
-    has_two = array.ndim == 2 and 2 in array.shape and array.dtype.kind == "c"
-    columns = options.columns or (("frequency", "values") if has_two else ())
-    if array.ndim != 2 or array.dtype.kind not in "fiuc":
-        problem = f"the array has the shape {array.shape} and the type {array.dtype}, and no frequencies."
-        remedy = "Save them too: np.savez('frf.npz', frequency=frequency, values=values)."
-        raise MeasurementError(Fault(str(path), problem, "columns of numbers, or a structured array", remedy))
-    if not columns:
-        problem = f"the array has the shape {array.shape}, and its columns have no names."
-        raise MeasurementError(Fault(str(path), problem, remedy=SAY_COLUMNS))
-    if len(columns) not in array.shape:
-        problem = f"the array has the shape {array.shape}, and {len(columns)} columns are named."
-        raise MeasurementError(Fault(str(path), problem, ",".join(columns)))
-    table = array if array.shape[1] == len(columns) else array.T
-    wanted = check_columns(ReadOptions(columns=columns))
-    header = read_header("the argument columns", columns, (), {}, {})
-    for column in wanted:
-        if column != header.columns.get("values") and np.any(np.imag(table[:, column])):
-            raise MeasurementError(Fault(str(path), f"the column {columns[column]} is complex.", "real numbers"))
-    if not len(table):
-        raise MeasurementError(Fault(str(path), "the array is empty."))
-    arrays = {name: table[:, column].astype(np.complex128) for name, column in header.columns.items()}
-    return recording_of(path, header, arrays, lambda index: f"{path}  line {index + 1} of the array")
+    return columns_of_array(path, array, options, "the array")
 
 
 def _read_header(path: Path, stream: Any, name: str) -> tuple[tuple[int, ...], np.dtype[Any]]:

@@ -23,18 +23,28 @@ from dovetail.measurement.formats.column_names import (
     PHASES,
     VALUE_FIELDS,
     assign_fields,
+    check_same_signal,
     column_word,
     combine_values,
     quantities_in,
     taken_for,
 )
 from dovetail.measurement.formats.text_tables import TextTable, find_rows, find_table, read_rows, split_lines
-from dovetail.measurement.frf_units import UnitMeaning, meaning_of_unit
-from dovetail.measurement.recording import MOST_LINES, FrfToWrite, ReadOptions, Recording, parse_quantity
+from dovetail.measurement.free_text import FreeText, read_texts
+from dovetail.measurement.frf_units import UnitMeaning, UnitReading, meaning_of_unit, read_unit
+from dovetail.measurement.recording import (
+    MOST_LINES,
+    FrfToWrite,
+    ReadOptions,
+    Recording,
+    check_axis,
+    fields_of,
+    parse_quantity,
+)
+from dovetail.measurement.statements import Statement, interpret
 from dovetail.plain_text import csv_comment
 
 __all__ = [
-    "HERTZ",
     "SAY_COLUMNS",
     "Header",
     "check_columns",
@@ -50,8 +60,6 @@ _BRACKET = re.compile(r"([^\[(]*?)\s*[\[(](.*)[\])]")
 _SLASH = re.compile(r"(.+?)\s+/\s+(\S.*)")
 """A name and its unit according to DIN 1313: ``Frequency / Hz``."""
 _DECIBEL = re.compile(r"db(?:\s*(?:re|ref)?\.?:?\s*(?:1(?:\.0*)?\s*)?(?=\D)(.*))?", re.IGNORECASE)
-HERTZ = {"": 1.0, "hz": 1.0, "khz": 1e3, "rad/s": 1.0 / (2.0 * np.pi)}
-"""Factors from units of frequency to Hz."""
 _PURE = ("", "-", "1", "none")
 _HEADERS = (
     "frequency_Hz,real,imag | frequency_Hz,amplitude,phase_deg | frequency_Hz,amplitude, "
@@ -73,22 +81,22 @@ class Header(NamedTuple):
         From the fields of the FRF to columns.
     names : tuple of str
         Of the columns, without their units.
-    hertz : float
-        Factor from the unit of the frequency to Hz.
     unit : str
         Of the values; empty if none is stated.
     comments : mapping of str to str
         Statements in the lines above: quantity, averages, note, response, force.
     taken : sequence of str
         Sentences on what each column is taken for.
+    statements : sequence of Statement
+        What the header states.
     """
 
     columns: Mapping[str, int]
     names: tuple[str, ...]
-    hertz: float
     unit: str
     comments: Mapping[str, str]
     taken: Sequence[str]
+    statements: Sequence[Statement]
 
 
 def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
@@ -118,7 +126,24 @@ def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
     def locate(index: int) -> str:
         return f"{path}:{numbers[index]}"
 
-    return recording_of(path, header, arrays, locate)
+    return recording_of(path, header, arrays, locate, _texts_around(path, table, options))
+
+
+def _texts_around(path: Path, table: TextTable, options: ReadOptions) -> FreeText:
+    """Return what the lines around a table state, without the comments that are read by their keys."""
+    around, between = (
+        [("", line, f"{path}:{number}") for number, line in lines if number > table.line or not _is_read(line)]
+        for lines in (table.around, table.between)
+    )
+    found, unclear = read_texts(around, options.skip), read_texts(between, options.skip)
+    mentions = [*unclear.mentions, *unclear.statements]  # units of columns that the line does not name
+    return FreeText(found.statements, [*found.mentions, *mentions])
+
+
+def _is_read(line: str) -> bool:
+    """Return whether a line above the table is a comment that is read by its key."""
+    match = _COMMENT.match(line.strip()[:_LONGEST])
+    return match is not None and match[1].lower() != "note"
 
 
 def _table(path: str, lines: Sequence[str], options: ReadOptions) -> TextTable:
@@ -150,7 +175,11 @@ def check_columns(options: ReadOptions) -> list[int]:
 
 
 def recording_of(
-    path: Path, header: Header, arrays: Mapping[str, NDArray[Any]], locate: Callable[[int], str]
+    path: Path,
+    header: Header,
+    arrays: Mapping[str, NDArray[Any]],
+    locate: Callable[[int], str],
+    found: FreeText | None = None,
 ) -> Recording:
     """Build the recording from columns that have been read.
 
@@ -162,6 +191,8 @@ def recording_of(
         From the fields of the FRF to their numbers.
     locate : callable
         Returns the place of a line.
+    found : FreeText, optional
+        What the text around the columns states.
 
     Raises
     ------
@@ -169,53 +200,47 @@ def recording_of(
         A negative amplitude, or statements of the file that contradict each other.
     """
     fields = {field: array if field == "values" else array.real for field, array in arrays.items()}
-    fields["frequency"] = fields["frequency"] * header.hertz
+    found = found or FreeText()
+    _check_quantities(path, header)
+    meaning = interpret([*header.statements, *found.statements])
+    fields["frequency"] = fields["frequency"] * check_axis(meaning, found.mentions, SAY_COLUMNS)
     values, has_phase = combine_values(fields, locate)
-    meaning = meaning_of_unit(header.unit, str(path)) if header.unit else None
-    quantity, is_stated = _quantity(path, header, meaning)
     return Recording(
         where=str(path),
         label=path.name,
         frequency=fields["frequency"],
         values=values,
         has_phase=has_phase,
-        quantity=quantity,
-        is_stated=is_stated,
         coherence=fields.get("coherence"),
         locate=locate,
         how_to_state_quantity="a line '# quantity: accelerance' before the header",
         note=header.comments.get("note", ""),
-        factor=1.0 if meaning is None else meaning.factor,
-        unit=header.unit,
         averages=_averages(header.comments),
         variance=fields.get("variance"),
-        rotation=meaning is not None and meaning.rotation,
-        moment=meaning is not None and meaning.moment,
         response=header.comments.get("response", ""),
         force=header.comments.get("force", ""),
         taken=header.taken,
+        mentions=found.mentions,
+        **fields_of(meaning),
     )
 
 
-def _quantity(path: Path, header: Header, meaning: UnitMeaning | None) -> tuple[Quantity | None, bool]:
-    """Return the quantity that comments, unit and column names state, and whether they state that it is per force.
-
-    A name such as ``Acceleration`` does not state that. All statements must agree.
-    """
+def _check_quantities(path: Path, header: Header) -> None:
+    """Refuse comments, units and column names that state several quantities."""
     word = header.comments.get("quantity", "")
     named = [header.names[column] for field, column in header.columns.items() if field in VALUE_FIELDS]
     stated: list[Quantity] = []
     if word:
         stated.append(parse_quantity(word.lower(), header.comments["quantity stands in"]))
-    if meaning is not None:
-        stated.append(meaning.quantity)
-    stated += [quantity for name in named for quantity in quantities_in(name)]
-    motions = [quantity for name in named for quantity in quantities_in(name, motions=True)]
-    if len(each := list(dict.fromkeys(stated + motions))) > 1:
+    if (reading := read_unit(header.unit)) is not None and reading.quantity is not None:
+        stated.append(reading.quantity)
+    stated += [
+        quantity for motions in (False, True) for name in named for quantity in quantities_in(name, motions=motions)
+    ]
+    if len(each := list(dict.fromkeys(stated))) > 1:
         problem = f"the file contradicts itself: {' and '.join(each)}."
         remedy = f"{SAY_COLUMNS} And what they are: --quantity or --unit."
         raise MeasurementError(Fault(str(path), problem, remedy=remedy))
-    return (each[0] if each else None), bool(stated)
 
 
 def _averages(comments: Mapping[str, str]) -> int | None:
@@ -267,14 +292,33 @@ def read_header(
             raise MeasurementError(Fault(where, problem, "one unit", f"{SAY_COLUMNS} And their unit: --unit."))
         units[column] = units[column] or unit
     columns = _field_columns(where, ",".join(cells), names, units, chosen)
+    unit = _unit(where, units, columns, comments.get("unit", ""))
+    check_same_signal(where, {field: names[index] for field, index in columns.items() if field not in chosen})
     return Header(
         columns=columns,
         names=tuple(names),
-        hertz=_hertz(where, units[columns["frequency"]]),
-        unit=_unit(where, units, columns, comments.get("unit", "")),
+        unit=unit,
         comments=comments,
         taken=taken_for({field: names[column] for field, column in columns.items()}, names, units),
+        statements=_statements(where, names, columns, units[columns["frequency"]], unit, comments),
     )
+
+
+def _statements(
+    where: str,
+    names: Sequence[str],
+    columns: Mapping[str, int],
+    axis: str,
+    unit: str,
+    comments: Mapping[str, str],
+) -> list[Statement]:
+    """Return what the header and the comments above it state."""
+    statements = [Statement("axis unit", axis, where)] if axis else []
+    statements += [Statement("unit", unit, where)] if unit else []
+    statements += [Statement("label", names[columns[field]], where) for field in VALUE_FIELDS if field in columns]
+    if word := comments.get("quantity", ""):
+        statements.append(Statement("quantity", word, comments["quantity stands in"]))
+    return statements
 
 
 def _comments_above(path: str, table: TextTable) -> dict[str, str]:
@@ -329,22 +373,22 @@ def _field_columns(
     return {field: list(names).index(name) for field, name in fields.items()}
 
 
-def _hertz(where: str, unit: str) -> float:
-    if unit.lower() not in HERTZ:
-        raise MeasurementError(Fault(where, f"the frequency is in {unit[:40]!r}.", "Hz, kHz, rad/s"))
-    return HERTZ[unit.lower()]
-
-
 def _unit(where: str, units: Sequence[str], columns: Mapping[str, int], stated: str) -> str:
     """Return the unit of the values that columns and comments state; they must agree."""
     named = {units[columns[part]] for part in ("values", "real", "imag", "amplitude", "db") if part in columns}
     bare = {match[1] or "" if (match := _DECIBEL.fullmatch(label)) else label for label in (*named, stated)}
     labels = {label.strip() for label in bare if label.strip().lower() not in _PURE}
-    meanings: dict[UnitMeaning, str] = {meaning_of_unit(label, where): label for label in sorted(labels)}
+    meanings = {_meaning(label, where): label for label in sorted(labels)}
     if len(meanings) > 1:
         both = " and ".join(sorted(labels))
         raise MeasurementError(Fault(where, f"the values are in different units: {both}.", "one unit", SAY_COLUMNS))
     return next(iter(meanings.values()), "")
+
+
+def _meaning(label: str, where: str) -> UnitReading | UnitMeaning:
+    """Return the meaning of a unit of a motion, alone or per load."""
+    reading = read_unit(label)
+    return reading if reading is not None and reading.kind == "motion" else meaning_of_unit(label, where)
 
 
 def encode(content: FrfToWrite, path: Path, _binary: bool | None) -> bytes:
@@ -373,9 +417,7 @@ def encode(content: FrfToWrite, path: Path, _binary: bool | None) -> bytes:
 
 def _comments(content: FrfToWrite) -> str:
     frf = content.frf
-    comments: dict[str, str] = {"quantity": frf.quantity}
-    if frf.kind != "displacement per force" or content.factor != 1.0:
-        comments["unit"] = content.unit
+    comments: dict[str, str] = {"quantity": frf.quantity, "unit": content.unit}
     if frf.averages is not None:
         comments["averages"] = str(frf.averages)
     comments |= {name: csv_comment(text) for name in ("note", "response", "force") if (text := getattr(frf, name))}

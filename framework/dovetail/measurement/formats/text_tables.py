@@ -45,6 +45,7 @@ _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 _LAST_NUMBER = re.compile(r"[^\s,;]+(?=\s*$)")
 _LAST_ROWS, _FEWEST_ROWS, _MANY_DIGITS = 60, 3, 8
 """Rows at the end that are compared, fewest of them, and characters of a number that is not short by chance."""
+_WORD = re.compile(r"[^\W\d_]{2}|[#%*()/]")
 _WORDS = re.compile(r"\S+(?:\s*[\[(][^\])]*[\])])?")
 """A word with the brackets behind it, as in ``Real [um/N]``."""
 
@@ -76,6 +77,27 @@ class TextTable(NamedTuple):
     separator: str
 
     @property
+    def end(self) -> int:
+        """Index after the last row; below it are only empty lines and lines of words."""
+        last = len(self.lines)
+        while last > self.first and _is_below(self.lines[last - 1][:_LONGEST_LINE], self.separator, len(self.header)):
+            last -= 1
+        return last
+
+    @property
+    def around(self) -> list[tuple[int, str]]:
+        """The lines above the header and below the last row that are not empty, with their numbers from 1."""
+        numbered = [(number, self.lines[number - 1]) for number in range(1, self.line + 1)]
+        numbered += [(number, self.lines[number - 1]) for number in range(self.end + 1, len(self.lines) + 1)]
+        return [(number, line[:_LONGEST_LINE]) for number, line in numbered if line.strip()]
+
+    @property
+    def between(self) -> list[tuple[int, str]]:
+        """The lines between the header, with its row of units, and the first row, with their numbers from 1."""
+        numbers = range(self.line + 2 + bool(self.units), self.first + 1)
+        return [(number, line) for number in numbers if (line := self.lines[number - 1][:_LONGEST_LINE]).strip()]
+
+    @property
     def units(self) -> tuple[str, ...]:
         """Cells of a row of units right below the header; empty if there is none."""
         below = self.lines[self.line + 1][:_LONGEST_LINE] if self.line + 1 < len(self.lines) else ""
@@ -83,6 +105,14 @@ class TextTable(NamedTuple):
         if len(cells) != len(self.header) or not any(cells) or any(map(is_number, cells)):
             return ()
         return tuple(cells)
+
+
+def _is_below(line: str, separator: str, width: int) -> bool:
+    """Return whether a line has words, and not a number for some column of a whole row."""
+    cells = [cell for cell in _split(line, separator) if cell]
+    if len(cells) == width and any(map(is_number, cells)):
+        return False
+    return not cells or any(_WORD.search(cell) and not is_number(cell) for cell in cells)
 
 
 def suffix_by_content(path: Path, content: bytes) -> str:
@@ -285,8 +315,8 @@ def read_rows(
     numbers: list[int] = []
     values = array("d")
     marks: dict[str, int] = {}
-    width, separator, lines = len(table.header), table.separator, table.lines
-    for number, line in enumerate(lines[table.first :] if table.first else lines, start=table.first + 1):
+    width, separator, end = len(table.header), table.separator, table.end
+    for number, line in enumerate(table.lines[table.first : end], start=table.first + 1):
         if not line or line.isspace():
             continue
         if len(line) > _LONGEST_LINE:
@@ -315,7 +345,8 @@ def read_rows(
                 values.append(value.imag)
     if not numbers:
         raise MeasurementError(Fault(table.where, "there is no line after the header."))
-    check_end(table.where, lines)
+    if end == len(table.lines):
+        check_end(table.where, table.lines)
     kind = np.float64 if complex_column is None else np.complex128
     return numbers, np.frombuffer(values, dtype=kind).reshape(len(numbers), len(wanted)).T
 

@@ -32,8 +32,9 @@ from dovetail.measurement.formats.uff_sets import (
     scan_sets,
     select_set,
 )
+from dovetail.measurement.formats.uff_statements import interpret_set
 from dovetail.measurement.formats.uff_writer import VARIANCE
-from dovetail.measurement.recording import MOST_LINES, ReadOptions, Recording
+from dovetail.measurement.recording import MOST_LINES, ReadOptions, Recording, check_axis
 
 __all__ = ["decode", "read_time_records"]
 
@@ -42,6 +43,8 @@ _REAL, _COMPLEX = (2, 4), (5, 6)
 _DOUBLE = (4, 6)
 _LONGEST_ROW = 60
 """Largest number of characters of ASCII data for one line of an FRF."""
+_ROUNDED = 0.1
+"""Largest difference of the frequencies of two sets that are the same lines, relative to the smallest step."""
 _NOT_NUMERIC = re.compile(rb"[^0-9eE+\-.\s]\S*")
 
 
@@ -60,29 +63,33 @@ def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
         raise MeasurementError(Fault(str(path), "names are for files of named arrays or columns, not for sets."))
     sets = scan_sets(path, content)
     chosen = select_set(path, sets, options)
-    check_unit_system(content, sets)
+    is_si_file = check_unit_system(content, sets)
     meaning = meaning_of(chosen)
+    stated, mentions = interpret_set(chosen, meaning, options, is_si_file=is_si_file)
     frequency, values = _read_data(content, chosen)
+    scale = check_axis(stated, mentions, "Export the frequencies in Hz.")
+    frequency = frequency * scale
     return Recording(
         where=chosen.where,
         label=path.name,
         frequency=frequency,
         values=values,
         has_phase=np.iscomplexobj(values),
-        quantity=meaning.quantity,
-        is_stated=meaning.quantity is not None and meaning.over_force,
-        coherence=_matching_data(content, chosen, filter(_is_coherence, sets), frequency),
+        quantity=stated.quantity,
+        is_stated=stated.quantity is not None and stated.per_load,
+        coherence=_matching_data(content, chosen, filter(_is_coherence, sets), frequency, scale),
         locate=lambda line: f"{chosen.where}, line {line + 1} of its data",
         how_to_state_quantity="data types 8, 11 or 12 over 13 in the set's header",
         note="" if chosen.fields["id1"].strip() == "NONE" else chosen.fields["id1"].strip(),
-        factor=meaning.factor,
-        unit=meaning.unit,
+        factor=stated.factor,
+        unit=stated.unit,
         averages=_averages(chosen),
-        variance=_matching_data(content, chosen, filter(_is_variance, sets), frequency),
+        variance=_matching_data(content, chosen, filter(_is_variance, sets), frequency, scale),
         rotation=chosen.rotation,
         moment=chosen.moment,
         response=_id_line_value(chosen, "response") or chosen.response,
         force=_id_line_value(chosen, "force") or chosen.force,
+        mentions=mentions,
     )
 
 
@@ -132,15 +139,24 @@ def _is_force(uff_set: UffSet) -> bool:
     return bool(uff_set.fields["ordinate_spec_data_type"] == FORCE)
 
 
-def _matching_data(content: bytes, chosen: UffSet, candidates: Iterable[UffSet], frequency: Array) -> Array | None:
+def _matching_data(
+    content: bytes, chosen: UffSet, candidates: Iterable[UffSet], frequency: Array, scale: float
+) -> Array | None:
     """Return the real data for the points and frequencies of the chosen set, if exactly one set has them."""
     matching = [candidate for candidate in candidates if candidate.points == chosen.points]
     if len(matching) != 1:
         return None
     axis, data = _read_data(content, matching[0])
-    if np.iscomplexobj(data) or not np.array_equal(axis, frequency):
-        return None
-    return data
+    return None if np.iscomplexobj(data) or not _is_same_axis(axis * scale, frequency) else data
+
+
+def _is_same_axis(axis: Array, frequency: Array) -> bool:
+    """Return whether two axes differ by the rounding of their digits only: by less than a tenth of a step."""
+    if axis.shape != frequency.shape:
+        return False
+    steps = np.diff(frequency)
+    tolerance = _ROUNDED * float(np.abs(steps).min()) if steps.size else 0.0
+    return bool(np.all(np.abs(axis - frequency) <= tolerance))
 
 
 def _is_coherence(uff_set: UffSet) -> bool:

@@ -372,19 +372,25 @@ def _unknown_unit(uff_set: UffSet, label: str, accepted: str) -> MeasurementErro
     )
 
 
-def check_unit_system(content: bytes, sets: list[UffSet]) -> None:
-    """Refuse a file whose set 164 states a system of units other than SI (m, N).
+def check_unit_system(content: bytes, sets: list[UffSet]) -> bool:
+    """Return whether set 164 states SI units (m, N); refuse a file in which it states others.
 
     Raises
     ------
     MeasurementError
-        Units code other than 1.
+        Units code other than 1, or a factor to SI other than 1.
     """
+    is_si = False
     for uff_set in sets:
         if uff_set.kind != 164:
             continue
-        record = content[uff_set.start : uff_set.end][:500].splitlines()[2:3]
-        code = record[0][:10].strip() if record else b""
+        is_si = True
+        records = content[uff_set.start : uff_set.end][:500].splitlines()[2:4]
+        code = records[0][:10].strip() if records else b""
+        factors = re.findall(rb"[-+]?\d+(?:\.\d*)?(?:[eEdD][-+]?\d+)?", records[1])[:2] if len(records) > 1 else []
+        if code == b"%d" % _SI_SYSTEM and any(float(number.upper().replace(b"D", b"E")) != 1.0 for number in factors):
+            problem = "the units code is 1 (m, N), and the factors to SI are not 1."
+            raise MeasurementError(Fault(uff_set.where, problem, "factors of 1", "Export it in SI units."))
         if code != b"%d" % _SI_SYSTEM:
             shown = code.decode("ascii", errors="replace")
             raise MeasurementError(
@@ -395,3 +401,4 @@ def check_unit_system(content: bytes, sets: list[UffSet]) -> None:
                     "Export it in SI units.",
                 )
             )
+    return is_si

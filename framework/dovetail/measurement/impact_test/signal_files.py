@@ -16,8 +16,8 @@ from dovetail.atomic_files import read_bounded
 from dovetail.errors import Fault, MeasurementError, did_you_mean, listing
 from dovetail.frf import QUANTITIES, Quantity
 from dovetail.measurement.formats import guarded, lvm, npz, tables, uff_reader
+from dovetail.measurement.formats.archives import Archive
 from dovetail.measurement.formats.column_names import plain_name
-from dovetail.measurement.formats.named_arrays import Archive
 from dovetail.measurement.formats.text_tables import find_rows, find_table, read_rows, split_lines, suffix_by_content
 from dovetail.measurement.frf_units import conversion_factor, motion_unit, pint_spelling
 

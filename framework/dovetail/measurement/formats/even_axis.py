@@ -1,0 +1,93 @@
+"""A frequency axis from the start and the step that an archive contains instead of the frequencies."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.errors import Fault, MeasurementError
+from dovetail.measurement.formats.archives import Archive, Entry
+from dovetail.measurement.formats.column_names import FIELD_NAMES, plain_name
+from dovetail.measurement.recording import MOST_LINES
+
+__all__ = ["with_even_axis"]
+
+_STEPS = (
+    *("df", "df_hz", "delta_f", "deltaf", "f_step", "fstep", "freq_step", "frequency_step", "increment", "step"),
+    *("freq_increment", "frequency_increment", "frequency_resolution", "freq_resolution"),
+)
+_STARTS = (
+    *("f_start", "fstart", "f_start_hz", "start", "start_value", "f0", "f_min", "fmin", "start_frequency"),
+    *("frequency_start", "freq_start", "start_freq", "first_frequency"),
+)
+_COUNTS = ("number_of_values", "n_lines", "num_lines", "n_freq", "nf", "number_of_lines")
+_VALUES = ("values", "real", "amplitude", "db")
+
+
+def with_even_axis(archive: Archive, names: Mapping[str, str]) -> Archive:
+    """Return an archive with an entry ``frequency`` for each start and step in it, unless it has frequencies.
+
+    Raises
+    ------
+    MeasurementError
+        A step without a start.
+    """
+    entries = archive.entries
+    if "frequency" in names and names["frequency"] in entries:
+        return archive
+    if any(plain_name(name) in FIELD_NAMES["frequency"] for name in entries):
+        return archive
+    made: dict[str, Entry] = {}
+    used: set[str] = set()
+    for step in [name for name in entries if plain_name(name) in _STEPS]:
+        folder = re.match(r"(?:.*[/.])?", step)
+        prefix = folder[0] if folder else ""
+        start, count = (_beside(entries, prefix, words) for words in (_STARTS, _COUNTS))
+        if start is None:
+            problem = f"'{step}' is the step of the frequency, and there is no start."
+            remedy = "Save the first frequency too, as f_start, or the frequencies themselves."
+            raise MeasurementError(Fault(str(archive.path), problem, ", ".join(_STARTS[:4]), remedy))
+        load = partial(_axis, archive, start, step, count, names)
+        made[f"{prefix}frequency"] = Entry(f"from {start} in steps of {step}", load)
+        used |= {step, start, *([count] if count is not None else [])}
+    return replace(archive, entries={**entries, **made}, made_from=frozenset(used)) if made else archive
+
+
+def _beside(entries: Mapping[str, Entry], prefix: str, words: tuple[str, ...]) -> str | None:
+    """Return the name of the only entry in a folder that is called by one of some words."""
+    found = [name for name in entries if name.startswith(prefix) and plain_name(name) in words]
+    found = [name for name in found if not re.search(r"[/.]", name[len(prefix) :])]
+    return found[0] if len(found) == 1 else None
+
+
+def _axis(archive: Archive, start: str, step: str, count: str | None, names: Mapping[str, str]) -> NDArray[Any]:
+    first, width = (_number(archive, name) for name in (start, step))
+    lines = int(_number(archive, count)) if count is not None else _length(archive, names)
+    if not (0 < lines <= MOST_LINES and np.isfinite(first) and width > 0):
+        problem = f"the frequency starts at {first:g} with a step of {width:g} and has {lines} lines."
+        raise MeasurementError(Fault(str(archive.path), problem))
+    axis: NDArray[np.float64] = first + width * np.arange(lines)
+    return axis
+
+
+def _number(archive: Archive, name: str) -> float:
+    array = archive.entries[name].load()
+    if array.size != 1 or array.dtype.kind not in "fiu":
+        raise MeasurementError(Fault(f"{archive.path}  {name}", "one real number was expected."))
+    return float(array.ravel()[0])
+
+
+def _length(archive: Archive, names: Mapping[str, str]) -> int:
+    """Return the largest dimension of the values, which is that of the frequency."""
+    chosen = [names[field] for field in _VALUES if field in names]
+    known = [name for name in archive.entries if any(plain_name(name) in FIELD_NAMES[field] for field in _VALUES)]
+    for name in chosen or known:
+        if name in archive.entries and name not in archive.made_from:
+            return max(archive.entries[name].load().shape, default=0)
+    return 0

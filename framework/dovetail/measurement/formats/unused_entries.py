@@ -1,0 +1,171 @@
+"""What the entries and attributes of an archive state that are not read as fields of the FRF."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from numpy.typing import NDArray
+
+from dovetail.errors import Fault, MeasurementError
+from dovetail.frf import unit_of
+from dovetail.measurement.acting_numbers import is_harmless_number, may_act
+from dovetail.measurement.formats.archives import Archive
+from dovetail.measurement.formats.column_names import FIELD_NAMES, VALUE_FIELDS, plain_name
+from dovetail.measurement.free_text import SKIP, FreeText, read_texts
+from dovetail.measurement.frf_units import read_unit
+from dovetail.measurement.statements import Statement
+
+__all__ = ["read_unused"]
+
+_FRF_WORDS = frozenset(word for field in (*VALUE_FIELDS, "frequency") for word in FIELD_NAMES[field])
+_FACTOR = re.compile(r"(.*)unit_transformation[./]factor")
+_LONGEST = 1000
+_MOST_NUMBERS = 1000
+"""Numbers of an array that are looked at, such as a delay for each channel."""
+_SAME = 1e-4
+"""Largest relative difference of a factor from that of its unit, which programs write with few digits."""
+
+
+def read_unused(archive: Archive, fields: Mapping[str, str], skip: tuple[str, ...]) -> FreeText:
+    """Return what entries and attributes state that are not read as fields of the FRF.
+
+    Entries of other FRFs, in folders or structs of their own, are left out.
+
+    Parameters
+    ----------
+    archive : Archive
+    fields : mapping of str to str
+        From fields of the FRF to the names of entries.
+    skip : tuple of str
+        Names that do not concern the values, as the caller says.
+
+    Raises
+    ------
+    MeasurementError
+        A number that may act on the values, or a unit that is not understood.
+    """
+    texts, factors, own = list(_attribute_texts(archive, fields)), {}, _values_of(fields)
+    for name in _concerned(archive, fields):
+        if {name, plain_name(name), re.split(r"[/.]", name)[-1]} & set(skip):
+            continue
+        value = _load(archive, name)
+        if value is None or value.size == 0:
+            if value is None and may_act(name):
+                raise _acts(archive, name, "")
+        elif value.dtype.kind in "US" and value.size == 1:
+            texts.append((_key(name, fields), _text(value), f"{archive.path}  {name}"))
+        elif value.dtype.kind in "fiuc" and (match := _FACTOR.fullmatch(name)) and value.size == 1:
+            factors[match[1]] = float(value.real.ravel()[0])
+        elif value.dtype.kind in "fiuc":
+            _check_numbers(archive, name, value, is_beside=not _branch(name, own))
+    return _with_factors(archive, read_texts(texts, skip), factors)
+
+
+def _attribute_texts(archive: Archive, fields: Mapping[str, str]) -> Iterator[tuple[str, str, str]]:
+    """Yield the attributes of the FRF's entries, of the groups that contain them, and of the file."""
+    for field, name in fields.items():
+        if field in VALUE_FIELDS or field == "frequency":
+            for key, text in archive.entries[name].attributes.items():
+                subject = {"frequency": "frequency ", "phase_deg": "phase ", "phase_rad": "phase "}.get(field, "")
+                yield f"{subject}{key}", text, f"{archive.path}  {name}, attribute {key}"
+    groups = [group for group in archive.group_attributes if any(name.startswith(group) for name in fields.values())]
+    for group in groups:
+        for key, text in archive.group_attributes[group].items():
+            yield key, text, f"{archive.path}  {group.rstrip('/')}, attribute {key}"
+    for key, text in archive.attributes.items():
+        if key not in ("quantity", "note"):
+            yield key, text, f"{archive.path}  attribute {key}"
+
+
+def _concerned(archive: Archive, fields: Mapping[str, str]) -> Iterator[str]:
+    """Yield the names of entries that are not read and that do not belong to another FRF."""
+    used = set(fields.values()) | {name for name in archive.entries if name in archive.made_from}
+    own = _values_of(fields)
+    others: dict[str, bool] = {}
+    for name in archive.entries:
+        if name in used:
+            continue
+        branch = _branch(name, own)
+        if branch and branch not in others:
+            inside = [other for other in archive.entries if other.startswith(branch) and other not in used]
+            others[branch] = any(plain_name(other) in _FRF_WORDS for other in inside)
+        if not branch or not others[branch]:
+            yield name
+
+
+def _values_of(fields: Mapping[str, str]) -> str:
+    return next((fields[field] for field in ("values", "real", "amplitude", "db") if field in fields), "")
+
+
+def _branch(name: str, own: str) -> str:
+    """Return the folder or struct that contains an entry and not the values, or an empty text."""
+    steps = [match.end() for match in re.finditer(r"[/.]", name)]
+    return next((name[:end] for end in steps if not own.startswith(name[:end])), "")
+
+
+def _key(name: str, fields: Mapping[str, str]) -> str:
+    """Return an entry's name without the folders that it shares with the values."""
+    own = _values_of(fields)
+    shared = max((m.end() for m in re.finditer(r"[/.]", name) if own.startswith(name[: m.end()])), default=0)
+    return name[shared:]
+
+
+def _load(archive: Archive, name: str) -> NDArray[Any] | None:
+    """Return the contents of an entry, or None if it is large or cannot be read."""
+    entry = archive.entries[name]
+    if not entry.is_small:
+        return None
+    try:
+        return entry.load()
+    except MeasurementError:
+        return None
+
+
+def _text(value: NDArray[Any]) -> str:
+    word = value.reshape(-1)[0]
+    return (word.decode("utf-8", errors="replace") if isinstance(word, bytes) else str(word))[:_LONGEST]
+
+
+def _check_numbers(archive: Archive, name: str, value: NDArray[Any], *, is_beside: bool) -> None:
+    """Refuse numbers that may act on the values.
+
+    A single one next to the values has to be a setting of the measurement; others are judged by their names.
+    """
+    if value.size == 1 and (is_beside or may_act(name)):
+        if not is_harmless_number(name, complex(value.ravel()[0])):
+            raise _acts(archive, name, f" = {value.ravel()[0]:.6g}")
+    elif value.size > 1 and may_act(name):
+        numbers = set(value.ravel()[:_MOST_NUMBERS].tolist())
+        if not all(is_harmless_number(name, complex(number)) for number in numbers):
+            raise _acts(archive, name, "")
+
+
+def _acts(archive: Archive, name: str, value: str) -> MeasurementError:
+    problem = f"'{name[:60]}'{value} is not understood, and may act on the values."
+    return MeasurementError(Fault(f"{archive.path}  {name[:60]}", problem, remedy=SKIP.replace("NAME", name[:60])))
+
+
+def _with_factors(archive: Archive, found: FreeText, factors: Mapping[str, float]) -> FreeText:
+    """Return the statements with those of Testlab's units, which a factor next to the label explains.
+
+    Testlab stores SI and displays the label's unit, for which it multiplies by the factor. A factor to SI, or of 1,
+    says that the values are in the label's unit.
+    """
+    for prefix, factor in factors.items():
+        where = f"{archive.path}  {prefix}label"
+        own = [statement for statement in found.statements if statement.where == where]
+        reading = read_unit(own[0].text) if own else None
+        if (
+            reading is not None
+            and reading.kind == "ratio"
+            and math.isclose(factor * reading.factor, 1.0, rel_tol=_SAME)
+        ):
+            assert reading.quantity is not None
+            unit = unit_of(reading.quantity, rotation=reading.rotation, moment=reading.moment)
+            found.statements[found.statements.index(own[0])] = Statement("unit", unit, where)
+        elif factor != 1.0 and (reading is None or not math.isclose(factor, reading.factor, rel_tol=_SAME)):
+            raise _acts(archive, f"{prefix}unit_transformation.factor", f" = {factor:.6g}")
+    return found
