@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 from dovetail.measurement.frf_units import read_unit
 from dovetail.measurement.quantity_words import word_set, words_of
@@ -10,7 +11,7 @@ from dovetail.measurement.quantity_words import word_set, words_of
 __all__ = ["find_acting_number", "is_harmless_number", "may_act"]
 
 _MULTIPLIES = re.compile(
-    r"gain|verst[äa]e?rk|amplif|attenu|a[bu]schw[äa]e?ch|fac?tor|faktor|facteur|fattore|\bscal(?:e|ing)|skalier"
+    r"gain|verst[äa]e?rk|amplif|preamp|attenu|a[bu]schw[äa]e?ch|fac?tor|faktor|facteur|fattore|\bscal(?:e|ing)|skalier"
     r"|sensitiv|\bsens\b|empfindl|calib|kalib|[ée]talon|corr?ect|\bcorr\b|korrekt|multipl|divi[ds]|conversion"
     r"|umrechn|normali[sz]|weight"
 )
@@ -19,8 +20,14 @@ _SHIFTS = re.compile(
     r"delay|latenc|\blags?\b|verz[öo]e?ger|retard|skew|offset|compensat|kompens|decay|exponential|time ?shift|tau\b"
 )
 """Words of what shifts values or is added to them; 0 does nothing."""
+_INVERTED = re.compile(
+    r"\b(?:inverted|negated|reversed|conjugated?|flipped|invertiert|negiert|konjugiert)\b|\b(?:polarity|sign)\W+-"
+    r"|=\s*-\s*(?:real|imag|h|frf)\b"
+)
+"""Words of values whose sign or phase was changed."""
+_NEGATION = re.compile(r"\b(?:no|not|none|off|false|nein|0)\b")
 _REFERENCE = re.compile(
-    r"\b(?:no|nr|number|id|serial|certificate|dates?|due|file|name|version|lab|by|scale factor dialog)\b|datum"
+    r"\b(?:trigger|trig|pretrigger|no|nr|number|id|serial|certificate|dates?|due|file|name|version|lab|by)\b|datum"
 )
 """Words of what identifies a calibration."""
 _TIME = re.compile(
@@ -41,17 +48,19 @@ _TIMES = re.compile(
 )
 _CLAUSE = re.compile(r"[;\n]|,(?!\d)|\.\s")
 _HARMLESS = word_set(
-    "air ambient ans average averages avg band bands bandwidth begin beta bins bit bits block blocks blocksize"
-    " channel channels code coord coords count counts date datenum day deg delta depth df dir direction dof"
-    " dofs dt duration dx dy dz end f fend fft fig figure flag flags fmax fmin fnyq force frames freq frequency"
-    " fs fstart fstop h11 height hi high hits hour humidity hz i id impact impacts increment index input j khz"
-    " length level lin line lines lo log low major mass method minor minute mm mode modes month ms n n1 n2 nave"
-    " navg nblocks nch ncol nf nfft nfreq nlines no node nodes npts nr nrow nsamples num number nyquist offsetx"
-    " ok order output overlap overload overloads point points poly pos position pressure pretrigger pts range"
-    " rate record records ref reference repeat repetition resolution response room rpm rpms run sample"
-    " samplerate samples sampling samplingrate second seed sensor serial set size span speed start status step"
-    " stop t taps temp temperature tend test threshold time tmax torque trec trial trigger ts tstart valid"
-    " version weather welch width window windows x y year z"
+    "air ambient angle ans average averages avg band bands bandwidth begin beta bins bit bits block blocks"
+    " blocksize center centre channel channels clamping code coord coordinate coordinates coords count counts"
+    " damping date datenum day deg delta depth df diameter dir direction dof dofs dt duration dx dy dz end f"
+    " fend fft fig figure firmware flag flags fmax fmin fnyq force frames freq frequency fs fstart fstop h11"
+    " hardness height hi high hits hour humidity hz i id impact impacts increment index input j kg khz labview"
+    " length level lin line lines lo log low major mass matlab max mean method min minor minute mm mode modes"
+    " month ms n n1 n2 nave navg nblocks nch ncol nf nfft nfreq nlines no node nodes npts nr nrow nsamples num"
+    " number nyquist offsetx ok order output overhang overlap overload overloads peak point points poly pos"
+    " position preload pressure pretrigger pts pulse range rate record records ref reference repeat repetition"
+    " resolution response revision rms room rpm rpms run sample samplerate samples sampling samplingrate second"
+    " seed sensor serial set size software span speed start status std step stop t taps temp temperature tend"
+    " test threshold time tmax tool torque trec trial trigger ts tstart valid version volt volts weather weight"
+    " welch width window windows x y year z"
 )
 """Words of numbers that describe a measurement and do not act on its values."""
 _SHOWN = 60
@@ -90,6 +99,9 @@ def find_acting_number(key: str, text: str) -> str:
     """
     if (match := _TIMES.search(_DATES.sub(" ", text))) and not _REFERENCE.search(" ".join(words_of(key))):
         return f"'{match[0].strip()[:_SHOWN]}' may be a factor of the values."
+    whole = f"{key}: {text}".lower()
+    if (match := _INVERTED.search(whole)) and not _NEGATION.search(whole):
+        return f"'{match[0]}' may act on the values."
     clauses = [text] if key else _CLAUSE.split(text)
     for clause in clauses:
         if problem := _in_clause(key, clause):
@@ -113,7 +125,7 @@ def _in_clause(key: str, clause: str) -> str:
         neutral = 0.0 if shifts or in_decibels else 1.0
         if (multiplies or shifts) and value != neutral:
             return f"{shown} may act on the values."
-        if key and _acts_by_unit(" ".join(words_of(key)), unit) and value != neutral:
+        if key and _acts_by_unit(words_of(key), number, unit) and value not in (neutral, 0.0):
             return f"{shown} may act on the values."
     return ""
 
@@ -123,11 +135,14 @@ def _plain(number: str) -> str:
     return (match[0] if match else "0").rstrip(".,").replace(",", ".")
 
 
-def _acts_by_unit(words: str, unit: str) -> bool:
-    """Return whether a number in this unit, under a key that is not known, may be a delay, a gain or a sensitivity."""
+def _acts_by_unit(key: Sequence[str], number: str, unit: str) -> bool:
+    """Return whether a number under a key that is not known may be a delay, a gain, a sensitivity or a factor."""
+    words = " ".join(key)
     if unit.lower().startswith("db"):
         return not _LEVEL.search(words)
     if re.match(r"[munpk\u00b5\u03bc]?[VC]/", unit):
         return True
-    reading = read_unit(unit) if unit else None
+    if not unit:
+        return re.search(r"[.,]\d|[eE]", number) is not None and not any(word in _HARMLESS for word in key)
+    reading = read_unit(unit)
     return reading is not None and reading.kind == "time" and not _TIME.search(words)

@@ -28,7 +28,7 @@ _LOAD_WORDS = word_set("force load excitation denominator input hammer kraft mom
 _MOTION_WORDS = word_set("motion numerator response resp output acceleration velocity displacement")
 _VALUE_WORDS = word_set(
     "y h hv hxy frf frfs amplitude amplitudes magnitude mag real imag re im value values ordinate ylabel yaxis data"
-    " transfer function response complex db axis z zaxis si label of the ampl wert quantity frd responsedata"
+    " transfer function response complex db axis z zaxis si label of the ampl wert system quantity frd responsedata"
 )
 _LABEL_WORDS = word_set("label labels xlabel ylabel title name")
 _PHASE_WORDS = word_set("phase angle time coherence coh variance tip temperature stiffness")
@@ -40,6 +40,12 @@ _GENERIC = word_set(
     " dynamic mechanical apparent effective mass point drive complex spectrum measured measurement"
 )
 _KEY = re.compile(r"([^:=\t]{1,60}?)\s*(?::=|[:=\t])\s*(\S.*)")
+_KEY_AND_NUMBER = re.compile(r"([^\d,]{1,60}?)\s*,\s*([-+]?\d.*)")
+_MULTIPLE = re.compile(
+    r"\d[\d.]*(?:[eE][-+]?\d+)?\s*[*\u00b7\u00d7x]\s*[^\s,;]+/[^\s,;]+|\bin\s+\d\S*\s+[^\s,;\d]+/[^\s,;]+",
+    re.IGNORECASE,
+)
+"""A unit with a factor, as in ``1e-6*m/N`` and ``in 1e-6 m/N``."""
 _CELL = re.compile(r"[\t;]|,(?!\d)")
 _TOKEN = re.compile(r"[^\s,;:=\"'\[\]{}]+")
 _PER = re.compile(r"([^\s,;:=\"'()\[\]]+)\s+(?:per|pro|over)\s+([^\s,;:=\"'()\[\]]+)", re.IGNORECASE)
@@ -47,8 +53,8 @@ _IN_UNIT = re.compile(r"\b(?:in|unit)\s+([^\s,;:=\"'()\[\]]+)")
 _NUMBER_BEFORE = re.compile(r"[\d.)]\s*$")
 _LONGEST = 2000
 SKIP = (
-    "If the values already take it into account, or it does not concern them: --name skip=NAME (in Python "
-    "names={'skip': 'NAME'}), with its name in the file. Otherwise apply it, and remove it from the file."
+    "If the values already take it into account, or it does not concern them: --name 'skip=NAME' (in Python "
+    "names={'skip': 'NAME'}). Otherwise apply it, and remove it from the file."
 )
 """What to do about a number that may act on the values."""
 _SHOWN = 60
@@ -78,7 +84,7 @@ def read_texts(texts: Iterable[tuple[str, str, str]], skip: Sequence[str] = ()) 
     ----------
     texts : iterable of (str, str, str)
     skip : sequence of str
-        Keys that the caller says do not concern the values.
+        Keys, or parts of texts, that the caller says do not concern the values.
 
     Raises
     ------
@@ -86,11 +92,12 @@ def read_texts(texts: Iterable[tuple[str, str, str]], skip: Sequence[str] = ()) 
         A unit that is not understood, or a number that may act on the values.
     """
     found = FreeText()
-    skipped = {name.strip().lower() for name in skip}
+    skipped = [name.strip().lower() for name in skip if name.strip()]
     for name, text, where in texts:
+        if any(words in f"{name}: {text}".lower() for words in skipped):
+            continue
         for key, value in _pairs(name, text[:_LONGEST]):
-            if key.strip().lower() not in skipped and name.strip().lower() not in skipped:
-                _read_pair(found, key, value, where)
+            _read_pair(found, key, value, where)
     return found
 
 
@@ -104,7 +111,7 @@ def _pairs(name: str, text: str) -> Iterator[tuple[str, str]]:
         yield name, line
         if not _KEY.fullmatch(line):
             return
-    if match := _KEY.fullmatch(line):
+    if match := _KEY.fullmatch(line) or _KEY_AND_NUMBER.fullmatch(line):
         key, value = (part.strip().strip("\"'").strip() for part in match.groups())
         values = [cell.strip().strip("\"'").strip() for cell in _CELL.split(value)]
         if len(values) > 1 and all(read_unit(cell) for cell in values):
@@ -125,7 +132,8 @@ def _pairs(name: str, text: str) -> Iterator[tuple[str, str]]:
 
 def _read_pair(found: FreeText, key: str, value: str, where: str) -> None:
     words = words_of(key)
-    if set(words) & _REMARKS and not set(words) & _UNIT_WORDS:
+    is_label = bool(set(words) & _LABEL_WORDS and set(words) & (_AXIS_WORDS | _VALUE_WORDS))
+    if set(words) & _REMARKS and not set(words) & _UNIT_WORDS and not is_label:
         _read_prose(found, value, where)
         return
     if (statement := _unit_statement(words, value, where)) is not None:
@@ -135,7 +143,7 @@ def _read_pair(found: FreeText, key: str, value: str, where: str) -> None:
         found.statements.append(statement)
         return
     if problem := find_acting_number(key, value):
-        raise _not_understood(problem, where)
+        raise _not_understood(problem, where, key or value)
     _read_prose(found, f"{key}: {value}" if key else value, where)
 
 
@@ -143,7 +151,7 @@ def _unit_statement(words: Sequence[str], value: str, where: str) -> Statement |
     """Return the statement of a key with a unit, or None if the value is no unit and need not be one."""
     named = set(words)
     text = re.sub(r"^[\[(]([^()\[\]]*)[\])]$", r"\1", value)
-    reading = read_unit(text)
+    reading = None if text[:2].lower() == "db" else read_unit(text)
     about = _subject(named, text)
     if named & _UNIT_WORDS and not named & _PHASE_WORDS:
         known = _UNIT_WORDS | _AXIS_WORDS | _LOAD_WORDS | _MOTION_WORDS | _VALUE_WORDS | _LABEL_WORDS
@@ -181,7 +189,7 @@ def _label_statement(words: Sequence[str], value: str, where: str) -> Statement 
     bare = [word for word in rest if not (read_label(word).quantities or inverse_quantity(value))]
     if (label.quantities or inverse_quantity(value)) and not bare and not label.units:
         return Statement("quantity", value, where)
-    if label.motions and named & _QUANTITY_WORDS and len(words_of(value)) <= 2 and not label.unclear:
+    if label.motions and named & (_QUANTITY_WORDS | _MOTION_WORDS) and len(words_of(value)) <= 2 and not label.unclear:
         return Statement("motion quantity", value, where)
     if any((reading := read_unit(unit)) and reading.kind == "ratio" for unit in label.units):
         return Statement("label", value, where)
@@ -191,9 +199,12 @@ def _label_statement(words: Sequence[str], value: str, where: str) -> Statement 
 def _read_prose(found: FreeText, text: str, where: str) -> None:
     """Collect what running text mentions."""
     if problem := find_acting_number("", text):
-        raise _not_understood(problem, where)
+        raise _not_understood(problem, where, text)
     candidates = [match[0].strip(".!?").strip() for match in _TOKEN.finditer(text) if "/" in match[0]]
+    candidates += [candidate[1:-1] for candidate in candidates if candidate[0] + candidate[-1] == "()"]
     candidates += [f"{match[1]}/{match[2]}".strip(".") for match in _PER.finditer(text)]
+    if match := _MULTIPLE.search(text):
+        found.mentions.append(Statement("unclear unit", match[0], where))
     for candidate in candidates:
         reading = read_unit(candidate)
         if reading is not None and reading.kind in ("ratio", "inverse"):
@@ -210,5 +221,6 @@ def _read_prose(found: FreeText, text: str, where: str) -> None:
         found.mentions.append(Statement("quantity", text[:_SHOWN], where))
 
 
-def _not_understood(problem: str, where: str) -> MeasurementError:
-    return MeasurementError(Fault(where, problem, remedy=SKIP))
+def _not_understood(problem: str, where: str, name: str) -> MeasurementError:
+    shown = name[:_SHOWN].partition(",")[0].strip()
+    return MeasurementError(Fault(where, problem, remedy=SKIP.replace("NAME", shown)))

@@ -12,9 +12,20 @@ from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf
 from dovetail.interfaces import logged
 from dovetail.measurement.accelerometer import remove_accelerometer_mass
-from dovetail.measurement.formats import cutpro, from_plugin, guarded, lvm, npz, tables, uff_reader, uff_writer
+from dovetail.measurement.formats import (
+    csv_writer,
+    cutpro,
+    from_plugin,
+    guarded,
+    lvm,
+    npz,
+    tables,
+    uff_reader,
+    uff_writer,
+)
 from dovetail.measurement.formats.text_tables import suffix_by_content
-from dovetail.measurement.recording import FrfToWrite, ReadOptions, Recording, parse_quantity, prepare_for_writing
+from dovetail.measurement.recording import ReadOptions, Recording, parse_quantity
+from dovetail.measurement.writing import FrfToWrite, prepare_for_writing
 from dovetail.registry import PluginPaths, Registry, components
 
 __all__ = ["frf_suffixes", "read_frf", "write_frf"]
@@ -34,7 +45,7 @@ _GUARDED = Format(guarded.decode, has_columns=True)
 _FORMATS = {
     ".uff": _UFF,
     ".unv": _UFF,
-    ".csv": Format(tables.decode, tables.encode, has_columns=True),
+    ".csv": Format(tables.decode, csv_writer.encode, has_columns=True),
     ".npz": Format(npz.decode, npz.encode, has_columns=True),
     ".npy": Format(npz.decode_array, has_columns=True),
     ".tsv": _TABLE,

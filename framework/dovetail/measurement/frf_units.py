@@ -54,7 +54,7 @@ _SPELLINGS = {
     **dict.fromkeys(("meters/second^2", "meters/sec^2", "metres/second^2"), "m/s^2"),
 }
 """Spellings of analysers that pint does not know, in lower case."""
-_PURE = ("", "-", "--", "1", "none", "n/a", "dimensionless", "ratio", "linear", "lin", "si")
+_PURE = ("", "-", "--", "1", "none", "n/a", "dimensionless", "ratio", "linear", "lin", "si", "mks")
 
 
 class UnitMeaning(NamedTuple):

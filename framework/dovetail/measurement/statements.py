@@ -158,7 +158,9 @@ def _claims(statement: Statement, axis: Literal["Hz", "s"]) -> list[_Claim]:
         raise MeasurementError(Fault(where, problem, _ACCEPTED_LABELS, _HOW_TO_CORRECT))
     claims = [_Claim("moment", moment, f"'{text[:_SHOWN]}'", where) for moment in label.moments]
     kind: About = "load unit" if about == "load label" else "unit"
-    claims += [claim for unit in label.units for claim in _unit_claims(Statement(kind, unit, where))]
+    for unit in label.units:
+        is_axis = frequency_factor(unit) is not None and (reading := read_unit(unit)) and reading.kind == "frequency"
+        claims += _axis_claims(unit, where, axis) if is_axis else _unit_claims(Statement(kind, unit, where))
     if about == "load label":
         return claims
     motions = [_Claim("motion quantity", word, f"'{text[:_SHOWN]}'", where) for word in label.motions]

@@ -29,6 +29,20 @@ _LONGEST_TEXT = 4000
 _CLOSED = "class of an object that only MATLAB opens"
 """Attribute of such an entry, with the name of the class."""
 _NEEDED = ("unit", "units", "quantity", "MATLAB_class")
+_STRUCTURAL = (
+    "DIMENSION_",
+    "CLASS",
+    "NAME",
+    "REFERENCE_LIST",
+    "H5PATH",
+    "_Net",
+    "_nc",
+    "MATLAB_empty",
+    "MATLAB_fields",
+)
+"""Beginnings of attributes that describe the file's structure."""
+_MOST_NUMBERS = 100
+"""Numbers in an attribute, such as a gain for each channel."""
 _COMPLEX = (("r", "i"), ("real", "imag"), ("re", "im"))
 
 
@@ -107,7 +121,8 @@ def _dataset_entries(
         return
     if label and "MATLAB_object_decode" in item.attrs and label not in ("char", "logical"):
         attributes = {_CLOSED: label}
-    what = "text" if label == "char" else f"{item.shape} {item.dtype}"
+    is_text = label == "char" or h5py.check_string_dtype(item.dtype) is not None
+    what = "text" if is_text else f"{item.shape} {item.dtype}"
     is_small = (item.size or 0) * item.dtype.itemsize <= SMALL_ARRAY
     yield name, Entry(what, partial(_array, path, item, matlab), attributes, is_small)
 
@@ -137,14 +152,16 @@ def _text_attributes(item: h5py.Group | h5py.Dataset) -> Mapping[str, str]:
     """Return the attributes that are texts, and numbers as texts."""
     texts = {}
     for name in list(item.attrs)[:50]:
+        if name.startswith(_STRUCTURAL):
+            continue
         try:
             value = np.ravel(item.attrs[name])
         except Exception:  # one of a type that cannot be read says nothing, unless the numbers depend on it
             if name in _NEEDED:
                 raise
             continue
-        if value.size == 1 and isinstance(value[0], np.number) and np.isrealobj(value):
-            texts[str(name)] = f"{value[0]:.10g}"
+        if 0 < value.size <= _MOST_NUMBERS and value.dtype.kind in "fiu":
+            texts[str(name)] = "; ".join(f"{number:.10g}" for number in value)
         elif value.size == 1 and isinstance(value[0], str | bytes):
             texts[name.lower() if name.lower() in _NEEDED else str(name)] = _decode_text(value[0])
     return texts

@@ -17,7 +17,8 @@ from dovetail.errors import Fault, MeasurementError, damage_reported
 from dovetail.measurement.formats.archives import LARGEST_ARRAY, SMALL_ARRAY, Archive, Entry
 from dovetail.measurement.formats.column_arrays import columns_of_array
 from dovetail.measurement.formats.named_arrays import read_recording
-from dovetail.measurement.recording import MOST_LINES, FrfToWrite, ReadOptions, Recording
+from dovetail.measurement.recording import MOST_LINES, ReadOptions, Recording
+from dovetail.measurement.writing import FrfToWrite
 
 __all__ = ["decode", "decode_array", "encode", "open_archive"]
 

@@ -1,8 +1,8 @@
 """FRFs in tables of text, with commas, semicolons, tabs or blanks between the columns.
 
 A table has comments (``# quantity: mobility``) or any other lines, a header with the names of the columns, perhaps a
-row of units, and the rows of numbers. `read_header` assigns the columns to the fields of the FRF, `decode` reads the
-numbers, and `encode` writes CSV.
+row of units, and the rows of numbers. `read_header` assigns the columns to the fields of the FRF, and `decode` reads the
+numbers.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError, did_you_mean
@@ -34,7 +33,6 @@ from dovetail.measurement.free_text import FreeText, read_texts
 from dovetail.measurement.frf_units import UnitMeaning, UnitReading, meaning_of_unit, read_unit
 from dovetail.measurement.recording import (
     MOST_LINES,
-    FrfToWrite,
     ReadOptions,
     Recording,
     check_axis,
@@ -42,14 +40,12 @@ from dovetail.measurement.recording import (
     parse_quantity,
 )
 from dovetail.measurement.statements import Statement, interpret
-from dovetail.plain_text import csv_comment
 
 __all__ = [
     "SAY_COLUMNS",
     "Header",
     "check_columns",
     "decode",
-    "encode",
     "names_and_units",
     "read_header",
     "recording_of",
@@ -131,19 +127,19 @@ def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
 
 def _texts_around(path: Path, table: TextTable, options: ReadOptions) -> FreeText:
     """Return what the lines around a table state, without the comments that are read by their keys."""
+    is_own = {"quantity", "unit"} <= set(_comments_above(str(path), table))  # as Dovetail writes it, with a note
+
+    def is_read(line: str) -> bool:
+        match = _COMMENT.match(line.strip()[:_LONGEST])
+        return match is not None and (is_own or match[1].lower() != "note")
+
     around, between = (
-        [("", line, f"{path}:{number}") for number, line in lines if number > table.line or not _is_read(line)]
+        [("", line, f"{path}:{number}") for number, line in lines if number > table.line or not is_read(line)]
         for lines in (table.around, table.between)
     )
     found, unclear = read_texts(around, options.skip), read_texts(between, options.skip)
     mentions = [*unclear.mentions, *unclear.statements]  # units of columns that the line does not name
     return FreeText(found.statements, [*found.mentions, *mentions])
-
-
-def _is_read(line: str) -> bool:
-    """Return whether a line above the table is a comment that is read by its key."""
-    match = _COMMENT.match(line.strip()[:_LONGEST])
-    return match is not None and match[1].lower() != "note"
 
 
 def _table(path: str, lines: Sequence[str], options: ReadOptions) -> TextTable:
@@ -220,7 +216,7 @@ def recording_of(
         response=header.comments.get("response", ""),
         force=header.comments.get("force", ""),
         taken=header.taken,
-        mentions=found.mentions,
+        mentions=[one for one in found.mentions if not ("db" in header.columns and one.text.lower() == "db")],
         **fields_of(meaning),
     )
 
@@ -389,36 +385,3 @@ def _meaning(label: str, where: str) -> UnitReading | UnitMeaning:
     """Return the meaning of a unit of a motion, alone or per load."""
     reading = read_unit(label)
     return reading if reading is not None and reading.kind == "motion" else meaning_of_unit(label, where)
-
-
-def encode(content: FrfToWrite, path: Path, _binary: bool | None) -> bytes:
-    """Return a CSV file with every digit of the numbers, and the FRF's other data in comments.
-
-    Raises
-    ------
-    MeasurementError
-        A number that is not finite.
-    """
-    frf = content.frf
-    columns = {"frequency_Hz": frf.frequency}
-    if frf.has_phase:
-        columns |= {"real": content.values.real, "imag": content.values.imag}
-    else:
-        columns |= {"amplitude": np.abs(content.values)}
-    for name, array in (("coherence", frf.coherence), ("variance", content.variance)):
-        if array is not None:
-            columns[name] = array
-    table = np.column_stack(list(columns.values()))
-    if not np.all(np.isfinite(table)):
-        raise MeasurementError(Fault(str(path), f"{frf.label} holds numbers that are not finite: nothing is written."))
-    rows = "\n".join(",".join(map(repr, row)) for row in table.tolist())
-    return f"{_comments(content)}{','.join(columns)}\n{rows}\n".encode()
-
-
-def _comments(content: FrfToWrite) -> str:
-    frf = content.frf
-    comments: dict[str, str] = {"quantity": frf.quantity, "unit": content.unit}
-    if frf.averages is not None:
-        comments["averages"] = str(frf.averages)
-    comments |= {name: csv_comment(text) for name in ("note", "response", "force") if (text := getattr(frf, name))}
-    return "".join(f"# {name}: {text}\n" for name, text in comments.items())

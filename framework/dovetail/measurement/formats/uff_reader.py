@@ -25,14 +25,13 @@ from dovetail.measurement.formats.uff_sets import (
     GENERAL,
     TIME,
     UffSet,
-    check_unit_system,
     clean_header,
     meaning_of,
     parse_set,
     scan_sets,
     select_set,
 )
-from dovetail.measurement.formats.uff_statements import interpret_set
+from dovetail.measurement.formats.uff_statements import check_unit_system, interpret_set
 from dovetail.measurement.formats.uff_writer import VARIANCE
 from dovetail.measurement.recording import MOST_LINES, ReadOptions, Recording, check_axis
 

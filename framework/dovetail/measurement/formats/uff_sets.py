@@ -32,7 +32,6 @@ __all__ = [
     "TIME",
     "Meaning",
     "UffSet",
-    "check_unit_system",
     "clean_header",
     "meaning_of",
     "parse_set",
@@ -75,7 +74,6 @@ ABSCISSA_TYPES = (0, 1, 18)
 _UNKNOWN = (0, 1)
 _QUANTITY_OF: dict[int, Quantity] = {number: quantity for quantity, (number, _, _) in ORDINATE.items()}
 _NO_LABEL = ("", "none")
-_SI_SYSTEM = 1
 
 
 @dataclass(frozen=True)
@@ -370,35 +368,3 @@ def _unknown_unit(uff_set: UffSet, label: str, accepted: str) -> MeasurementErro
             "Export it in SI units.",
         )
     )
-
-
-def check_unit_system(content: bytes, sets: list[UffSet]) -> bool:
-    """Return whether set 164 states SI units (m, N); refuse a file in which it states others.
-
-    Raises
-    ------
-    MeasurementError
-        Units code other than 1, or a factor to SI other than 1.
-    """
-    is_si = False
-    for uff_set in sets:
-        if uff_set.kind != 164:
-            continue
-        is_si = True
-        records = content[uff_set.start : uff_set.end][:500].splitlines()[2:4]
-        code = records[0][:10].strip() if records else b""
-        factors = re.findall(rb"[-+]?\d+(?:\.\d*)?(?:[eEdD][-+]?\d+)?", records[1])[:2] if len(records) > 1 else []
-        if code == b"%d" % _SI_SYSTEM and any(float(number.upper().replace(b"D", b"E")) != 1.0 for number in factors):
-            problem = "the units code is 1 (m, N), and the factors to SI are not 1."
-            raise MeasurementError(Fault(uff_set.where, problem, "factors of 1", "Export it in SI units."))
-        if code != b"%d" % _SI_SYSTEM:
-            shown = code.decode("ascii", errors="replace")
-            raise MeasurementError(
-                Fault(
-                    uff_set.where,
-                    f"the file is in the system of units {shown!r}.",
-                    "1 (m, N)",
-                    "Export it in SI units.",
-                )
-            )
-    return is_si

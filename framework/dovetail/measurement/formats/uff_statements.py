@@ -5,15 +5,17 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
+from dovetail.errors import Fault, MeasurementError
 from dovetail.measurement.formats.uff_sets import ORDINATE, Meaning, UffSet
 from dovetail.measurement.free_text import read_texts
 from dovetail.measurement.recording import ReadOptions
 from dovetail.measurement.statements import About, Statement, interpret
 from dovetail.measurement.statements import Meaning as StatedMeaning
 
-__all__ = ["interpret_set", "statements_of", "texts_of"]
+__all__ = ["check_unit_system", "interpret_set", "statements_of", "texts_of"]
 
 _NO_LABEL = ("", "none")
+_SI_SYSTEM = 1
 _OWN_LINE = re.compile(r"\s*(averages|response|force)\s*[:=]", re.IGNORECASE)
 """Keys of id lines that the reader uses."""
 _LABELS: dict[str, About] = {
@@ -93,3 +95,35 @@ def interpret_set(
         mentions.append(Statement("disputed unit", stated.unit, uff_set.where))
         stated = stated._replace(factor=sign, unit="")
     return stated, mentions
+
+
+def check_unit_system(content: bytes, sets: list[UffSet]) -> bool:
+    """Return whether set 164 states SI units (m, N); refuse a file in which it states others.
+
+    Raises
+    ------
+    MeasurementError
+        Units code other than 1, or a factor to SI other than 1.
+    """
+    is_si = False
+    for uff_set in sets:
+        if uff_set.kind != 164:
+            continue
+        is_si = True
+        records = content[uff_set.start : uff_set.end][:500].splitlines()[2:4]
+        code = records[0][:10].strip() if records else b""
+        factors = re.findall(rb"[-+]?\d+(?:\.\d*)?(?:[eEdD][-+]?\d+)?", records[1])[:2] if len(records) > 1 else []
+        if code == b"%d" % _SI_SYSTEM and any(float(number.upper().replace(b"D", b"E")) != 1.0 for number in factors):
+            problem = "the units code is 1 (m, N), and the factors to SI are not 1."
+            raise MeasurementError(Fault(uff_set.where, problem, "factors of 1", "Export it in SI units."))
+        if code != b"%d" % _SI_SYSTEM:
+            shown = code.decode("ascii", errors="replace")
+            raise MeasurementError(
+                Fault(
+                    uff_set.where,
+                    f"the file is in the system of units {shown!r}.",
+                    "1 (m, N)",
+                    "Export it in SI units.",
+                )
+            )
+    return is_si

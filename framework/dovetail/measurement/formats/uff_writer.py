@@ -14,7 +14,8 @@ from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf
 from dovetail.measurement.formats.uff_sets import COHERENCE, DIRECTIONS, FORCE, FRF, GENERAL, ORDINATE
 from dovetail.measurement.frf_units import motion_unit
-from dovetail.measurement.recording import DOF, FrfToWrite, are_opposite
+from dovetail.measurement.recording import DOF, are_opposite
+from dovetail.measurement.writing import FrfToWrite
 
 __all__ = ["VARIANCE", "encode"]
 

@@ -22,6 +22,7 @@ __all__ = ["read_unused"]
 
 _FRF_WORDS = frozenset(word for field in (*VALUE_FIELDS, "frequency") for word in FIELD_NAMES[field])
 _FACTOR = re.compile(r"(.*)unit_transformation[./]factor")
+_SUBJECTS = {"frequency": "frequency", "phase_deg": "phase", "phase_rad": "phase"}
 _LONGEST = 1000
 _MOST_NUMBERS = 1000
 """Numbers of an array that are looked at, such as a delay for each channel."""
@@ -48,6 +49,9 @@ def read_unused(archive: Archive, fields: Mapping[str, str], skip: tuple[str, ..
         A number that may act on the values, or a unit that is not understood.
     """
     texts, factors, own = list(_attribute_texts(archive, fields)), {}, _values_of(fields)
+    if "note" in fields and not {"quantity", "unit"} <= set(fields):  # with both it is as Dovetail writes it
+        note = _load(archive, fields["note"])
+        texts += [] if note is None or note.size != 1 else [("note", _text(note), f"{archive.path}  {fields['note']}")]
     for name in _concerned(archive, fields):
         if {name, plain_name(name), re.split(r"[/.]", name)[-1]} & set(skip):
             continue
@@ -69,7 +73,9 @@ def _attribute_texts(archive: Archive, fields: Mapping[str, str]) -> Iterator[tu
     for field, name in fields.items():
         if field in VALUE_FIELDS or field == "frequency":
             for key, text in archive.entries[name].attributes.items():
-                subject = {"frequency": "frequency ", "phase_deg": "phase ", "phase_rad": "phase "}.get(field, "")
+                subject = {"frequency": "frequency ", "phase_deg": "phase ", "phase_rad": "phase "}.get(
+                    field, "values "
+                )
                 yield f"{subject}{key}", text, f"{archive.path}  {name}, attribute {key}"
     groups = [group for group in archive.group_attributes if any(name.startswith(group) for name in fields.values())]
     for group in groups:
@@ -91,7 +97,8 @@ def _concerned(archive: Archive, fields: Mapping[str, str]) -> Iterator[str]:
         branch = _branch(name, own)
         if branch and branch not in others:
             inside = [other for other in archive.entries if other.startswith(branch) and other not in used]
-            others[branch] = any(plain_name(other) in _FRF_WORDS for other in inside)
+            numbers = [other for other in inside if archive.entries[other].what != "text"]
+            others[branch] = any(plain_name(other) in _FRF_WORDS for other in numbers)
         if not branch or not others[branch]:
             yield name
 
