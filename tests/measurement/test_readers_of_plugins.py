@@ -131,3 +131,34 @@ def test_an_unknown_suffix_lists_those_of_plugins(tmp_path):
     with pytest.raises(MeasurementError) as error:
         dovetail.read_frf(tmp_path / "a.xyz", plugins=plugin(tmp_path, TWO))
     assert error.value.faults[0].accepted.endswith(", .lvm, .lab")
+
+
+def one_frf(unit, note):
+    return f"""
+    def read(self, path, content):
+        values = np.array([1.0, 2.0j, 3.0])
+        return [dovetail.RecordedFrf({LINES}, values, {unit!r}, note={note!r})]
+"""
+
+
+@pytest.mark.parametrize(
+    ("unit", "note", "message"),
+    [
+        ("g/N", "unit: um/N", "contradicts itself"),
+        ("", "values in um/N", "is mentioned, and no unit of the values is given"),
+        ("g/N", "gain 10 dB", "may act on the values"),
+        ("N/m", "", "the unit 'N/m' is not understood"),
+        ("1 ton/N", "", "the unit '1 ton/N' is not understood"),
+        ("g/N", "quantity: mobility", "contradicts itself"),
+    ],
+)
+def test_the_note_of_a_plugins_reader_is_held_against_its_unit(tmp_path, measured, unit, note, message):
+    with pytest.raises(MeasurementError, match=message):
+        dovetail.read_frf(
+            measured, plugins=plugin(tmp_path, one_frf(unit, note)), quantity=None if unit else "mobility"
+        )
+
+
+def test_a_unit_in_the_note_of_a_plugins_reader_is_used(tmp_path, measured):
+    frf = dovetail.read_frf(measured, plugins=plugin(tmp_path, one_frf("", "Unit: g/N")))
+    np.testing.assert_allclose(frf.values, 9.80665 * np.array([1.0, 2.0j, 3.0]))

@@ -19,7 +19,7 @@ INCH_PER_POUND = 0.0254 / 4.4482216152605
         ([("unit", "in/lbf"), ("load unit", "lbf"), ("label", "Receptance")], "receptance", INCH_PER_POUND),
         ([("label", "FRF (mm/s/N)"), ("quantity", "mobility")], "mobility", 1e-3),
         ([("label", "Acceleration/Force")], "accelerance", 1.0),
-        ([("motion quantity", "displacement"), ("load label", "Force [kN]")], "receptance", 1.0),
+        ([("motion quantity", "displacement"), ("load label", "Force [kN]")], "receptance", 1e-3),
     ],
 )
 def test_statements_that_agree_give_quantity_and_factor(

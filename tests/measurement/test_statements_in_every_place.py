@@ -305,3 +305,15 @@ def test_type_label_and_unit_of_a_universal_file_agree_or_are_refused(
         np.testing.assert_allclose(read_frf(path).values, VALUES, rtol=1e-9)
     else:
         fault_of(path)
+
+
+@pytest.mark.parametrize(("stated", "unit"), [("response_unit", "g"), ("force_unit", "lbf"), ("motion unit", "um")])
+@pytest.mark.parametrize("form", [*TEXTS, "csv", "tsv"])
+def test_half_a_unit_has_to_be_completed_by_the_caller(tmp_path: Path, form: str, stated: str, unit: str) -> None:
+    said = Said(texts={stated: unit}, lines=(f"{stated}: {unit}",))
+    path = written(tmp_path, TEXTS if form in TEXTS else LINES, form, said)
+    quantity, whole = ("receptance", "um/lbf") if unit == "um" else ("accelerance", "g/lbf")
+    assert "does not give the unit of the" in fault_of(path, quantity=quantity)
+    factor = (1e-6 if unit == "um" else G) / POUND
+    np.testing.assert_allclose(read_frf(path, unit=whole).values, VALUES * factor, rtol=1e-9)
+    assert "contradicts itself" in fault_of(path, unit="mm/kN" if unit == "um" else "m/s^2/kN")

@@ -39,7 +39,7 @@ _GENERIC = word_set(
     "frf frequency response function functions h of the a real imag part magnitude amplitude per over transfer"
     " dynamic mechanical apparent effective mass point drive complex spectrum measured measurement"
 )
-_KEY = re.compile(r"([^:=\t]{1,60}?)\s*(?::=|[:=\t])\s*(\S.*)")
+_KEY = re.compile(r"(?=[^:=\t]{0,60}?[^\W\d_])([^:=\t]{1,60}?)\s*(?::=|[:=\t])\s*(\S.*)")
 _KEY_AND_NUMBER = re.compile(r"([^\d,]{1,60}?)\s*,\s*([-+]?\d.*)")
 _MULTIPLE = re.compile(
     r"\d[\d.]*(?:[eE][-+]?\d+)?\s*[*\u00b7\u00d7x]\s*[^\s,;]+/[^\s,;]+|\bin\s+\d\S*\s+[^\s,;\d]+/[^\s,;]+",

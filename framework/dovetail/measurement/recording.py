@@ -1,7 +1,4 @@
-"""Input and output of readers.
-
-A reader gets `ReadOptions` and returns a `Recording`, which `to_frf` checks and converts to an FRF.
-"""
+"""A reader gets `ReadOptions` and returns a `Recording`, which `to_frf` checks and converts to an FRF."""
 
 from __future__ import annotations
 
@@ -18,8 +15,8 @@ from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError, did_you_mean, listing
 from dovetail.frf import QUANTITIES, Frf, Quantity, unit_of
-from dovetail.measurement.frf_units import UnitMeaning, frequency_factor, is_si, meaning_of_unit
-from dovetail.measurement.statements import Meaning, Statement, interpret
+from dovetail.measurement.frf_units import UnitMeaning, is_si, meaning_of_unit, read_unit
+from dovetail.measurement.statements import About, Statement, interpret
 
 __all__ = [
     "DOF",
@@ -27,8 +24,6 @@ __all__ = [
     "ReadOptions",
     "Recording",
     "are_opposite",
-    "check_axis",
-    "fields_of",
     "parse_quantity",
 ]
 
@@ -85,8 +80,8 @@ class Recording:
         Sentences on what each column or array is taken for; empty for formats without these.
     mentions : sequence of Statement
         Units in running text, which have to be settled by the caller if the file states none.
-    motion_unit : str
-        The unit of the motion, if the file states it without the unit of the load.
+    half_unit : str
+        The unit of the motion or of the load, if the file states one without the other.
     """
 
     where: str
@@ -110,7 +105,7 @@ class Recording:
     force: str = ""
     taken: Sequence[str] = ()
     mentions: Sequence[Statement] = ()
-    motion_unit: str = ""
+    half_unit: str = ""
 
     def to_frf(self, quantity: str | None, unit: str | None = None) -> Frf:
         """Check everything and return the FRF; a line at 0 Hz is left out.
@@ -182,11 +177,11 @@ class Recording:
         """Return the recording with the caller's unit; a file that states another one is refused."""
         meaning = meaning_of_unit(label, "the argument unit")
         if not self.unit:
-            self._check_motion(label)
+            self._check_half(label)
             return replace(
                 self._check_against(meaning),
                 mentions=(),
-                motion_unit="",
+                half_unit="",
                 quantity=meaning.quantity,
                 is_stated=True,
                 factor=self.factor * meaning.factor,
@@ -198,9 +193,10 @@ class Recording:
             raise self._contradiction(f"unit {self.unit}", label)
         return replace(self._check_against(meaning), mentions=())
 
-    def _check_motion(self, label: str) -> None:
-        if self.motion_unit:
-            interpret([Statement("motion unit", self.motion_unit, self.where), Statement("unit", label, "the option")])
+    def _check_half(self, label: str) -> None:
+        if self.half_unit:
+            about: About = "load unit" if _is_load(self.half_unit) else "motion unit"
+            interpret([Statement(about, self.half_unit, self.where), Statement("unit", label, "the argument unit")])
 
     def _check_unit(self) -> None:
         """Refuse an FRF whose unit the file only mentions, or states without that of the load."""
@@ -213,8 +209,9 @@ class Recording:
                 raise MeasurementError(Fault(where, f"the unit '{text[:40]}' is not understood.", remedy=remedy))
         if self.unit:
             return
-        if self.motion_unit:
-            problem = f"the values are in '{self.motion_unit[:40]}', and the file does not say per unit of what load."
+        if self.half_unit:
+            half, other = ("load", "motion") if _is_load(self.half_unit) else ("motion", "load")
+            problem = f"the {half} is in '{self.half_unit[:40]}', and the file does not give the unit of the {other}."
             raise MeasurementError(Fault(self.where, problem, remedy=remedy))
         for about, text, where in self.mentions:
             if about == "unit" and not is_si(text):
@@ -313,36 +310,9 @@ class Recording:
         return np.clip(coherence, 0.0, 1.0)
 
 
-def fields_of(meaning: Meaning) -> dict[str, Any]:
-    """Return the fields of a `Recording` that follow from the statements of a file."""
-    alone = meaning.is_motion_alone
-    return {
-        "quantity": meaning.quantity,
-        "is_stated": meaning.quantity is not None and meaning.per_load,
-        "factor": 1.0 if alone else meaning.factor,
-        "unit": "" if alone else meaning.unit,
-        "motion_unit": meaning.unit if alone else "",
-        "rotation": bool(meaning.rotation),
-        "moment": bool(meaning.moment),
-    }
-
-
-def check_axis(meaning: Meaning, mentions: Sequence[Statement], remedy: str) -> float:
-    """Return the factor from the frequency's unit to Hz; 1 without a unit.
-
-    Raises
-    ------
-    MeasurementError
-        The file states no unit, and mentions one other than Hz.
-    """
-    if meaning.axis_factor is not None:
-        return meaning.axis_factor
-    for about, text, where in mentions:
-        if about == "axis unit" and frequency_factor(text) != 1.0:
-            raise MeasurementError(
-                Fault(where, f"'{text[:40]}' is mentioned, and the frequency has no unit.", "Hz", remedy)
-            )
-    return 1.0
+def _is_load(unit: str) -> bool:
+    reading = read_unit(unit)
+    return reading is not None and reading.kind == "load"
 
 
 _REMOVE = (

@@ -82,8 +82,8 @@ class Meaning(NamedTuple):
         Converts the abscissa to Hz or s; None without a unit.
     unit : str
         The unit of the values, for messages; empty if none is stated.
-    is_motion_alone : bool
-        Whether the unit is that of a motion, and the unit of the load is not stated.
+    is_half : bool
+        Whether the unit is that of a motion alone or of a load alone; the other half is taken to be in SI.
     """
 
     quantity: Quantity | None = None
@@ -95,7 +95,7 @@ class Meaning(NamedTuple):
     moment: bool | None = None
     axis_factor: float | None = None
     unit: str = ""
-    is_motion_alone: bool = False
+    is_half: bool = False
 
 
 def interpret(statements: Iterable[Statement], *, axis: Literal["Hz", "s"] = "Hz") -> Meaning:
@@ -133,7 +133,7 @@ def interpret(statements: Iterable[Statement], *, axis: Literal["Hz", "s"] = "Hz
         moment=None if moment is None else moment.value,
         axis_factor=None if scale is None else scale.value,
         unit="" if whole is None else whole.said.replace("'", ""),
-        is_motion_alone=motion is not None and ratio is None and load is None,
+        is_half=ratio is None and whole is not None and (motion is None or load is None),
     )
 
 
@@ -240,7 +240,7 @@ def _agreed_quantity(claims: Sequence[_Claim]) -> _Claim | None:
 def _whole(ratio: _Claim | None, motion: _Claim | None, load: _Claim | None) -> _Claim | None:
     """Return the unit of a motion per load: as it is stated, or from that of the motion and that of the load.
 
-    A motion alone is over newtons; the caller asks for the unit of the load where the file need not mean newtons.
+    What is not stated is in SI; the caller asks for it where the file need not mean SI.
     """
     if ratio is not None:
         above, _, below = ratio.said.strip("'").rpartition("/")
@@ -249,12 +249,18 @@ def _whole(ratio: _Claim | None, motion: _Claim | None, load: _Claim | None) -> 
                 raise _contradiction(ratio, part)
         return ratio
     if motion is None:
-        return None
+        return None if load is None or load.value.factor == 1.0 else _per_load(load)
     divisor = 1.0 if load is None else load.value.factor
     moment = False if load is None else load.value.moment
     reading = motion.value._replace(kind="ratio", factor=motion.value.factor / divisor, moment=moment)
     said = motion.said if load is None else f"{motion.said} over {load.said}"
     return _Claim("ratio", reading, said, motion.where)
+
+
+def _per_load(load: _Claim) -> _Claim:
+    """Return the unit of a motion in SI per load in a unit of its own."""
+    reading = UnitReading("ratio", 1.0 / load.value.factor, moment=load.value.moment)
+    return _Claim("ratio", reading, load.said, load.where)
 
 
 def _agrees_with_part(part: _Claim, text: str, ratio: _Claim) -> bool:

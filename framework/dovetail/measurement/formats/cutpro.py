@@ -17,7 +17,8 @@ from dovetail.measurement.formats.column_names import FIELD_NAMES
 from dovetail.measurement.formats.text_tables import check_end, is_number, split_lines
 from dovetail.measurement.frf_units import frequency_factor, meaning_of_unit, read_unit
 from dovetail.measurement.quantity_words import read_label
-from dovetail.measurement.recording import ReadOptions, Recording, check_axis, fields_of
+from dovetail.measurement.recording import ReadOptions, Recording
+from dovetail.measurement.stated_fields import check_axis, fields_of
 from dovetail.measurement.statements import Meaning, Statement, interpret
 from dovetail.units import plain_float
 

@@ -72,8 +72,7 @@ def _axis(archive: Archive, start: str, step: str, count: str | None, names: Map
     if not (0 < lines <= MOST_LINES and np.isfinite(first) and width > 0):
         problem = f"the frequency starts at {first:g} with a step of {width:g} and has {lines} lines."
         raise MeasurementError(Fault(str(archive.path), problem))
-    axis: NDArray[np.float64] = first + width * np.arange(lines)
-    return axis
+    return np.asarray(first + width * np.arange(lines), dtype=np.float64)
 
 
 def _number(archive: Archive, name: str) -> float:

@@ -13,7 +13,8 @@ from dovetail.errors import Fault, MeasurementError, PluginError, listing
 from dovetail.interfaces import Component, FrfReader, RecordedFrf, plugin_errors
 from dovetail.measurement.free_text import read_texts
 from dovetail.measurement.frf_units import meaning_of_unit
-from dovetail.measurement.recording import DOF, ReadOptions, Recording, fields_of
+from dovetail.measurement.recording import DOF, ReadOptions, Recording
+from dovetail.measurement.stated_fields import fields_of
 from dovetail.measurement.statements import Statement, interpret
 from dovetail.registry import Registry
 

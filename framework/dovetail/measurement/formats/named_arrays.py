@@ -27,10 +27,9 @@ from dovetail.measurement.recording import (
     MOST_LINES,
     ReadOptions,
     Recording,
-    check_axis,
-    fields_of,
     parse_quantity,
 )
+from dovetail.measurement.stated_fields import check_axis, fields_of
 from dovetail.measurement.statements import Statement, interpret
 
 __all__ = ["read_recording"]

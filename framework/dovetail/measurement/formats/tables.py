@@ -1,8 +1,8 @@
 """FRFs in tables of text, with commas, semicolons, tabs or blanks between the columns.
 
 A table has comments (``# quantity: mobility``) or any other lines, a header with the names of the columns, perhaps a
-row of units, and the rows of numbers. `read_header` assigns the columns to the fields of the FRF, and `decode` reads the
-numbers.
+row of units, the rows of numbers, and perhaps lines of text below. `read_header` assigns the columns to the fields of
+the FRF, and `decode` reads the numbers.
 """
 
 from __future__ import annotations
@@ -35,10 +35,9 @@ from dovetail.measurement.recording import (
     MOST_LINES,
     ReadOptions,
     Recording,
-    check_axis,
-    fields_of,
     parse_quantity,
 )
+from dovetail.measurement.stated_fields import check_axis, fields_of
 from dovetail.measurement.statements import Statement, interpret
 
 __all__ = [

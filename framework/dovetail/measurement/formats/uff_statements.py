@@ -82,6 +82,9 @@ def interpret_set(
     """
     found = read_texts(texts_of(uff_set), options.skip)
     stated = interpret([*statements_of(uff_set), *found.statements])
+    if stated.moment and not uff_set.moment:
+        problem = "the denominator is a moment by its label, and a force by its direction."
+        raise MeasurementError(Fault(uff_set.where, problem, remedy="Correct the file, or export it again."))
     sign = -1.0 if meaning.factor < 0 else 1.0
     factor = meaning.factor if meaning.unit else sign * stated.factor
     stated = stated._replace(
