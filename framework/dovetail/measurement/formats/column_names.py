@@ -174,12 +174,9 @@ def assign_fields(
     for field, spellings in FIELD_NAMES.items():
         if field in assigned or _is_overridden(field, names):
             continue
-        is_number = field in NUMERIC_FIELDS
-        candidates = [
-            name
-            for name, what in contents.items()
-            if words[name] in spellings and name not in taken and not (is_number and what == "text")
-        ]
+        candidates = [name for name in contents if words[name] in spellings and name not in taken]
+        if field in NUMERIC_FIELDS:
+            candidates = [name for name in candidates if contents[name] != "text"] or candidates
         if len(candidates) > 1:
             candidates = _in_folders(candidates, names.values()) or candidates
         if len(candidates) > 1:
