@@ -21,7 +21,7 @@ from dovetail.errors import FileError, MeasurementError
 from dovetail.frf import Frf
 from dovetail.measurement import read_frf, write_frf
 
-ACCEPTED = "  Accepted: .uff, .unv, .csv, .npz, .npy, .tsv, .txt, .mat, .h5, .hdf5, .frf, .lvm"
+ACCEPTED = "  Accepted: .uff, .unv, .csv, .npz, .npy, .tsv, .txt, .txf, .asc, .dat, .mat, .h5, .hdf5, .frf, .lvm"
 SUFFIXES = (".uff", ".unv", ".csv", ".tsv", ".npz", ".npy", ".mat", ".h5", ".frf", ".lvm")
 FUZZ = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 

@@ -91,14 +91,14 @@ def read_texts(texts: Iterable[tuple[str, str, str]], skip: Sequence[str] = ()) 
     MeasurementError
         A unit that is not understood, or a number that may act on the values.
     """
-    found = FreeText()
+    free_text = FreeText()
     skipped = [name.strip().lower() for name in skip if name.strip()]
     for name, text, where in texts:
         if any(words in f"{name}: {text}".lower() for words in skipped):
             continue
         for key, value in _pairs(name, text[:_LONGEST]):
-            _read_pair(found, key, value, where)
-    return found
+            _read_pair(free_text, key, value, where)
+    return free_text
 
 
 def _pairs(name: str, text: str) -> Iterator[tuple[str, str]]:
@@ -130,21 +130,21 @@ def _pairs(name: str, text: str) -> Iterator[tuple[str, str]]:
         yield "", line
 
 
-def _read_pair(found: FreeText, key: str, value: str, where: str) -> None:
+def _read_pair(free_text: FreeText, key: str, value: str, where: str) -> None:
     words = words_of(key)
     is_label = bool(set(words) & _LABEL_WORDS and set(words) & (_AXIS_WORDS | _VALUE_WORDS))
     if set(words) & _REMARKS and not set(words) & _UNIT_WORDS and not is_label:
-        _read_prose(found, value, where)
+        _read_prose(free_text, value, where)
         return
     if (statement := _unit_statement(words, value, where)) is not None:
-        (found.mentions if statement.about == "unclear unit" else found.statements).append(statement)
+        (free_text.mentions if statement.about == "unclear unit" else free_text.statements).append(statement)
         return
     if (statement := _label_statement(words, value, where)) is not None:
-        found.statements.append(statement)
+        free_text.statements.append(statement)
         return
     if problem := find_acting_number(key, value):
         raise _not_understood(problem, where, key or value)
-    _read_prose(found, f"{key}: {value}" if key else value, where)
+    _read_prose(free_text, f"{key}: {value}" if key else value, where)
 
 
 def _unit_statement(words: Sequence[str], value: str, where: str) -> Statement | None:
@@ -196,7 +196,7 @@ def _label_statement(words: Sequence[str], value: str, where: str) -> Statement 
     return None
 
 
-def _read_prose(found: FreeText, text: str, where: str) -> None:
+def _read_prose(free_text: FreeText, text: str, where: str) -> None:
     """Collect what running text mentions."""
     if problem := find_acting_number("", text):
         raise _not_understood(problem, where, text)
@@ -204,21 +204,21 @@ def _read_prose(found: FreeText, text: str, where: str) -> None:
     candidates += [candidate[1:-1] for candidate in candidates if candidate[0] + candidate[-1] == "()"]
     candidates += [f"{match[1]}/{match[2]}".strip(".") for match in _PER.finditer(text)]
     if match := _MULTIPLE.search(text):
-        found.mentions.append(Statement("unclear unit", match[0], where))
+        free_text.mentions.append(Statement("unclear unit", match[0], where))
     for candidate in candidates:
         reading = read_unit(candidate)
         if reading is not None and reading.kind in ("ratio", "inverse"):
-            found.mentions.append(Statement("unit", candidate, where))
+            free_text.mentions.append(Statement("unit", candidate, where))
     for match in _IN_UNIT.finditer(text):
         reading = read_unit(match[1].strip("."))
         if reading is not None and reading.kind in ("motion", "load") and reading.factor != 1.0:
-            found.mentions.append(Statement("unit", match[1], where))
+            free_text.mentions.append(Statement("unit", match[1], where))
     for match in _TOKEN.finditer(text):
         if frequency_factor(match[0]) not in (None, 1.0) and not _NUMBER_BEFORE.search(text[: match.start()]):
-            found.mentions.append(Statement("axis unit", match[0], where))
+            free_text.mentions.append(Statement("axis unit", match[0], where))
     label = read_label(text)
     if label.quantities or inverse_quantity(text):
-        found.mentions.append(Statement("quantity", text[:_SHOWN], where))
+        free_text.mentions.append(Statement("quantity", text[:_SHOWN], where))
 
 
 def _not_understood(problem: str, where: str, name: str) -> MeasurementError:

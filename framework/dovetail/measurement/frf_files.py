@@ -153,8 +153,9 @@ def read_frf(
         else:
             recording = _decode(source, content, registry, options)
     frf = (recording.with_dofs(*dofs) if dofs else recording).to_frf(quantity, unit)
-    if accelerometer_mass:
-        _check_drive_point(frf)
+    if not accelerometer_mass:
+        return frf
+    _check_drive_point(frf)
     return remove_accelerometer_mass(frf, accelerometer_mass)
 
 

@@ -18,7 +18,7 @@ from dovetail.measurement.frf_units import UnitReading, frequency_factor, motion
 from dovetail.measurement.quantity_words import read_label
 from dovetail.units import find_homonym
 
-__all__ = ["About", "Meaning", "Statement", "interpret"]
+__all__ = ["About", "Meaning", "Statement", "check_axis", "fields_of", "interpret"]
 
 About = Literal["quantity", "motion quantity", "unit", "motion unit", "load unit", "axis unit", "label", "load label",
                 "axis label", "unclear unit", "disputed unit"]  # fmt: skip
@@ -169,6 +169,8 @@ def _claims(statement: Statement, axis: Literal["Hz", "s"]) -> list[_Claim]:
 
 def _quantity_claim(statement: Statement) -> _Claim:
     about, text, where = statement
+    if about == "quantity" and text in QUANTITIES:
+        return _Claim("quantity", text, f"'{text}'", where)
     label = read_label(text)
     named = dict.fromkeys((*label.quantities, *label.motions))
     if label.unclear or len(named) != 1:
@@ -283,6 +285,38 @@ def _contradiction(one: _Claim, other: _Claim) -> MeasurementError:
     if one.where == other.where:
         problem = f"the file contradicts itself: {one.said} and {other.said}."
     return MeasurementError(Fault(one.where, problem, remedy="Correct the file, or export it again."))
+
+
+def fields_of(meaning: Meaning) -> dict[str, Any]:
+    """Return the fields of a `Recording` that follow from the statements of a file."""
+    alone = meaning.is_half
+    return {
+        "quantity": meaning.quantity,
+        "is_stated": meaning.quantity is not None and meaning.per_load,
+        "factor": 1.0 if alone else meaning.factor,
+        "unit": "" if alone else meaning.unit,
+        "half_unit": meaning.unit if alone else "",
+        "rotation": bool(meaning.rotation),
+        "moment": bool(meaning.moment),
+    }
+
+
+def check_axis(meaning: Meaning, mentions: Sequence[Statement], remedy: str) -> float:
+    """Return the factor from the frequency's unit to Hz; 1 without a unit.
+
+    Raises
+    ------
+    MeasurementError
+        The file states no unit, and mentions one other than Hz.
+    """
+    if meaning.axis_factor is not None:
+        return meaning.axis_factor
+    for about, text, where in mentions:
+        if about == "axis unit" and frequency_factor(text) != 1.0:
+            raise MeasurementError(
+                Fault(where, f"'{text[:40]}' is mentioned, and the frequency has no unit.", "Hz", remedy)
+            )
+    return 1.0
 
 
 _FRF_UNITS = "um/N, mm/s/N, m/s^2/N, g/N, in/lbf, rad/(N m)"

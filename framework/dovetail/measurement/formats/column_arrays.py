@@ -51,7 +51,7 @@ def find_matrix(archive: Archive, options: ReadOptions) -> str | None:
 
 
 def columns_of_array(
-    path: Path, array: NDArray[Any], options: ReadOptions, shown: str, found: FreeText | None = None
+    path: Path, array: NDArray[Any], options: ReadOptions, shown: str, free_text: FreeText | None = None
 ) -> Recording:
     """Return the FRF of an array of (n_freq, n_columns) numbers, or of its transpose.
 
@@ -62,7 +62,7 @@ def columns_of_array(
     options : ReadOptions
     shown : str
         What the array is called in messages.
-    found : FreeText, optional
+    free_text : FreeText, optional
         What the file states besides.
 
     Raises
@@ -91,4 +91,4 @@ def columns_of_array(
     if not len(table):
         raise MeasurementError(Fault(str(path), f"{shown} is empty."))
     arrays = {name: table[:, column].astype(np.complex128) for name, column in header.columns.items()}
-    return recording_of(path, header, arrays, lambda index: f"{path}  line {index + 1} of the array", found)
+    return recording_of(path, header, arrays, lambda index: f"{path}  line {index + 1} of the array", free_text)

@@ -80,9 +80,12 @@ _PARTS = ("real", "imag", "amplitude", "db", "phase_deg", "phase_rad", "coherenc
 """Fields that the last word of a name may state, after the name of a signal."""
 _NO_FRF = frozenset(("force", "excitation", "hammer", "psd", "power", "autopower", "spectrum", "autospectrum", "time"))
 """Words which show that a signal is not an FRF."""
-_PART_WORDS = frozenset(word for field in VALUE_FIELDS for name in FIELD_NAMES[field] for word in name.split("_"))
-_PART_WORDS |= frozenset((*PHASES, "part", "deg", "rad", "frf", "function", "response", "transfer", "h", "hz", "col"))
-_PART_WORDS |= frozenset(_MOTION_NAMES)
+_PART_WORDS = frozenset(
+    (
+        *(word for field in VALUE_FIELDS for name in FIELD_NAMES[field] for word in name.split("_")),
+        *(*PHASES, "part", "deg", "rad", "frf", "function", "response", "transfer", "h", "hz", "col", *_MOTION_NAMES),
+    )
+)
 """Words of a column's name that do not distinguish signals; quantities are compared by themselves."""
 _SHOWN = 60
 """Characters of a name that are shown."""

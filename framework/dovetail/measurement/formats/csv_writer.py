@@ -39,7 +39,9 @@ def encode(content: FrfToWrite, path: Path, _binary: bool | None) -> bytes:
 
 def _comments(content: FrfToWrite) -> str:
     frf = content.frf
-    comments: dict[str, str] = {"quantity": frf.quantity, "unit": content.unit}
+    comments: dict[str, str] = {"quantity": frf.quantity}
+    if frf.kind != "displacement per force" or content.factor != 1.0:
+        comments["unit"] = content.unit
     if frf.averages is not None:
         comments["averages"] = str(frf.averages)
     comments |= {name: csv_comment(text) for name in ("note", "response", "force") if (text := getattr(frf, name))}

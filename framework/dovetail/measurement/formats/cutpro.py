@@ -18,8 +18,7 @@ from dovetail.measurement.formats.text_tables import check_end, is_number, split
 from dovetail.measurement.frf_units import frequency_factor, meaning_of_unit, read_unit
 from dovetail.measurement.quantity_words import read_label
 from dovetail.measurement.recording import ReadOptions, Recording
-from dovetail.measurement.stated_fields import check_axis, fields_of
-from dovetail.measurement.statements import Meaning, Statement, interpret
+from dovetail.measurement.statements import Meaning, Statement, check_axis, fields_of, interpret
 from dovetail.units import plain_float
 
 __all__ = ["decode"]
@@ -114,13 +113,13 @@ def _labels(where: str, labels: str) -> tuple[Literal["real", "imag"], Meaning]:
     if match := _NOT_READ.search(labels):
         problem = f"the labels '{labels[:60]}' speak of {match[0]}."
         raise MeasurementError(Fault(where, problem, _ACCEPTED))
-    parts: list[Literal["real", "imag"]] = []
+    part_order: list[Literal["real", "imag"]] = []
     statements: list[Statement] = []
     for word in labels.split():
         plain = word.strip("[](),;:.").lower()
         text = word.strip("[]()") if word.count("/") == 1 else word
         if plain in FIELD_NAMES["real"] or plain in FIELD_NAMES["imag"]:
-            parts.append("real" if plain in FIELD_NAMES["real"] else "imag")
+            part_order.append("real" if plain in FIELD_NAMES["real"] else "imag")
             statements.append(Statement("label", word, where))
         elif frequency_factor(plain) is not None:
             statements.append(Statement("axis unit", plain, where))
@@ -132,9 +131,9 @@ def _labels(where: str, labels: str) -> tuple[Literal["real", "imag"], Meaning]:
                 problem = f"the word '{word[:40]}' in the labels '{labels[:60]}' is not understood."
                 raise MeasurementError(Fault(where, problem, _ACCEPTED))
             statements.append(Statement("label", plain, where))
-    if parts and sorted(parts) != ["imag", "real"]:
+    if part_order and sorted(part_order) != ["imag", "real"]:
         raise MeasurementError(Fault(where, f"the labels '{labels[:60]}' do not name each part once.", _ACCEPTED))
     units = sorted({text for about, text, _ in statements if about == "unit"})
     if len({meaning_of_unit(unit, where) for unit in units}) > 1:
         raise MeasurementError(Fault(where, f"the values are in different units: {' and '.join(units)}.", "one unit"))
-    return (parts or ["real"])[0], interpret(statements)
+    return (part_order or ["real"])[0], interpret(statements)

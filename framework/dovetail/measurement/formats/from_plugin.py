@@ -14,8 +14,7 @@ from dovetail.interfaces import Component, FrfReader, RecordedFrf, plugin_errors
 from dovetail.measurement.free_text import read_texts
 from dovetail.measurement.frf_units import meaning_of_unit
 from dovetail.measurement.recording import DOF, ReadOptions, Recording
-from dovetail.measurement.stated_fields import fields_of
-from dovetail.measurement.statements import Statement, interpret
+from dovetail.measurement.statements import Statement, fields_of, interpret
 from dovetail.registry import Registry
 
 __all__ = ["decode", "find_reader"]
@@ -86,11 +85,11 @@ def decode(path: Path, content: bytes, reader: FrfReader, options: ReadOptions) 
     with plugin_errors(reader, _label(reader)):
         _check_arrays(frf, _label(reader))
     where = str(path) if len(recorded) == 1 else f"{path}: FRF {number}"
-    found = read_texts([("", frf.note, f"{where}, note")], options.skip)
+    noted = read_texts([("", frf.note, f"{where}, note")], options.skip)
     unit = [Statement("unit", frf.unit, where)] if frf.unit else []
     if frf.unit:
         meaning_of_unit(frf.unit, where)
-    meaning = interpret([*unit, *found.statements])
+    meaning = interpret([*unit, *noted.statements])
     recording = Recording(
         where=where,
         label=path.name,
@@ -103,7 +102,7 @@ def decode(path: Path, content: bytes, reader: FrfReader, options: ReadOptions) 
         note=frf.note,
         averages=frf.averages,
         taken=(f"read by {reader.name}",),
-        mentions=found.mentions,
+        mentions=noted.mentions,
         **fields_of(meaning),
     )
     if any(name and not DOF.fullmatch(name) for name in (frf.response, frf.force)):

@@ -29,8 +29,7 @@ from dovetail.measurement.recording import (
     Recording,
     parse_quantity,
 )
-from dovetail.measurement.stated_fields import check_axis, fields_of
-from dovetail.measurement.statements import Statement, interpret
+from dovetail.measurement.statements import Statement, check_axis, fields_of, interpret
 
 __all__ = ["read_recording"]
 
@@ -48,9 +47,9 @@ def read_recording(archive: Archive, options: ReadOptions) -> Recording:
         statements that contradict each other or are not understood.
     """
     if (matrix := find_matrix(archive, options)) is not None:
-        found = read_unused(archive, {"values": matrix}, options.skip)
+        free_text = read_unused(archive, {"values": matrix}, options.skip)
         table = archive.entries[matrix].load()
-        return columns_of_array(archive.path, table, replace(options, names={}), _shown(archive, matrix), found)
+        return columns_of_array(archive.path, table, replace(options, names={}), _shown(archive, matrix), free_text)
     archive = with_even_axis(archive, options.names)
     where = str(archive.path)
     names = assign_fields(where, {name: entry.what for name, entry in archive.entries.items()}, options.names)
@@ -61,12 +60,12 @@ def read_recording(archive: Archive, options: ReadOptions) -> Recording:
         return f"{where}  line {index + 1} of the arrays"
 
     values, has_phase = combine_values(fields, locate)
-    found = read_unused(archive, names, options.skip)
-    meaning = interpret([*_statements(archive, names), *found.statements])
+    free_text = read_unused(archive, names, options.skip)
+    meaning = interpret([*_statements(archive, names), *free_text.statements])
     return Recording(
         where=where,
         label=archive.path.name,
-        frequency=fields["frequency"] * check_axis(meaning, found.mentions, _SAY_UNIT),
+        frequency=fields["frequency"] * check_axis(meaning, free_text.mentions, _SAY_UNIT),
         values=values,
         has_phase=has_phase,
         coherence=fields.get("coherence"),
@@ -78,7 +77,7 @@ def read_recording(archive: Archive, options: ReadOptions) -> Recording:
         response=_read_text(archive, names, "response"),
         force=_read_text(archive, names, "force"),
         taken=taken_for(names, list(archive.entries)),
-        mentions=found.mentions,
+        mentions=free_text.mentions,
         **fields_of(meaning),
     )
 

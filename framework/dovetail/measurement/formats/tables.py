@@ -37,8 +37,7 @@ from dovetail.measurement.recording import (
     Recording,
     parse_quantity,
 )
-from dovetail.measurement.stated_fields import check_axis, fields_of
-from dovetail.measurement.statements import Statement, interpret
+from dovetail.measurement.statements import Statement, check_axis, fields_of, interpret
 
 __all__ = [
     "SAY_COLUMNS",
@@ -63,6 +62,8 @@ _HEADERS = (
 SAY_COLUMNS = "Say what each column holds: --columns frequency,real,imag,skip (in Python columns=...)."
 _SKIP = "skip"
 _LONGEST = 1000
+_PLAIN = ("real", "imag", "amplitude")
+"""Names that state no more than a part."""
 _FIELD_WORDS = frozenset(word for field in NUMERIC_FIELDS for word in FIELD_NAMES[field])
 _VALUE_WORDS = frozenset(word for field in VALUE_FIELDS for word in FIELD_NAMES[field]) | set(PHASES)
 
@@ -126,19 +127,19 @@ def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
 
 def _texts_around(path: Path, table: TextTable, options: ReadOptions) -> FreeText:
     """Return what the lines around a table state, without the comments that are read by their keys."""
-    is_own = {"quantity", "unit"} <= set(_comments_above(str(path), table))  # as Dovetail writes it, with a note
+    is_own = table.header[0] == "frequency_Hz" and "quantity" in _comments_above(str(path), table)
 
     def is_read(line: str) -> bool:
         match = _COMMENT.match(line.strip()[:_LONGEST])
-        return match is not None and (is_own or match[1].lower() != "note")
+        return match is not None and (is_own or match[1].lower() != "note")  # a note that Dovetail wrote is a remark
 
     around, between = (
         [("", line, f"{path}:{number}") for number, line in lines if number > table.line or not is_read(line)]
         for lines in (table.around, table.between)
     )
-    found, unclear = read_texts(around, options.skip), read_texts(between, options.skip)
+    above, unclear = (read_texts(texts, options.skip) if texts else FreeText() for texts in (around, between))
     mentions = [*unclear.mentions, *unclear.statements]  # units of columns that the line does not name
-    return FreeText(found.statements, [*found.mentions, *mentions])
+    return FreeText(above.statements, [*above.mentions, *mentions])
 
 
 def _table(path: str, lines: Sequence[str], options: ReadOptions) -> TextTable:
@@ -174,7 +175,7 @@ def recording_of(
     header: Header,
     arrays: Mapping[str, NDArray[Any]],
     locate: Callable[[int], str],
-    found: FreeText | None = None,
+    free_text: FreeText | None = None,
 ) -> Recording:
     """Build the recording from columns that have been read.
 
@@ -186,7 +187,7 @@ def recording_of(
         From the fields of the FRF to their numbers.
     locate : callable
         Returns the place of a line.
-    found : FreeText, optional
+    free_text : FreeText, optional
         What the text around the columns states.
 
     Raises
@@ -195,10 +196,10 @@ def recording_of(
         A negative amplitude, or statements of the file that contradict each other.
     """
     fields = {field: array if field == "values" else array.real for field, array in arrays.items()}
-    found = found or FreeText()
+    free_text = free_text or FreeText()
     _check_quantities(path, header)
-    meaning = interpret([*header.statements, *found.statements])
-    fields["frequency"] = fields["frequency"] * check_axis(meaning, found.mentions, SAY_COLUMNS)
+    meaning = interpret([*header.statements, *free_text.statements])
+    fields["frequency"] = fields["frequency"] * check_axis(meaning, free_text.mentions, SAY_COLUMNS)
     values, has_phase = combine_values(fields, locate)
     return Recording(
         where=str(path),
@@ -215,7 +216,7 @@ def recording_of(
         response=header.comments.get("response", ""),
         force=header.comments.get("force", ""),
         taken=header.taken,
-        mentions=[one for one in found.mentions if not ("db" in header.columns and one.text.lower() == "db")],
+        mentions=[one for one in free_text.mentions if not ("db" in header.columns and one.text.lower() == "db")],
         **fields_of(meaning),
     )
 
@@ -227,7 +228,7 @@ def _check_quantities(path: Path, header: Header) -> None:
     stated: list[Quantity] = []
     if word:
         stated.append(parse_quantity(word.lower(), header.comments["quantity stands in"]))
-    if (reading := read_unit(header.unit)) is not None and reading.quantity is not None:
+    if header.unit and (reading := read_unit(header.unit)) is not None and reading.quantity is not None:
         stated.append(reading.quantity)
     stated += [
         quantity for motions in (False, True) for name in named for quantity in quantities_in(name, motions=motions)
@@ -310,7 +311,8 @@ def _statements(
     """Return what the header and the comments above it state."""
     statements = [Statement("axis unit", axis, where)] if axis else []
     statements += [Statement("unit", unit, where)] if unit else []
-    statements += [Statement("label", names[columns[field]], where) for field in VALUE_FIELDS if field in columns]
+    labels = [names[columns[field]] for field in VALUE_FIELDS if field in columns]
+    statements += [Statement("label", label, where) for label in labels if label not in _PLAIN]
     if word := comments.get("quantity", ""):
         statements.append(Statement("quantity", word, comments["quantity stands in"]))
     return statements

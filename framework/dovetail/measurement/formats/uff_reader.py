@@ -34,7 +34,7 @@ from dovetail.measurement.formats.uff_sets import (
 from dovetail.measurement.formats.uff_statements import check_unit_system, interpret_set
 from dovetail.measurement.formats.uff_writer import VARIANCE
 from dovetail.measurement.recording import MOST_LINES, ReadOptions, Recording
-from dovetail.measurement.stated_fields import check_axis
+from dovetail.measurement.statements import check_axis
 
 __all__ = ["decode", "read_time_records"]
 

@@ -80,8 +80,8 @@ def interpret_set(
     MeasurementError
         A contradiction, or a statement that is not understood.
     """
-    found = read_texts(texts_of(uff_set), options.skip)
-    stated = interpret([*statements_of(uff_set), *found.statements])
+    free_text = read_texts(texts_of(uff_set), options.skip)
+    stated = interpret([*statements_of(uff_set), *free_text.statements])
     if stated.moment and not uff_set.moment:
         problem = "the denominator is a moment by its label, and a force by its direction."
         raise MeasurementError(Fault(uff_set.where, problem, remedy="Correct the file, or export it again."))
@@ -93,7 +93,7 @@ def interpret_set(
         factor=factor,
         unit=meaning.unit or stated.unit,
     )
-    mentions = list(found.mentions)
+    mentions = list(free_text.mentions)
     if is_si_file and abs(factor) != 1.0:
         mentions.append(Statement("disputed unit", stated.unit, uff_set.where))
         stated = stated._replace(factor=sign, unit="")

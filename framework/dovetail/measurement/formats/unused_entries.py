@@ -33,7 +33,7 @@ _SAME = 1e-4
 def read_unused(archive: Archive, fields: Mapping[str, str], skip: tuple[str, ...]) -> FreeText:
     """Return what entries and attributes state that are not read as fields of the FRF.
 
-    Entries of other FRFs, in folders or structs of their own, are left out.
+    Entries of other FRFs, in folders or structs of their values_name, are left out.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def read_unused(archive: Archive, fields: Mapping[str, str], skip: tuple[str, ..
     MeasurementError
         A number that may act on the values, or a unit that is not understood.
     """
-    texts, factors, own = list(_attribute_texts(archive, fields)), {}, _values_of(fields)
+    texts, factors, values_name = list(_attribute_texts(archive, fields)), {}, _values_of(fields)
     if "note" in fields and not {"quantity", "unit"} <= set(fields):  # with both it is as Dovetail writes it
         note = _load(archive, fields["note"])
         texts += [] if note is None or note.size != 1 else [("note", _text(note), f"{archive.path}  {fields['note']}")]
@@ -64,7 +64,7 @@ def read_unused(archive: Archive, fields: Mapping[str, str], skip: tuple[str, ..
         elif value.dtype.kind in "fiuc" and (match := _FACTOR.fullmatch(name)) and value.size == 1:
             factors[match[1]] = float(value.real.ravel()[0])
         elif value.dtype.kind in "fiuc":
-            _check_numbers(archive, name, value, is_beside=not _branch(name, own))
+            _check_numbers(archive, name, value, is_beside=not _branch(name, values_name))
     return _with_factors(archive, read_texts(texts, skip), factors)
 
 
@@ -89,12 +89,12 @@ def _attribute_texts(archive: Archive, fields: Mapping[str, str]) -> Iterator[tu
 def _concerned(archive: Archive, fields: Mapping[str, str]) -> Iterator[str]:
     """Yield the names of entries that are not read and that do not belong to another FRF."""
     used = set(fields.values()) | {name for name in archive.entries if name in archive.made_from}
-    own = _values_of(fields)
+    values_name = _values_of(fields)
     others: dict[str, bool] = {}
     for name in archive.entries:
         if name in used:
             continue
-        branch = _branch(name, own)
+        branch = _branch(name, values_name)
         if branch and branch not in others:
             inside = [other for other in archive.entries if other.startswith(branch) and other not in used]
             numbers = [other for other in inside if archive.entries[other].what != "text"]
@@ -107,16 +107,16 @@ def _values_of(fields: Mapping[str, str]) -> str:
     return next((fields[field] for field in ("values", "real", "amplitude", "db") if field in fields), "")
 
 
-def _branch(name: str, own: str) -> str:
+def _branch(name: str, values_name: str) -> str:
     """Return the folder or struct that contains an entry and not the values, or an empty text."""
     steps = [match.end() for match in re.finditer(r"[/.]", name)]
-    return next((name[:end] for end in steps if not own.startswith(name[:end])), "")
+    return next((name[:end] for end in steps if not values_name.startswith(name[:end])), "")
 
 
 def _key(name: str, fields: Mapping[str, str]) -> str:
     """Return an entry's name without the folders that it shares with the values."""
-    own = _values_of(fields)
-    shared = max((m.end() for m in re.finditer(r"[/.]", name) if own.startswith(name[: m.end()])), default=0)
+    values_name = _values_of(fields)
+    shared = max((m.end() for m in re.finditer(r"[/.]", name) if values_name.startswith(name[: m.end()])), default=0)
     return name[shared:]
 
 
@@ -155,7 +155,7 @@ def _acts(archive: Archive, name: str, value: str) -> MeasurementError:
     return MeasurementError(Fault(f"{archive.path}  {name[:60]}", problem, remedy=SKIP.replace("NAME", name[:60])))
 
 
-def _with_factors(archive: Archive, found: FreeText, factors: Mapping[str, float]) -> FreeText:
+def _with_factors(archive: Archive, free_text: FreeText, factors: Mapping[str, float]) -> FreeText:
     """Return the statements with those of Testlab's units, which a factor next to the label explains.
 
     Testlab stores SI and displays the label's unit, for which it multiplies by the factor. A factor to SI, or of 1,
@@ -163,8 +163,8 @@ def _with_factors(archive: Archive, found: FreeText, factors: Mapping[str, float
     """
     for prefix, factor in factors.items():
         where = f"{archive.path}  {prefix}label"
-        own = [statement for statement in found.statements if statement.where == where]
-        reading = read_unit(own[0].text) if own else None
+        values_name = [statement for statement in free_text.statements if statement.where == where]
+        reading = read_unit(values_name[0].text) if values_name else None
         if (
             reading is not None
             and reading.kind == "ratio"
@@ -172,7 +172,7 @@ def _with_factors(archive: Archive, found: FreeText, factors: Mapping[str, float
         ):
             assert reading.quantity is not None
             unit = unit_of(reading.quantity, rotation=reading.rotation, moment=reading.moment)
-            found.statements[found.statements.index(own[0])] = Statement("unit", unit, where)
+            free_text.statements[free_text.statements.index(values_name[0])] = Statement("unit", unit, where)
         elif factor != 1.0 and (reading is None or not math.isclose(factor, reading.factor, rel_tol=_SAME)):
             raise _acts(archive, f"{prefix}unit_transformation.factor", f" = {factor:.6g}")
-    return found
+    return free_text
