@@ -45,7 +45,7 @@ _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 _LAST_NUMBER = re.compile(r"[^\s,;]+(?=\s*$)")
 _LAST_ROWS, _FEWEST_ROWS, _MANY_DIGITS = 60, 3, 8
 """Rows at the end that are compared, fewest of them, and characters of a number that is not short by chance."""
-_WORD = re.compile(r"[^\W\d_]{2}|[#%*()/]")
+_WORD = re.compile(r"[^\W\d_]{2}|[#%*()/=:]")
 _WORDS = re.compile(r"\S+(?:\s*[\[(][^\])]*[\])])?")
 """A word with the brackets behind it, as in ``Real [um/N]``."""
 

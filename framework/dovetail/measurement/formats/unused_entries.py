@@ -23,6 +23,8 @@ __all__ = ["read_unused"]
 _FRF_WORDS = frozenset(word for field in (*VALUE_FIELDS, "frequency") for word in FIELD_NAMES[field])
 _FACTOR = re.compile(r"(.*)unit_transformation[./]factor")
 _SUBJECTS = {"frequency": "frequency", "phase_deg": "phase", "phase_rad": "phase"}
+_LABELS = ("label", "name", "title", "long_name", "standard_name", "display_name")
+"""Attributes of an array that say what it is."""
 _LONGEST = 1000
 _MOST_NUMBERS = 1000
 """Numbers of an array that are looked at, such as a delay for each channel."""
@@ -73,10 +75,8 @@ def _attribute_texts(archive: Archive, fields: Mapping[str, str]) -> Iterator[tu
     for field, name in fields.items():
         if field in VALUE_FIELDS or field == "frequency":
             for key, text in archive.entries[name].attributes.items():
-                subject = {"frequency": "frequency ", "phase_deg": "phase ", "phase_rad": "phase "}.get(
-                    field, "values "
-                )
-                yield f"{subject}{key}", text, f"{archive.path}  {name}, attribute {key}"
+                subject = _SUBJECTS.get(field, "values" if plain_name(key) in _LABELS else "")
+                yield f"{subject} {key}".strip(), text, f"{archive.path}  {name}, attribute {key}"
     groups = [group for group in archive.group_attributes if any(name.startswith(group) for name in fields.values())]
     for group in groups:
         for key, text in archive.group_attributes[group].items():
