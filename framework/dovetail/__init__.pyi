@@ -103,7 +103,10 @@ from .interfaces import silent as silent
 from .interfaces import spread_normal as spread_normal
 from .measurement import EstimatedFrf as EstimatedFrf
 from .measurement import ModalParameters as ModalParameters
+from .measurement import ModelDof as ModelDof
+from .measurement import Role as Role
 from .measurement import add_accelerometer_mass as add_accelerometer_mass
+from .measurement import check_roles as check_roles
 from .measurement import frf_from_signals as frf_from_signals
 from .measurement import noisy_frf as noisy_frf
 from .measurement import read_frf as read_frf

@@ -21,7 +21,7 @@ def test_the_commands_of_the_page_run(tmp_path, type_line):
     shutil.copytree(ROOT / "assemblies", tmp_path / "assemblies")
     text = (ROOT / "docs" / "measurements.md").read_text(encoding="utf-8")
     commands = "".join(re.findall(r"^```bash\n(.*?)^```", text, flags=re.S | re.M)).strip().splitlines()
-    assert len(commands) == 14
+    assert len(commands) == 15
     for command in commands:
         for option, quicker in SMALLER.items():
             command = command.replace(option, quicker)

@@ -239,11 +239,15 @@ class Description:
         return f"{self._place_label(response)}, force at {self._place_label(response.force)}"
 
     def _place_label(self, place: Place) -> str:
+        return f"{self.point_label(place)}{', rz' if place.rotation else ''}"
+
+    def point_label(self, place: Place) -> str:
+        """Return the point of a DOF in words: ``"tool, 10 mm"``."""
         nodes = self.substructures[place.substructure].nodes
         node = nodes[place.node]
         unique = sum(other.position == node.position for other in nodes) == 1
         position = format_quantity(node.position, "m") if unique else f"node {node.label}"
-        return f"{place.substructure}, {position}{', rz' if place.rotation else ''}"
+        return f"{place.substructure}, {position}"
 
     def at(self, index: int) -> Description:
         """Return the description with one of its responses only, also in its text."""

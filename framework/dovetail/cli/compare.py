@@ -51,6 +51,7 @@ def compare(
     unit: reading.UnitOfFile = None,
     names: reading.Names = None,
     columns: reading.Columns = None,
+    ignore_dofs: reading.IgnoreDofs = False,
     reader: reading.Reader = None,
     plugin: PluginFiles = None,
     as_json: AsJson = False,
@@ -64,7 +65,9 @@ def compare(
     import dovetail
     from dovetail.cli.result_files import prepare_folder, writing
 
-    read = dovetail.read_cases(cases, **reading.reading_options(quantity, unit, names, columns, reader, plugin))
+    read = dovetail.read_cases(
+        cases, **reading.reading_options(quantity, unit, names, columns, reader, plugin, ignore_dofs=ignore_dofs)
+    )
     known = None if truth is None else dovetail.read_truths(truth)
     chosen = () if methods is None else tuple(name.strip() for name in methods.split(","))
     prepare_folder(output, _FILES, _FILES[0])

@@ -34,6 +34,7 @@ def convert(
     force: reading.ForceDof = None,
     names: reading.Names = None,
     columns: reading.Columns = None,
+    ignore_dofs: reading.IgnoreDofs = False,
     reader: reading.Reader = None,
     plugin: PluginFiles = None,
     dofs: Annotated[
@@ -70,7 +71,7 @@ def convert(
     others = {"drive": drive_point, "to_response": to_response, "from_force": from_force}
     if any(others.values()) and not accelerometer_mass:
         raise typer.BadParameter("the mass is missing, such as '1.2 g'.", param_hint="--accelerometer-mass")
-    contents = reading.reading_options(quantity, unit, names, columns, reader, plugin)
+    contents = reading.reading_options(quantity, unit, names, columns, reader, plugin, ignore_dofs=ignore_dofs)
     other_frfs = {name: reading.read_measured(file, **contents) for name, file in others.items() if file is not None}
     frf = reading.read_measured(
         source,

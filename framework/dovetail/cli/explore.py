@@ -38,6 +38,7 @@ def explore(
     force: reading.ForceDofs = None,
     names: reading.Names = None,
     columns: reading.Columns = None,
+    ignore_dofs: reading.IgnoreDofs = False,
     reader: reading.Reader = None,
     accelerometer_mass: reading.AccelerometerMass = 0.0,
     plugin: PluginFiles = None,
@@ -54,7 +55,9 @@ def explore(
 
     loaded = load_assembly(assembly, plugin)
     check_mass(loaded, accelerometer_mass)
-    contents = reading.reading_options(quantity, unit, names, columns, reader, plugin, accelerometer_mass)
+    contents = reading.reading_options(
+        quantity, unit, names, columns, reader, plugin, accelerometer_mass, ignore_dofs=ignore_dofs
+    )
     frfs = reading.read_selected(measured, index, response, force, **contents) if measured else []
     explorer = Explorer(loaded, frfs)
     try:

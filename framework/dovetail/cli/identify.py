@@ -131,6 +131,7 @@ def identify(
     force: reading.ForceDofs = None,
     names: reading.Names = None,
     columns: reading.Columns = None,
+    ignore_dofs: reading.IgnoreDofs = False,
     reader: reading.Reader = None,
     accelerometer_mass: reading.AccelerometerMass = 0.0,
     truth: TruthFile = None,
@@ -182,7 +183,9 @@ def identify(
             raise typer.BadParameter("a table of modal parameters takes no option of an FRF.", param_hint="MEASURED")
         _identify_from_modes(assembly, measured[0], options, truth, output, as_json=as_json)
         return
-    contents = reading.reading_options(quantity, unit, names, columns, reader, plugin, accelerometer_mass)
+    contents = reading.reading_options(
+        quantity, unit, names, columns, reader, plugin, accelerometer_mass, ignore_dofs=ignore_dofs
+    )
     options |= {"weights": weights, "phase": not amplitude_only}
     if chosen == "network" or (retrain and network is None):
         network = True

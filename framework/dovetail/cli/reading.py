@@ -20,6 +20,7 @@ __all__ = [
     "Columns",
     "ForceDof",
     "ForceDofs",
+    "IgnoreDofs",
     "Index",
     "Indices",
     "Names",
@@ -82,6 +83,9 @@ Columns = Annotated[
         help="What each column of a table holds, such as frequency,real,imag,skip; in place of its header.",
     ),
 ]
+IgnoreDofs = Annotated[
+    bool, typer.Option("--ignore-dofs", help="Take the DOFs in the file for wrong, and do not compare them.")
+]
 Reader = Annotated[
     str | None, typer.Option("--reader", metavar="NAME", help="The reader of a plugin that is to read the file.")
 ]
@@ -115,6 +119,8 @@ def reading_options(
     reader: str | None,
     plugins: Sequence[Path] | None,
     accelerometer_mass: float = 0.0,
+    *,
+    ignore_dofs: bool = False,
 ) -> dict[str, Any]:
     """Return the options of `read_frf` that are set on the command line and hold for all files."""
     options = {
@@ -125,6 +131,7 @@ def reading_options(
         "reader": reader,
         "plugins": plugins,
         "accelerometer_mass": accelerometer_mass,
+        "ignore_dofs": ignore_dofs,
     }
     return {name: value for name, value in options.items() if value}
 

@@ -39,6 +39,7 @@ def spindle(
     unit: reading.UnitOfFile = None,
     names: reading.Names = None,
     columns: reading.Columns = None,
+    ignore_dofs: reading.IgnoreDofs = False,
     reader: reading.Reader = None,
     overwrite: Overwrite = False,
     plugin: PluginFiles = None,
@@ -57,7 +58,7 @@ def spindle(
     how = one_of(ROTATIONS, rotations, "--rotations")
     check_new_files([output], [".npz"], overwrite)
     loaded = dovetail.load(holder, plugins=plugin or ())
-    contents = reading.reading_options(quantity, unit, names, columns, reader, plugin)
+    contents = reading.reading_options(quantity, unit, names, columns, reader, plugin, ignore_dofs=ignore_dofs)
     tests = [reading.read_measured(file, **contents) for file in (drive_a, transfer, drive_b)]
     aa, ab, bb = (on_grid(frf, loaded.frequency) for frf in tests)
     arguments = loaded, (aa, ab, bb), (tip, at), flange

@@ -42,6 +42,7 @@ def validate(
     unit: reading.UnitOfFile = None,
     names: reading.Names = None,
     columns: reading.Columns = None,
+    ignore_dofs: reading.IgnoreDofs = False,
     reader: reading.Reader = None,
     plugin: PluginFiles = None,
     as_json: AsJson = False,
@@ -56,7 +57,9 @@ def validate(
     from dovetail.cli.result_files import prepare_folder, writing
 
     chosen = chosen_method(method, plugin)
-    read = dovetail.read_cases(cases, **reading.reading_options(quantity, unit, names, columns, reader, plugin))
+    read = dovetail.read_cases(
+        cases, **reading.reading_options(quantity, unit, names, columns, reader, plugin, ignore_dofs=ignore_dofs)
+    )
     files = (*_FILES, _SERIES) if read.series else _FILES
     prepare_folder(output, files, _FILES[0])
     with progress_bars() as progress:

@@ -13,7 +13,8 @@ from dovetail.coupling.receptance import Receptance, decouple
 from dovetail.coupling.receptance_matrix import ReceptanceMatrix
 from dovetail.errors import Fault, MeasurementError, ParameterError, listing
 from dovetail.frf import Frf
-from dovetail.measurement import remove_accelerometer_mass
+from dovetail.measurement import ModelDof, Role, check_roles, remove_accelerometer_mass
+from dovetail.units import format_quantity
 
 __all__ = ["ROTATIONS", "Rotations", "difference_receptance", "error_gain", "spindle_flange"]
 
@@ -60,7 +61,7 @@ def spindle_flange(
     Raises
     ------
     MeasurementError
-        A test is on other lines, has no phase, or is of a rotation or by a moment.
+        A test is on other lines, has no phase, is of a rotation or by a moment, or is not that of its points.
     ParameterError
         The holder has parameters to identify, a and b are the same node, a negative mass, or no such `rotations`.
 
@@ -80,6 +81,7 @@ def spindle_flange(
         raise ParameterError(Fault(holder.name, f"the holder is not known: {unknown} are sought.", "known values"))
     if holder.point(part, points[0]) == holder.point(part, points[1]):
         raise ParameterError(Fault("points", "the points a and b are the same.", "two points of the holder"))
+    _check_tests(holder, tests, points)
     aa, ab, bb = _bare_receptances(tests, holder.frequency, accelerometer_mass)
     ends = [(part, flange, "x"), (part, flange, "rz")]
     if rotations == "model":
@@ -145,15 +147,33 @@ def difference_receptance(
     return _symmetric(aa, mixed, turning)
 
 
-def _bare_receptances(tests: tuple[Frf, Frf, Frf], frequency: NDArray[np.float64], mass: float) -> list[Receptance]:
-    """Return the receptances h_aa, h_ab and h_bb without the effect of the accelerometer's mass."""
+def _check_tests(holder: Assembly, tests: tuple[Frf, Frf, Frf], points: tuple[float, float]) -> None:
+    """Raise a MeasurementError if the tests cannot be those of the points a and b."""
     for frf in tests:
         if not frf.has_phase:
             raise MeasurementError(Fault(frf.label, "the coupling needs a phase, and this is an amplitude alone."))
         if frf.rotation or frf.by_moment:
             raise MeasurementError(Fault(frf.label, f"it is a {frf.kind}.", "a displacement per force"))
-        if frf.frequency.shape != frequency.shape or not np.allclose(frf.frequency, frequency):
+        if frf.frequency.shape != holder.frequency.shape or not np.allclose(frf.frequency, holder.frequency):
             raise MeasurementError(Fault(frf.label, "the test is not on the lines of the holder's description."))
+    part = holder.description.response.substructure
+    labels = tuple(node.label for node in holder.description.substructures[part].nodes)
+    a, b = (
+        ModelDof(
+            f"{name}, {format_quantity(position, 'm')}",
+            part=part,
+            label=labels[holder.point(part, position)[1] // 2],
+            labels=labels,
+        )
+        for name, position in zip(("a", "b"), points, strict=True)
+    )
+    aa, ab, bb = tests
+    roles = [Role(aa, a, a), Role(ab, a, b), Role(bb, b, b)]
+    check_roles(roles, substructures=tuple(holder.description.substructures))
+
+
+def _bare_receptances(tests: tuple[Frf, Frf, Frf], frequency: NDArray[np.float64], mass: float) -> list[Receptance]:
+    """Return the receptances h_aa, h_ab and h_bb without the effect of the accelerometer's mass."""
     aa, ab, bb = (replace(frf, frequency=frequency) for frf in tests)
     bare = (remove_accelerometer_mass(frf, mass, drive=drive) for frf, drive in ((aa, aa), (ab, aa), (bb, bb)))
     return [frf.to("receptance").values for frf in bare]

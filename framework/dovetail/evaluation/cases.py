@@ -118,6 +118,7 @@ class _Measured(_Section):
     force: str | None = None
     names: dict[str, str] | None = None
     columns: tuple[str, ...] | None = None
+    ignore_dofs: bool | None = None
     reader: str | None = None
 
 

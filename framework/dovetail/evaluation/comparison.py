@@ -16,15 +16,15 @@ from pydantic import BaseModel, ValidationError
 from dovetail.assembly import Assembly, load
 from dovetail.atomic_files import read_bounded
 from dovetail.dataset import Dataset, generate
-from dovetail.errors import DovetailError, Fault, ParameterError, listing
+from dovetail.errors import DovetailError, Fault, MeasurementError, ParameterError, listing
 from dovetail.evaluation.cases import Case, Cases
 from dovetail.evaluation.robustness import storage_for, variant
 from dovetail.evaluation.validation import PROMINENCE
 from dovetail.frf import Frf, coherence_with_model
 from dovetail.frf.resonance_peaks import counterpart, resonance_peaks
 from dovetail.identification import Identification, Identifier, identify, train
-from dovetail.identification.fitting import one_per_response
 from dovetail.identification.identify import check_mass, find_method
+from dovetail.identification.measured_lines import batch_contradictions, check_measured
 from dovetail.identification.methods import METHODS
 from dovetail.identification.result import caveats_of
 from dovetail.interfaces import IdentificationMethod, Progress, progress_reporter
@@ -189,6 +189,8 @@ def compare(
     networks = [method for method in methods if method not in (*ways, RIGID)]
     variants = {name: variant(assembly, name, registry) for name in networks}
     measured = {case.name: _measurement(case, assembly) for case in cases.cases}
+    if faults := batch_contradictions(assembly, list(measured.values())):
+        raise MeasurementError(*faults.values())
     rows = []
     with progress_reporter(progress) as report:
         models, training, seconds = _trained(assembly, variants, samples, data, report)
@@ -216,7 +218,7 @@ def _measurement(case: Case, assembly: Assembly) -> Frf:
     assert case.joint is not None
     assert case.joint.measured is not None
     check_mass(assembly, case.joint.measured.accelerometer_mass)
-    (read,) = one_per_response(assembly, case.joint.measured.read(compensated=True))
+    (read,) = check_measured(assembly, case.joint.measured.read(compensated=True))
     left_out = assembly.description.left_out
     check_cover(within_band(read, assembly.frequency, left_out), assembly.frequency)
     return read.to(assembly.description.response.quantity)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache, partial
 from os import PathLike
@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 
 from dovetail.assembly import Assembly, load, natural_in_band
-from dovetail.errors import Fault, ParameterError
+from dovetail.errors import Fault, MeasurementError, ParameterError
 from dovetail.evaluation.cases import Case, Cases, JointSource
 from dovetail.frf import Frf, coherence_with_model
 from dovetail.frf.resonance_peaks import counterpart, resonance_peaks
 from dovetail.identification import Identification, identify
 from dovetail.identification.identify import check_mass
+from dovetail.identification.measured_lines import batch_contradictions, check_measured
 from dovetail.identification.prediction import joint_values, predicted_frf
 from dovetail.identification.result import caveats_of
 from dovetail.identification.result_file import AnyIdentification, load_result
@@ -175,6 +176,7 @@ def validate(
     """
     files = tuple(plugins)
     loaded = [load(case.assembly, plugins=files) for case in cases.cases]
+    _check_same_points(cases, loaded)
     by_name: Any = partial(identify, method=method)
     identified = by_name if isinstance(method, (str, IdentificationMethod)) else method
     joint_of = cache(partial(_joint, identified=identified, plugins=files))  # what several cases share, once
@@ -187,13 +189,22 @@ def validate(
     return Validation(cases.title, cases.series, tuple(validated))
 
 
+def _check_same_points(cases: Cases, assemblies: Sequence[Assembly]) -> None:
+    """Raise a MeasurementError if measurements of one assembly were made at different points."""
+    for described in {case.assembly for case in cases.cases}:
+        of_it = [pair for pair in zip(cases.cases, assemblies, strict=True) if pair[0].assembly == described]
+        frfs = [case.measured.read(compensated=False) for case, _ in of_it]
+        if faults := batch_contradictions(of_it[0][1], frfs):
+            raise MeasurementError(*faults.values())
+
+
 def _joint(source: JointSource, identified: Identify, plugins: tuple[str | PathLike[str], ...]) -> AnyIdentification:
     """Return the joint that a case says: a stored result, or one that is identified from a measurement."""
     if source.assembly is None or source.measured is None:
         assert source.result is not None
         return load_result(source.result)
     check_mass(assembly := load(source.assembly, plugins=plugins), source.measured.accelerometer_mass)
-    return identified(assembly, source.measured.read(compensated=True))
+    return identified(assembly, *check_measured(assembly, source.measured.read(compensated=True)))
 
 
 def _validated(case: Case, assembly: Assembly, joint_of: Callable[[JointSource], AnyIdentification]) -> ValidatedCase:
@@ -209,10 +220,8 @@ def _validated(case: Case, assembly: Assembly, joint_of: Callable[[JointSource],
     joint = None if case.joint is None else joint_of(case.joint)
     known: AnyIdentification | dict[str, float] = {} if joint is None else joint
     quantity, left_out = assembly.description.response.quantity, assembly.description.left_out
-    raw, bare = (
-        within_band(case.measured.read(compensated=compensated), assembly.frequency, left_out).to(quantity)
-        for compensated in (False, True)
-    )
+    read = [check_measured(assembly, case.measured.read(compensated=compensated))[0] for compensated in (False, True)]
+    raw, bare = (within_band(frf, assembly.frequency, left_out).to(quantity) for frf in read)
     check_cover(raw, assembly.frequency)
     predicted = predicted_frf(assembly.on(raw.frequency), known)
     peaks = tuple(_paired(raw, bare, predicted))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dovetail.frf.frf import Frf
 
-__all__ = ["PairedPeaks", "PeakPair", "counterpart", "pair_peaks", "resonance_peaks"]
+__all__ = ["PairedPeaks", "PeakPair", "counterpart", "noise_deviation", "pair_peaks", "resonance_peaks"]
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def resonance_peaks(frf: Frf, prominence: float = _SETTINGS.prominence) -> NDArr
     accelerance = frf.to("accelerance")
     if len(accelerance.frequency) < 3:
         return np.empty(0)
-    floor = _SETTINGS.floor / prominence * _noise(accelerance)
+    floor = _SETTINGS.floor / prominence * noise_deviation(accelerance)
     level = 10.0 * np.log10(np.maximum(accelerance.amplitude**2 + floor**2, np.finfo(np.float64).tiny))
     tops, properties = scipy.signal.find_peaks(level, prominence=prominence)
     peaks = zip(tops.tolist(), properties["prominences"].tolist(), strict=True)
@@ -181,8 +181,8 @@ def _amplitude_at(frf: Frf, frequency: float) -> float:
     return float(frf.amplitude[np.argmin(np.abs(frf.frequency - frequency))])
 
 
-def _noise(frf: Frf) -> NDArray[np.float64]:
-    """Estimate the standard deviation (n_freq,) of the noise of each value's real part."""
+def noise_deviation(frf: Frf) -> NDArray[np.float64]:
+    """Estimate the standard deviation (n_freq,) of the noise of each value's real part, from three lines or more."""
     second = np.abs(np.diff(frf.values if frf.has_phase else frf.values.real, 2))
     scale = (_MEDIAN_COMPLEX if frf.has_phase else _MEDIAN_REAL) * np.sqrt(6.0)  # a second difference has 6 variances
     count = max(1, len(second) // _SETTINGS.lines)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass
@@ -15,9 +16,10 @@ import numpy as np
 from dovetail.assembly import Assembly, AssemblySource, as_assembly
 from dovetail.assembly.calibration import SHARED
 from dovetail.dataset import Dataset
-from dovetail.errors import DovetailError, Fault, ParameterError, listing
+from dovetail.errors import DovetailError, Fault, MeasurementError, ParameterError, listing
 from dovetail.frf import Frf
-from dovetail.identification.identify import Measurement, identify
+from dovetail.identification.identify import Measurement, as_frfs, identify
+from dovetail.identification.measured_lines import batch_contradictions
 from dovetail.identification.network.bundle import TrainedNetwork, read_bundle, write_bundle
 from dovetail.identification.network.training import train_network
 from dovetail.identification.parameters import dataframe
@@ -281,9 +283,12 @@ def identify_many(
     """
     loaded, frfs = as_assembly(assembly), list(measurements)
     names = _names(frfs)
+    faults = batch_contradictions(loaded, [_read(measurement) for measurement in frfs])
 
     def work(index: int) -> Identification | str:
         try:
+            if index in faults:
+                raise MeasurementError(faults[index])
             return identify(loaded, frfs[index], method, model=model, **options)
         except (DovetailError, np.linalg.LinAlgError) as error:
             logging.getLogger(__name__).info("%s: failed", names[index])
@@ -312,6 +317,15 @@ def identify_many(
         {name: outcome for name, outcome in ordered if isinstance(outcome, Identification)},
         {name: outcome for name, outcome in ordered if isinstance(outcome, str)},
     )
+
+
+def _read(measurement: Measurement) -> tuple[Frf, ...] | None:
+    """Return the FRFs of a measurement, or None where they cannot be read; its identification reports what is wrong."""
+    try:
+        with warnings.catch_warnings(action="ignore"):
+            return as_frfs(measurement)
+    except DovetailError:
+        return None
 
 
 def _names(measurements: Sequence[Measurement]) -> list[str]:

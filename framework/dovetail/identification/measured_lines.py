@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -11,13 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
+from dovetail.assembly.description import Description, Place
 from dovetail.errors import Fault, Importance, MeasurementError, Note
 from dovetail.frf import Frf
 from dovetail.identification.fitting import one_per_response
 from dovetail.identification.fitting.random_error import random_error_variance
-from dovetail.measurement import find_gaps, find_missing_ends, on_grid, within_band
+from dovetail.measurement import ModelDof, Role, check_roles, find_gaps, find_missing_ends, on_grid, within_band
+from dovetail.measurement.roles import PHASE_ERROR, SUSPICIOUS, contradictions, power_given_out
 
-__all__ = ["MeasuredLines"]
+__all__ = ["MeasuredLines", "batch_contradictions", "check_measured", "roles_of"]
 
 _RECIPROCITY, _EXCESS = 0.05, 3.0
 """Relative difference of two reciprocal FRFs that is reported, and its ratio to the one that random errors explain."""
@@ -52,9 +55,10 @@ class MeasuredLines:
         Raises
         ------
         MeasurementError
-            There are more or fewer FRFs than responses; or names all that have too few lines within the band.
+            There are more or fewer FRFs than responses, or the DOFs in a file are not those of its response; or names
+            all that have too few lines within the band.
         """
-        whole = one_per_response(assembly, measured)
+        whole = check_measured(assembly, measured)
         pairs = zip(whole, assembly.each_response, strict=True)
         select = partial(within_band, left_out=assembly.description.left_out)
         return MeasuredLines(assembly, whole, _each(select, pairs))
@@ -98,7 +102,23 @@ class MeasuredLines:
             if gaps:
                 message = f"The measurement{where} lacks lines between {_listed(gaps)}: nothing was compared there."
                 messages.append(Note(message, self._importance(gaps)))
-        return (*messages, *self._reciprocity_warnings())
+        return (*messages, *self._reciprocity_warnings(), *self._power_warnings())
+
+    def _power_warnings(self) -> Iterable[str]:
+        """Yield a warning for each drive point that gives out power, unless its calibration turns the phase."""
+        chains = self.described.description.calibrations
+        for frf, alone, where in self._responses:
+            response = alone.description.response
+            if not response.is_drive_point or response.name in chains:
+                continue
+            share = power_given_out(frf, random_error_variance(frf), turn=PHASE_ERROR)
+            if share > SUSPICIOUS:
+                yield Note(
+                    f"As measured, the structure gives out {100.0 * share:.0f} % of the power{where}, where it is "
+                    "driven, which no passive structure does: perhaps the force was at another point than the sensor, "
+                    "or a phase is wrong.",
+                    Importance.DECISIVE,
+                )
 
     def _importance(self, missing: Sequence[tuple[float, float]]) -> Importance:
         """Return how much it matters that parts of the band were not measured."""
@@ -151,6 +171,68 @@ class MeasuredLines:
         labels = self.described.description.response_labels
         places = [f" at {label}" if len(labels) > 1 else "" for label in labels]
         return zip(self.frfs, self.described.each_response, places, strict=True)
+
+
+def check_measured(assembly: Assembly, measured: Frf | Sequence[Frf]) -> tuple[Frf, ...]:
+    """Return the measured FRFs, one for each response of an assembly, whose files do not contradict the responses.
+
+    Raises
+    ------
+    MeasurementError
+        There are more or fewer, or they do.
+    """
+    frfs = one_per_response(assembly, measured)
+    check_roles(roles_of(assembly, frfs), substructures=tuple(assembly.description.substructures), passive=False)
+    return frfs
+
+
+def roles_of(assembly: Assembly, frfs: Sequence[Frf]) -> list[Role]:
+    """Return what FRFs are used as, of which there is one for each response of the assembly."""
+    description = assembly.description
+    return [
+        Role(frf, _model_dof(description, response), _model_dof(description, response.force or response))
+        for frf, response in zip(frfs, description.responses, strict=True)
+    ]
+
+
+def batch_contradictions(assembly: Assembly, measured: Sequence[Frf | Sequence[Frf] | None]) -> dict[int, Fault]:
+    """Return which measurements of a batch have other DOFs than most, as the first of the contradictions of each.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    measured : sequence
+        An FRF each, or one for each response; None for one that cannot be read.
+
+    Returns
+    -------
+    mapping of int to Fault
+        By the number in the sequence. Those that contradict the responses by themselves are left out.
+    """
+    substructures, sound = tuple(assembly.description.substructures), dict[int, list[Role]]()
+    for number, given in enumerate(measured):
+        frfs = (given,) if isinstance(given, Frf) else tuple(given or ())
+        if len(frfs) == len(assembly.description.responses):
+            roles = roles_of(assembly, frfs)
+            if not any(contradictions(roles, substructures=substructures)):
+                sound[number] = roles
+    if not sound:
+        return {}
+    dofs = {number: tuple(role.dofs for role in roles) for number, roles in sound.items()}
+    usual, _ = Counter(dofs.values()).most_common(1)[0]
+    reference = next(roles for number, roles in sound.items() if dofs[number] == usual)
+    others = {number: roles for number, roles in sound.items() if dofs[number] != usual}
+    found = {
+        number: next(contradictions([*reference, *roles], substructures=substructures), None)
+        for number, roles in others.items()
+    }
+    return {number: fault for number, fault in found.items() if fault is not None}
+
+
+def _model_dof(description: Description, place: Place) -> ModelDof:
+    labels = tuple(node.label for node in description.substructures[place.substructure].nodes)
+    words = description.point_label(place)
+    return ModelDof(words, place.rotation, place.substructure, labels[place.node], labels)
 
 
 def _each(prepare: Callable[[Frf, NDArray[np.float64]], Frf], pairs: Iterable[tuple[Frf, Assembly]]) -> tuple[Frf, ...]:

@@ -17,3 +17,6 @@ from .noise import complex_noise as complex_noise
 from .noise import data_noise as data_noise
 from .noise import noisy_frf as noisy_frf
 from .resampling import on_grid as on_grid
+from .roles import ModelDof as ModelDof
+from .roles import Role as Role
+from .roles import check_roles as check_roles

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf
+from dovetail.measurement.roles import IGNORE, ModelDof, Role, check_roles, contradictions
 
 __all__ = ["add_accelerometer_mass", "remove_accelerometer_mass"]
 
@@ -107,24 +108,51 @@ def _with_mass(
     for other in (frf, drive, to_response, from_force):
         if other is not None:
             _check(other, frf)
+    _check_places(frf, drive, to_response, from_force)
     measured = frf.to("accelerance")
     values = measured.values
+    if drive is None:
+        denominator = 1.0 + sign * mass * values
+        return _replace_values(measured, values / denominator, 1.0 / denominator**2).to(frf.quantity)
+    denominator = 1.0 + sign * mass * drive.to("accelerance").values
+    if to_response is None or from_force is None:
+        return _replace_values(measured, values / denominator, 1.0 / denominator).to(frf.quantity)
+    detour = to_response.to("accelerance").values * from_force.to("accelerance").values
+    return _replace_values(measured, values - sign * mass * detour / denominator, np.ones_like(values)).to(frf.quantity)
+
+
+def _check_places(frf: Frf, drive: Frf | None, to_response: Frf | None, from_force: Frf | None) -> None:
+    """Compare the DOFs in the files of the FRFs with the places of response i, force j and accelerometer k.
+
+    Raises
+    ------
+    MeasurementError
+        They contradict each other, or the FRF at the accelerometer cannot be that of a drive point.
+    """
+    sensor, response, force = map(ModelDof, ("the accelerometer", "the response", "the force"))
     if drive is None:
         if to_response is not None or from_force is not None:
             raise MeasurementError(Fault(frf.label, "the drive-point FRF at the accelerometer is missing."))
         if frf.by_moment:
             problem = f"this is a {frf.kind}, no drive-point FRF: that at the accelerometer is missing."
             raise MeasurementError(Fault(frf.label, problem))
-        denominator = 1.0 + sign * mass * values
-        return _replace_values(measured, values / denominator, 1.0 / denominator**2).to(frf.quantity)
-    denominator = 1.0 + sign * mass * drive.to("accelerance").values
-    if to_response is None and from_force is None:
-        return _replace_values(measured, values / denominator, 1.0 / denominator).to(frf.quantity)
-    if to_response is None or from_force is None:
+        if any(contradictions([Role(frf, sensor, sensor)])):
+            problem = f"the FRF is from {frf.force} to {frf.response}, and the mass is taken off a drive point."
+            remedy = f"Give the drive-point FRF at the accelerometer too: --drive-point (in Python drive=...). {IGNORE}"
+            raise MeasurementError(Fault(frf.label, problem, remedy=remedy))
+        check_roles([Role(frf, sensor, sensor)])
+        return
+    if (to_response is None) != (from_force is None):
         problem = "an accelerometer at a third point needs the FRF to the response and the FRF from the force."
         raise MeasurementError(Fault(frf.label, problem))
-    detour = to_response.to("accelerance").values * from_force.to("accelerance").values
-    return _replace_values(measured, values - sign * mass * detour / denominator, np.ones_like(values)).to(frf.quantity)
+    at_sensor = Role(drive, sensor, sensor)
+    if to_response is None or from_force is None:
+        at_response, at_force = [at_sensor, Role(frf, sensor, force)], [at_sensor, Role(frf, response, sensor)]
+        is_at_force = any(contradictions(at_response, distinct=False))
+        check_roles(at_force if is_at_force else at_response, distinct=False)
+        return
+    others = [Role(to_response, response, sensor), Role(from_force, sensor, force)]
+    check_roles([Role(frf, response, force), at_sensor, *others], distinct=False)
 
 
 def _check(other: Frf, frf: Frf) -> None:

@@ -73,6 +73,7 @@ def read_frf(
     names: Mapping[str, str] | None = None,
     columns: Sequence[str] = (),
     dofs: tuple[str, str] | None = None,
+    ignore_dofs: bool = False,
     reader: str | None = None,
     plugins: PluginPaths = (),
 ) -> Frf:
@@ -113,6 +114,9 @@ def read_frf(
     dofs : (str, str), optional
         DOFs of response and force, if the file does not state them: ``("3+x", "1-x")``. If they have opposite senses,
         the sign is changed, so that the FRF is along positive axes.
+    ignore_dofs : bool
+        Take the DOFs in the file for wrong: they are unknown, unless `dofs` gives others, and the values have
+        the sign that they have in the file.
     reader : str, optional
         Name of a plugin's reader for the file. By default a plugin's reader that recognises suffix and format, or else
         that of Dovetail.
@@ -152,11 +156,10 @@ def read_frf(
             recording = from_plugin.decode(source, content, chosen, options)
         else:
             recording = _decode(source, content, registry, options)
+    if ignore_dofs:
+        recording = recording.without_dofs()
     frf = (recording.with_dofs(*dofs) if dofs else recording).to_frf(quantity, unit)
-    if not accelerometer_mass:
-        return frf
-    _check_drive_point(frf)
-    return remove_accelerometer_mass(frf, accelerometer_mass)
+    return remove_accelerometer_mass(frf, accelerometer_mass) if accelerometer_mass else frf
 
 
 def _decode(source: Path, content: bytes, registry: Registry, options: ReadOptions) -> Recording:
@@ -166,15 +169,6 @@ def _decode(source: Path, content: bytes, registry: Registry, options: ReadOptio
         problem = f"columns={','.join(options.columns)} is for tables, not for {suffix} files."
         raise MeasurementError(Fault(str(source), problem))
     return file_format.decode(source, content, options)
-
-
-def _check_drive_point(frf: Frf) -> None:
-    """Refuse to remove a mass from a transfer FRF with the formula for a drive point."""
-    ends = [end.lower().replace("-", "").replace("+", "") for end in (frf.response, frf.force)]
-    if all(ends) and ends[0] != ends[1]:
-        problem = f"the FRF is from {frf.force} to {frf.response}, and the mass is taken off a drive point."
-        remedy = "Give the drive-point FRF at the accelerometer too: remove_accelerometer_mass(frf, mass, drive=...)."
-        raise MeasurementError(Fault(frf.label, problem, remedy=remedy))
 
 
 def write_frf(

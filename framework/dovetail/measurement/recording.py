@@ -173,6 +173,11 @@ class Recording:
         is_new = not (self.response and self.force) and are_opposite(response, force)
         return replace(self, response=response, force=force, factor=-self.factor if is_new else self.factor)
 
+    def without_dofs(self) -> Recording:
+        """Return the recording with unknown DOFs, and with the sign that the values have in the file."""
+        is_turned = are_opposite(self.response, self.force)
+        return replace(self, response="", force="", factor=-self.factor if is_turned else self.factor)
+
     def _with_unit(self, label: str) -> Recording:
         """Return the recording with the caller's unit; a file that states another one is refused."""
         meaning = meaning_of_unit(label, "the argument unit")

@@ -66,11 +66,14 @@ class Measured(SubstructureModel):
             Nodes of a UFF file and their positions.
         frfs : list
             FRFs of a UFF file, at least one for each pair of nodes; the mirrored ones follow by reciprocity.
+        ignore_dofs : bool
+            Whether the DOFs in the UFF file are wrong, and are not compared with `frfs`.
         """
 
         file: Annotated[str, FileName()]
         nodes: Annotated[dict[str, Annotated[float, InUnit("m")]], Field(default_factory=dict)]
         frfs: tuple[MeasuredFrf, ...] = ()
+        ignore_dofs: bool = False
 
         @model_validator(mode="after")
         def _nodes_of_frfs(self) -> Measured.Config:
@@ -96,7 +99,12 @@ class Measured(SubstructureModel):
     def __init__(self, config: Config) -> None:
         super().__init__(config)
         self._known: KnownReceptance = (
-            from_sets(config.file, config.nodes, [(frf.set, frf.response, frf.force) for frf in config.frfs])
+            from_sets(
+                config.file,
+                config.nodes,
+                [(frf.set, frf.response, frf.force) for frf in config.frfs],
+                ignore_dofs=config.ignore_dofs,
+            )
             if config.frfs
             else from_archive(config.file)
         )

@@ -9,7 +9,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail import DovetailError, Fault, ReceptanceMatrix, check_receptance_units, read_frf, read_receptance
+from dovetail import (
+    DovetailError,
+    Fault,
+    Frf,
+    ModelDof,
+    ReceptanceMatrix,
+    Role,
+    check_receptance_units,
+    check_roles,
+    read_frf,
+    read_receptance,
+)
 from dovetail_plugins.substructures.dof_table import table_in
 from dovetail_plugins.substructures.matrix_files import read_archive
 
@@ -104,7 +115,9 @@ def _reciprocal(matrix: ReceptanceMatrix, names: Sequence[str], file: str) -> Re
     return replace(matrix, values=(matrix.values + mirrored) / 2.0)
 
 
-def from_sets(file: str, nodes: Mapping[str, float], frfs: Sequence[tuple[int, str, str]]) -> KnownReceptance:
+def from_sets(
+    file: str, nodes: Mapping[str, float], frfs: Sequence[tuple[int, str, str]], *, ignore_dofs: bool = False
+) -> KnownReceptance:
     """Read the receptance between the displacements of some nodes from the sets of a UFF file.
 
     Parameters
@@ -114,14 +127,20 @@ def from_sets(file: str, nodes: Mapping[str, float], frfs: Sequence[tuple[int, s
         Labels and positions [m].
     frfs : sequence of (int, str, str)
         Number of the set, the node of the response and that of the force.
+    ignore_dofs : bool
+        Whether the DOFs in the file are wrong.
 
     Raises
     ------
     DovetailError
-        A set cannot be read, has other frequencies than the first or no phase, or a pair of nodes has no set.
+        A set cannot be read, has other frequencies than the first or no phase, or its DOFs in the file contradict those
+        of the others; or a pair of nodes has no set.
     """
     index_of = {label: index for index, label in enumerate(nodes)}
-    read = [(read_frf(file, index=number).to("receptance"), number, out, into) for number, out, into in frfs]
+    read = [
+        (read_frf(file, index=number, ignore_dofs=ignore_dofs).to("receptance"), number, out, into)
+        for number, out, into in frfs
+    ]
     frequency = read[0][0].frequency
     values = np.full((len(frequency), len(nodes), len(nodes)), np.nan, dtype=np.complex128)
     for frf, number, out, into in read:
@@ -131,6 +150,7 @@ def from_sets(file: str, nodes: Mapping[str, float], frfs: Sequence[tuple[int, s
         if not frf.has_phase or frf.rotation:
             raise DovetailError(Fault(where, "it is no complex FRF of a displacement per force."))
         values[:, index_of[out], index_of[into]] = frf.values
+    _check_places(file, nodes, read)
     values = np.where(np.isnan(values), np.swapaxes(values, 1, 2), values)
     for out, row in index_of.items():
         for into, column in index_of.items():
@@ -138,6 +158,23 @@ def from_sets(file: str, nodes: Mapping[str, float], frfs: Sequence[tuple[int, s
                 raise DovetailError(Fault(file, f"no set is between '{out}' and '{into}'."))
     matrix = _reciprocal(_matrix(frequency, values, file), list(nodes), file)
     return KnownReceptance(matrix, dict(nodes), tuple(2 * index for index in index_of.values()))
+
+
+def _check_places(file: str, nodes: Mapping[str, float], read: Sequence[tuple[Frf, int, str, str]]) -> None:
+    """Compare the DOFs in the file with the nodes at which the sets are used."""
+    dof_at = {label: ModelDof(f"'{label}'", label=label, labels=tuple(nodes)) for label in nodes}
+    check_roles(
+        [
+            Role(
+                frf,
+                dof_at[out],
+                dof_at[into],
+                f"{file}  set {number}",
+                "If the file's DOFs are wrong, add 'ignore_dofs: true'.",
+            )
+            for frf, number, out, into in read
+        ]
+    )
 
 
 def _numbers(array: NDArray[np.generic], kind: str, file: str) -> NDArray[np.generic]:

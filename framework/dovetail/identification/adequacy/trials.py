@@ -13,7 +13,7 @@ import scipy
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
-from dovetail.frf import Frf, coherence_spectrum, conversion
+from dovetail.frf import Frf, coherence_spectrum
 from dovetail.identification.adequacy.perturbations import Perturbation, PerturbedResiduals, list_perturbations
 from dovetail.identification.fitting import Fit
 from dovetail.identification.fitting.least_squares import SumOfSquares, minimise
@@ -21,6 +21,7 @@ from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs, Residual
 from dovetail.identification.fitting.search_lines import lines_represented, search_lines
 from dovetail.identification.posterior.likelihood import MarginalisedResiduals
+from dovetail.measurement.roles import power_balance
 
 __all__ = ["MOST_GIVEN_OUT", "LogRatio", "Trial", "Trials", "power_given_out"]
 
@@ -51,8 +52,6 @@ class Settings:
     """Ratio of measurement to model above which residuals count more. Peaks that are slightly misplaced stay below."""
     floor: float = 3.0
     """Standard deviations of random error below which a measured value is too uncertain for this ratio."""
-    clear: float = 5.0
-    """Standard deviations of random error that a power must exceed to be counted."""
 
 
 _SETTINGS = Settings()
@@ -331,9 +330,6 @@ class Trials:
 def power_given_out(assembly: Assembly, target: Observations, variance: NDArray[np.float64]) -> float:
     """Return the share of the power at drive points that the structure gives out; a passive one only takes power up.
 
-    The power that a force puts into a structure at its own point is proportional to the real part of the mobility,
-    which a reversed sign makes negative, as does a conjugated phase of a receptance or an accelerance.
-
     Parameters
     ----------
     assembly : Assembly
@@ -351,11 +347,8 @@ def power_given_out(assembly: Assembly, target: Observations, variance: NDArray[
     of_responses = zip(target.frfs, assembly.description.responses, target.split(variance), strict=True)
     for frf, response, errors in of_responses:
         if response.is_drive_point and frf.has_phase and not assembly.description.calibrations:
-            to_mobility = np.abs(conversion(frf.frequency, frf.quantity, "mobility"))
-            power = frf.to("mobility").values.real
-            power = power[np.abs(power) > _SETTINGS.clear * to_mobility * np.sqrt(0.5 * errors)]
-            given_out -= float(power[power < 0.0].sum())
-            total += float(np.abs(power).sum())
+            balance = power_balance(frf, errors)
+            given_out, total = given_out + balance[0], total + balance[1]
     return given_out / total if total else 0.0
 
 
