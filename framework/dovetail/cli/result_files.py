@@ -36,6 +36,8 @@ MANIFEST = "SHA256SUMS"
 _RESULT = "result.json"
 MODAL_FILES = (_RESULT, "parameters.csv", "modes.csv")
 """Files of an identification from modal parameters, which has no FRF and no report."""
+_LINES_PER_PIECE = 10_000
+"""Lines of an FRF of which the text is in memory at once."""
 _FILES = ("report.html", _RESULT, "parameters.csv", "frf.csv", "frf.png")
 
 
@@ -138,8 +140,8 @@ def write_results(result: Identification, folder: Path, truth: Truth | None, ass
     from dovetail.report.plots import plot_frf
     from dovetail.report.report import write_report
 
-    texts = {
-        _RESULT: json_text(result.to_dict()),
+    texts: dict[str, str | Iterable[str]] = {
+        _RESULT: _json_pieces(result.to_dict()),
         "parameters.csv": _parameters(result, truth),
     }
     names = [_frf_files(number) for number in range(1, len(result.responses) + 1)]
@@ -161,10 +163,14 @@ def write_modal_results(result: ModalIdentification, folder: Path, truth: Truth 
     write_texts(folder, dict(zip(MODAL_FILES, texts, strict=True)))
 
 
-def write_texts(folder: Path, texts: Mapping[str, str]) -> None:
-    """Write files, given by name and content, to a folder, with the same line ends on every system."""
+def write_texts(folder: Path, texts: Mapping[str, str | Iterable[str]]) -> None:
+    """Write files, given by name and content, to a folder, with the same line ends on every system.
+
+    Long contents are given in pieces, so that no more than one is in memory.
+    """
     for name, text in texts.items():
-        (folder / name).write_bytes(text.encode("utf-8", "replace"))
+        with (folder / name).open("w", encoding="utf-8", errors="replace", newline="\n") as stream:
+            stream.writelines([text] if isinstance(text, str) else text)
 
 
 def _parameters(result: Identification | ModalIdentification, truth: Truth | None) -> str:
@@ -181,7 +187,8 @@ def _frf_files(number: int) -> tuple[str, str]:
     return f"{stem}.csv", f"{stem}.png"
 
 
-def _frfs(at_point: AtPoint) -> str:
+def _frfs(at_point: AtPoint) -> Iterator[str]:
+    """Yield the table of a response in pieces."""
     measured, frf = at_point.measured, at_point.frf
     columns = {"frequency_Hz": frf.frequency}
     if measured.has_phase:
@@ -190,13 +197,22 @@ def _frfs(at_point: AtPoint) -> str:
         columns["measured_amplitude"] = measured.amplitude
     columns |= {"reconstructed_real": frf.values.real, "reconstructed_imag": frf.values.imag}
     columns["coherence"] = at_point.coherence
-    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
-    return f"# quantity: {frf.quantity}\n{caveat_comment(frf.note)}" + csv_text(list(columns), rows)
+    yield f"# quantity: {frf.quantity}\n{caveat_comment(frf.note)}"
+    for first in range(0, len(frf.frequency), _LINES_PER_PIECE):
+        piece = (column[first : first + _LINES_PER_PIECE].tolist() for column in columns.values())
+        text = csv_text(list(columns), zip(*piece, strict=True))
+        yield text.partition("\n")[2] if first else text
 
 
 def json_text(value: Any) -> str:
     """Return plain values as the text of a JSON file."""
-    return json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    return "".join(_json_pieces(value))
+
+
+def _json_pieces(value: Any) -> Iterator[str]:
+    """Yield the text of a JSON file in pieces."""
+    yield from json.JSONEncoder(indent=1, ensure_ascii=False, allow_nan=False).iterencode(value)
+    yield "\n"
 
 
 def caveat_comment(caveat: str) -> str:

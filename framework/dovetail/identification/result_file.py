@@ -28,6 +28,8 @@ AnyIdentification: TypeAlias = Identification | ModalIdentification
 RESULT_FILE = "result.json"
 """Name of the file within a folder of results."""
 
+_LARGEST = 400_000_000
+"""Bytes of the largest result that is read; that of a million lines has 140 million."""
 _MOST_FAULTS = 5
 _HEAD = 200
 """Bytes in which a result says by which method it was made."""
@@ -162,7 +164,7 @@ def load_result(path: str | Path) -> AnyIdentification:
             problem = f"this folder has no {RESULT_FILE}, which 'identify' writes for a single measurement."
             remedy = "Of a batch, name one of its files, such as measured.csv.json."
             raise DovetailError(Fault(str(path), problem, remedy=remedy))
-    content = read_bounded(file)
+    content = read_bounded(file, _LARGEST)
     try:
         if _MODAL.search(content[:_HEAD]):
             return _modal(file, _StoredModalIdentification.model_validate_json(content))
