@@ -150,6 +150,9 @@ def identify(
             return identify_from_modes(assembly, measured, progress=report, **options)
         lines = MeasuredLines.of(assembly, _prepared(assembly, measured, weights, phase=phase))
         lines = _with_signs(lines, report)
+        if chosen != "network":
+            seed = options.get("seed")
+            lines = lines.merged(assembly.description.identification.seed if seed is None else seed, report)
         if isinstance(chosen, str):
             result = METHODS[chosen](lines, model, progress=report, **options)
             requested = {"weights": weights, "phase": None if phase else False, **options}
@@ -308,16 +311,17 @@ def _check_kind(frf: Frf, response: Response) -> None:
 
 def _with_signs(lines: MeasuredLines, progress: Progress) -> MeasuredLines:
     """Determine the signs that the description leaves open, from a fit that ignores the phases."""
-    description = lines.assembly.description
+    description = lines.described.description
     unknown = unknown_signs(description)
     if not unknown:
         return lines
-    pairs = list(zip(description.responses, lines.frfs, strict=True))
+    few = lines.every_nth
+    pairs = list(zip(description.responses, few.frfs, strict=True))
     amplitudes = [_amplitudes(frf) if response.name in unknown else frf for response, frf in pairs]
-    theta = refine(lines.assembly, amplitudes, seed=description.identification.seed, progress=progress).theta
+    theta = refine(few.assembly, amplitudes, seed=description.identification.seed, progress=progress).theta
     signs = {
         response.name: _sign(alone, theta, frf)
-        for (response, frf), alone in zip(pairs, lines.assembly.each_response, strict=True)
+        for (response, frf), alone in zip(pairs, few.assembly.each_response, strict=True)
         if response.name in unknown
     }
     described = lines.described.with_description(with_signs(lines.described.description, signs))

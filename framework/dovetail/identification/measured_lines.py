@@ -15,8 +15,10 @@ from dovetail.assembly import Assembly
 from dovetail.assembly.description import Description, Place
 from dovetail.errors import Fault, Importance, MeasurementError, Note
 from dovetail.frf import Frf
-from dovetail.identification.fitting import one_per_response
+from dovetail.identification.fitting import one_per_response, refine
+from dovetail.identification.fitting.merged_lines import MOST_LINES, every_nth_line, merged_lines
 from dovetail.identification.fitting.random_error import random_error_variance
+from dovetail.interfaces import Progress
 from dovetail.measurement import ModelDof, Role, check_roles, find_gaps, find_missing_ends, on_grid, within_band
 from dovetail.measurement.roles import PHASE_ERROR, SUSPICIOUS, contradictions, power_given_out
 
@@ -41,12 +43,18 @@ class MeasuredLines:
     whole : tuple of Frf
         The FRFs as they were given.
     frfs : tuple of Frf
-        The FRFs on their lines within the band.
+        The FRFs on their lines within the band, or fewer instead of them.
+    all_lines : MeasuredLines, optional
+        With all lines within the band, where `frfs` have fewer.
+    start : (n_params,) array, optional
+        SI values that fit `frfs`.
     """
 
     described: Assembly
     whole: tuple[Frf, ...]
     frfs: tuple[Frf, ...]
+    all_lines: MeasuredLines | None = None
+    start: NDArray[np.float64] | None = None
 
     @staticmethod
     def of(assembly: Assembly, measured: Frf | Sequence[Frf]) -> MeasuredLines:
@@ -69,6 +77,39 @@ class MeasuredLines:
         return self.described.on(*(frf.frequency for frf in self.frfs))
 
     @property
+    def per_group(self) -> int:
+        """How many neighbouring lines become one so that at most `MOST_LINES` are fitted."""
+        return -(-sum(len(frf.frequency) for frf in self.frfs) // MOST_LINES)
+
+    @property
+    def every_nth(self) -> MeasuredLines:
+        """The same with every n-th line only, where there are more than can be fitted."""
+        if self.per_group == 1:
+            return self
+        few = tuple(every_nth_line(frf, self.per_group) for frf in self.frfs)
+        return MeasuredLines(self.described, self.whole, few, self)
+
+    def merged(self, seed: int, progress: Progress) -> MeasuredLines:
+        """Return the means of neighbouring lines, where there are more than can be fitted; of amplitudes every n-th.
+
+        Parameters
+        ----------
+        seed : int
+            Of a fit to every n-th line, about which the others are averaged.
+        progress : Progress
+        """
+        few = self.every_nth
+        if few is self:
+            return self
+        theta = refine(few.assembly, few.frfs, seed=seed, progress=progress).theta
+        triples = zip(self.frfs, few.frfs, self.described.each_response, strict=True)
+        frfs = tuple(
+            merged_lines(frf, len(thinned.frequency), alone, theta) if frf.has_phase else thinned
+            for frf, thinned, alone in triples
+        )
+        return MeasuredLines(self.described, self.whole, frfs, self, theta)
+
+    @property
     def band(self) -> tuple[float, float]:
         """The description's first and last frequency [Hz]."""
         frequency = self.described.frequency
@@ -87,7 +128,9 @@ class MeasuredLines:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings about parts of the band without lines, and about reciprocal FRFs that differ."""
+        """Warnings about parts of the band without lines, and about FRFs that are not reciprocal or not passive."""
+        if self.all_lines is not None:
+            return (*self.all_lines.warnings, self._fewer_lines)
         messages: list[str] = []
         for frf, alone, where in self._responses:
             missing, (first, last) = find_missing_ends(frf, alone.frequency), frf.frequency[[0, -1]]
@@ -103,6 +146,14 @@ class MeasuredLines:
                 message = f"The measurement{where} lacks lines between {_listed(gaps)}: nothing was compared there."
                 messages.append(Note(message, self._importance(gaps)))
         return (*messages, *self._reciprocity_warnings(), *self._power_warnings())
+
+    @property
+    def _fewer_lines(self) -> str:
+        """Warning about lines that were merged or left out."""
+        assert self.all_lines is not None
+        count, fitted = (sum(len(frf.frequency) for frf in lines.frfs) for lines in (self.all_lines, self))
+        how = "as means of neighbouring ones" if all(frf.has_phase for frf in self.frfs) else "evenly chosen"
+        return f"The measurement has {count:,} lines: {fitted:,} were fitted, {how}."
 
     def _power_warnings(self) -> Iterable[str]:
         """Yield a warning for each drive point that gives out power, unless its calibration turns the phase."""

@@ -135,7 +135,7 @@ def by_refined_fit(
     progress("fit", 0, 1)
     network, warnings = _network_answer(measured, trained)
     starts = [] if start is None else [assembly.vector(start)]
-    starts += [] if network is None else [network]
+    starts += [known for known in (network, measured.start) if known is not None]
     fit = refine(assembly, frfs, starts, seed=seed, progress=progress)
     adequacy, fit = assess(assembly, frfs, fit, model_error, cause_seconds=cause_seconds, progress=progress)
     evaluation = None if trained is None else trained.evaluation
@@ -164,7 +164,8 @@ def _network_answer(
 
 def _result(measured: MeasuredLines, theta: NDArray[np.float64], **known: Any) -> Identification:
     """Build the result with the natural frequencies in the whole band and warnings of parts that were not measured."""
-    result = reconstruct(measured.assembly, theta, measured.frfs, band=measured.band, **known)
+    lines, counts = measured.all_lines or measured, [len(frf.frequency) for frf in measured.frfs]
+    result = reconstruct(lines.assembly, theta, lines.frfs, band=measured.band, fitted_lines=counts, **known)
     return replace(result, warnings=(*result.warnings, *(measured.warnings if result.fit is not None else ())))
 
 

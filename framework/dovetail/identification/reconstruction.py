@@ -18,6 +18,7 @@ from dovetail.frf.resonance_peaks import PairedPeaks, counterpart
 from dovetail.identification.adequacy import Adequacy
 from dovetail.identification.adequacy.resonances import describe_lacking, lacking_resonances
 from dovetail.identification.fitting import Fit, one_per_response
+from dovetail.identification.fitting.merged_lines import MOST_LINES, frf_in_blocks
 from dovetail.identification.parameters import Follower, IdentifiedParameter, is_in_range
 from dovetail.identification.result import AtPoint, Identification, Mode
 from dovetail.interfaces import Parameter
@@ -51,6 +52,7 @@ def reconstruct(
     band: tuple[float, float] | None = None,
     fit: Fit | None = None,
     adequacy: Adequacy | None = None,
+    fitted_lines: Sequence[int] = (),
 ) -> Identification:
     """Build the result of identified parameter values.
 
@@ -70,6 +72,8 @@ def reconstruct(
         From which `theta` comes.
     adequacy : Adequacy, optional
         How well the model explains the measurement.
+    fitted_lines : sequence of int
+        Lines of each response that were fitted; by default all.
 
     Returns
     -------
@@ -95,7 +99,8 @@ def reconstruct(
         adequacy=adequacy and _with_agreement(adequacy, at_points, paired),
         band=band,
     )
-    return replace(result, warnings=_warnings(result, without_modes))
+    counts = fitted_lines or [len(at_point.frf.frequency) for at_point in at_points]
+    return replace(result, warnings=_warnings(result, without_modes, counts))
 
 
 def _at_points(
@@ -106,7 +111,8 @@ def _at_points(
     responses = zip(description.responses, description.response_labels, assembly.each_response, measured, strict=True)
     for response, point, alone, frf in responses:
         name = label if len(measured) == 1 else f"{label}, {point}"
-        values = response.frf(alone.frequency, alone.frf(theta), label=name)
+        computed = alone.frf(theta) if len(alone.frequency) <= MOST_LINES else frf_in_blocks(alone, theta)
+        values = response.frf(alone.frequency, computed, label=name)
         there = replace(frf.to(response.quantity), rotation=response.rotation, moment=response.moment)
         at_points.append(AtPoint(point, values, there))
     return tuple(at_points)
@@ -206,7 +212,7 @@ def _paired_modes(natural: NDArray[np.float64], paired: PairedPeaks) -> tuple[Mo
     return tuple(modes)
 
 
-def _warnings(result: Identification, without_modes: str) -> tuple[str, ...]:
+def _warnings(result: Identification, without_modes: str, fitted_lines: Sequence[int]) -> tuple[str, ...]:
     warnings: list[str] = [
         Note(
             f"{parameter.name} = {format_quantity(parameter.value, parameter.unit)} lies outside its range, "
@@ -231,11 +237,10 @@ def _warnings(result: Identification, without_modes: str) -> tuple[str, ...]:
         warnings += [
             f"In the best fit {name} is at the {end} end of its range." for name, end in result.fit.at_bounds.items()
         ]
-    counts = [len(at_point.frf.frequency) for at_point in result.responses]
     for index, at_point in enumerate(result.responses):
         where = f" at {at_point.point}" if result.further else ""
         if result.fit is not None:
-            warnings += _warnings_of_lines(result.fit.at(index, counts), where)
+            warnings += _warnings_of_lines(result.fit.at(index, fitted_lines), where)
         to_noise = result.adequacy is not None and result.adequacy.word == "to the noise"
         warnings += _warnings_at(at_point, where, result.believable and not to_noise)
     if without_modes:
