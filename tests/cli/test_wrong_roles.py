@@ -29,7 +29,7 @@ WRONG = {
     "drive": [
         ("2+x", "1+x"), ("1+x", "2+x"), ("2", "1"), ("1+y", "1+x"), ("1+x", "1+rz"), ("1+rz", "1+rz"), ("1rx", "1x"),
         ("lower:1+x", "lower:1+x"), ("upper:1+x", "lower:1+x"), ("", "lower:7"), ("block:3-z", "block:4-z"),
-        ("", "1rz"),
+        ("", "1rz"), ("2 +x ", "1 +x"),
     ],
     "transfer": [
         ("1+x", "1+x"), ("1", "1"), ("7-z", "7+z"), ("2+y", "1+x"), ("2+x", "1+rz"), ("2+rz", "1+x"),
@@ -43,7 +43,7 @@ ALLOWED = {
     ],
     "transfer": [
         ("2+x", "1+x"), ("1+x", "2+x"), ("4", "9"), ("3-z", "1+z"), ("lower:1", "upper:1"), ("2", ""), ("", ""),
-        ("tip", "tip"), ("lower:3+y", "9+y"),
+        ("tip", "tip"), ("lower:3+y", "9+y"), ("base:5+x", "base:6+x"),
     ],
 }  # fmt: skip
 FORMATS = ("csv", "npz", "uff")
@@ -350,6 +350,17 @@ def test_a_drive_point_with_a_reversed_sign_is_refused(run, frfs, tmp_path):
     dovetail.write_frf(replace(frfs["drive"], values=-frfs["drive"].values), tmp_path / "a.csv")
     done = run("convert", tmp_path / "a.csv", tmp_path / "b.csv", "--accelerometer-mass", "1 g", code=1)
     assert "it gives out 100 % of the power" in " ".join(done.stderr.split())
+
+
+def test_a_drive_point_with_half_a_wrong_phase_is_reported(run, frfs, written, tmp_path):
+    values = np.where(FREQUENCY < 60.0, 1.0, -1.0) * frfs["second"].values
+    for name, others in (("alone", []), ("with its drive point", ["--drive-point", tmp_path / "a.csv"])):
+        dovetail.write_frf(replace(frfs["second"], values=values), tmp_path / "a.csv", overwrite=True)
+        source = written("transfer", ("", "")) if others else tmp_path / "a.csv"
+        arguments = ["convert", source, tmp_path / f"{name}.csv", "--accelerometer-mass", "1 g", *others]
+        printed = " ".join(run(*arguments).stderr.split())
+        assert "Note: a.csv: as the drive point at the accelerometer, it gives out" in printed
+        assert "UserWarning" not in printed
 
 
 # -- the spindle's flange --------------------------------------------------------------------------------------------

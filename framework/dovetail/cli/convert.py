@@ -83,7 +83,8 @@ def convert(
         accelerometer_mass=0.0 if other_frfs else accelerometer_mass,
     )
     if other_frfs:
-        frf = dovetail.remove_accelerometer_mass(frf, accelerometer_mass, **other_frfs)
+        with reading.warnings_as_notes():
+            frf = dovetail.remove_accelerometer_mass(frf, accelerometer_mass, **other_frfs)
     wanted = next((known for known in QUANTITIES if known == to), None)
     if to is not None:
         frf = frf.to(wanted or meaning_of_unit(to, "--to").quantity)

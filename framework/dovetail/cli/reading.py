@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
@@ -35,6 +36,7 @@ __all__ = [
     "read_selected",
     "reading_options",
     "selections",
+    "warnings_as_notes",
 ]
 
 _Given = TypeVar("_Given")
@@ -140,14 +142,21 @@ def read_measured(file: Path, **options: Any) -> Frf:
     """Read one measured FRF with `read_frf` and its options; print the meaning of columns and warnings as notes."""
     import dovetail
 
+    with warnings_as_notes():
+        frf = dovetail.read_frf(file, **options)
+        if frf.origin:
+            note(f"Read {file.name}: {frf.origin}")
+    return frf
+
+
+@contextmanager
+def warnings_as_notes() -> Iterator[None]:
+    """Print warnings as notes at the end of the block, each once."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
-        frf = dovetail.read_frf(file, **options)
-    if frf.origin:
-        note(f"Read {file.name}: {frf.origin}")
-    for warning in caught:
-        note(f"Note: {warning.message}")
-    return frf
+        yield
+    for message in dict.fromkeys(str(warning.message) for warning in caught):
+        note(f"Note: {message}")
 
 
 def read_selected(

@@ -63,8 +63,9 @@ def spindle(
     aa, ab, bb = (on_grid(frf, loaded.frequency) for frf in tests)
     arguments = loaded, (aa, ab, bb), (tip, at), flange
     options: dict[str, Any] = {"accelerometer_mass": accelerometer_mass, "rotations": how}
-    receptance = dovetail.spindle_flange(*arguments, **options)
-    gain = np.median(error_gain(receptance, *arguments, **options), axis=0)
+    with reading.warnings_as_notes():
+        receptance = dovetail.spindle_flange(*arguments, **options)
+        gain = np.median(error_gain(receptance, *arguments, **options), axis=0)
     output.parent.mkdir(parents=True, exist_ok=True)
     dovetail.write_receptance(receptance, output)
     title(f"The spindle's flange, from {drive_a.name}, {transfer.name} and {drive_b.name}")

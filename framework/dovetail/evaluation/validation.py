@@ -194,7 +194,7 @@ def _check_same_points(cases: Cases, assemblies: Sequence[Assembly]) -> None:
     for described in {case.assembly for case in cases.cases}:
         of_it = [pair for pair in zip(cases.cases, assemblies, strict=True) if pair[0].assembly == described]
         frfs = [case.measured.read(compensated=False) for case, _ in of_it]
-        if faults := batch_contradictions(of_it[0][1], frfs):
+        if faults := batch_contradictions(of_it[0][1].each_response[0], frfs):
             raise MeasurementError(*faults.values())
 
 
@@ -220,7 +220,8 @@ def _validated(case: Case, assembly: Assembly, joint_of: Callable[[JointSource],
     joint = None if case.joint is None else joint_of(case.joint)
     known: AnyIdentification | dict[str, float] = {} if joint is None else joint
     quantity, left_out = assembly.description.response.quantity, assembly.description.left_out
-    read = [check_measured(assembly, case.measured.read(compensated=compensated))[0] for compensated in (False, True)]
+    first = assembly.each_response[0]
+    read = [check_measured(first, case.measured.read(compensated=compensated))[0] for compensated in (False, True)]
     raw, bare = (within_band(frf, assembly.frequency, left_out).to(quantity) for frf in read)
     check_cover(raw, assembly.frequency)
     predicted = predicted_frf(assembly.on(raw.frequency), known)

@@ -233,7 +233,7 @@ def check_measured(assembly: Assembly, measured: Frf | Sequence[Frf]) -> tuple[F
         There are more or fewer, or they do.
     """
     frfs = one_per_response(assembly, measured)
-    check_roles(roles_of(assembly, frfs), substructures=tuple(assembly.description.substructures), passive=False)
+    check_roles(roles_of(assembly, frfs), substructures=_moving_parts(assembly), passive=False)
     return frfs
 
 
@@ -260,7 +260,7 @@ def batch_contradictions(assembly: Assembly, measured: Sequence[Frf | Sequence[F
     mapping of int to Fault
         By the number in the sequence. Those that contradict the responses by themselves are left out.
     """
-    substructures, sound = tuple(assembly.description.substructures), dict[int, list[Role]]()
+    substructures, sound = _moving_parts(assembly), dict[int, list[Role]]()
     for number, given in enumerate(measured):
         frfs = (given,) if isinstance(given, Frf) else tuple(given or ())
         if len(frfs) == len(assembly.description.responses):
@@ -278,6 +278,11 @@ def batch_contradictions(assembly: Assembly, measured: Sequence[Frf | Sequence[F
         for number, roles in others.items()
     }
     return {number: fault for number, fault in found.items() if fault is not None}
+
+
+def _moving_parts(assembly: Assembly) -> tuple[str, ...]:
+    """Return the substructures on which something can be measured."""
+    return tuple(name for name, model in assembly.description.substructures.items() if not model.grounded)
 
 
 def _model_dof(description: Description, place: Place) -> ModelDof:

@@ -277,7 +277,7 @@ def _fault(role: Role, problem: str, remedy: str) -> Fault:
 def _ends(role: Role) -> Iterator[_End]:
     """Yield response and force as far as the file gives them."""
     for noun, text, used in (("response", role.frf.response, role.response), ("force", role.frf.force, role.force)):
-        match = DOF.fullmatch(text)
+        match = DOF.fullmatch("".join(text.split()))
         if match and int(match[2]):
             part, axis = (match[1] or "").lower(), (match[4] or "").lower()
             yield _End(role, noun, _GivenDof(text, part, str(int(match[2])), axis), used)
