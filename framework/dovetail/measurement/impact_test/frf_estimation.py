@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dovetail.errors import Fault, MeasurementError, require_package
 from dovetail.frf import Frf, Quantity
+from dovetail.measurement.impact_test.offsets import remove_force_offset, remove_response_offset
 from dovetail.measurement.impact_test.signal_quality import check_signals
 from dovetail.measurement.recording import parse_quantity
 
@@ -77,10 +78,13 @@ def frf_from_signals(
     estimator : {"H1", "H2"}
         H1 is biased by noise on the force, H2 by noise on the response.
     force_window : float, optional
-        Seconds from the beginning of the record, after which the force is set to zero to remove its noise.
+        Seconds from the beginning of the record, after which the force is set to zero to remove its noise. A DC offset
+        and a linear drift of the force are removed before, since the window would spread them over all lines.
     exponential_window : float, optional
         Value at the end of the record, such as 0.01, of a window ``exp(-decay t)`` on both signals, for a response that
-        has not decayed. The estimate is then H at ``i omega + decay``: the decay is added to that of every mode.
+        has not decayed. DC offsets are removed before, that of the response if there are 8 samples or more before the
+        impact; otherwise a warning reports it. The estimate is then H at ``i omega + decay``: the decay is added to
+        that of every mode.
         `without_window_damping` corrects a damping ratio; the FRF cannot be corrected.
     leave_out_bad : bool
         Leave out impacts with an overload or a second hit.
@@ -117,9 +121,16 @@ def frf_from_signals(
     if not used:
         raise MeasurementError(Fault(label, f"no impact is left: {faults[0].problem}", remedy="Measure again."))
     rows = [number - 1 for number in used]
-    windowed = _apply_windows(pulses[rows], signals[rows], rate, force_window, exponential_window, label)
-    frf = _estimate_frf(*windowed, rate, chosen, estimator)
     warnings = [fault.problem for fault in faults if fault.impact not in bad]
+    pulses, signals = pulses[rows], signals[rows]
+    if exponential_window is not None:
+        signals, problems = remove_response_offset(pulses, signals)
+        warnings += problems
+    if force_window is not None or exponential_window is not None:
+        pulses, problems = remove_force_offset(pulses)
+        warnings += problems
+    windowed = _apply_windows(pulses, signals, rate, force_window, exponential_window, label)
+    frf = _estimate_frf(*windowed, rate, chosen, estimator)
     warnings += [f"impact {number} is left out." for number in sorted(bad)]
     if len(used) == 1:
         warnings.append("a single impact tells neither coherence nor variance.")
