@@ -210,6 +210,46 @@ def test_signals_in_a_universal_file(run, tmp_path, hits):
     check(tmp_path / "a.csv", truth)
 
 
+def test_signals_in_volts(run, tmp_path, hits):
+    """With the sensitivities of hammer and accelerometer, in a file that states volts and milliseconds."""
+    time, force, response, truth = hits
+    names = ["time [ms]", *(f"{name} {n} [mV]" for n in range(1, 5) for name in ("Force", "Response"))]
+    columns = [1e3 * time, *(one[n] for n in range(4) for one in (2.25 * force, 100 * response / 9.80665))]
+    rows = "\n".join(",".join(f"{x:.12g}" for x in row) for row in zip(*columns, strict=True))
+    (tmp_path / "volts.csv").write_text(f"{','.join(names)}\n{rows}\n")
+    fault = run("frf", tmp_path / "volts.csv", "-o", tmp_path / "a.uff", code=1).stderr
+    assert "the force is a voltage, in 'mV'." in fault
+    assert "--force-sensitivity '2.25 mV/N'" in fault
+    options = ("--force-sensitivity", "2.25 mV/N", "--response-sensitivity", "100 mV/g")
+    shown = run("frf", tmp_path / "volts.csv", "-o", tmp_path / "a.uff", *options).stderr
+    text = "4 impacts of 4096 samples at 8192 Hz; force in mV with 2.25 mV/N; response in mV with 100 mV/g."
+    assert f"Read volts.csv: {text}" in " ".join(shown.split())
+    check(tmp_path / "a.uff", truth)
+    wrong = (*options[:2], "--response-sensitivity", "100 mV")
+    assert "is not a sensitivity" in run("frf", tmp_path / "volts.csv", "-o", tmp_path / "b.uff", *wrong, code=1).stderr
+
+
+def test_one_node_of_a_roving_hammer(run, tmp_path, hits):
+    """Two impacts at each of two nodes, with the force along -x at the second."""
+    time, force, response, truth = hits
+    for number, (pulse, signal) in enumerate(zip(force, response, strict=True)):
+        node = number // 2 + 1
+        for kind, unit, sign, data in ((13, "N", -1 if node == 2 else 1, pulse), (12, "m/s^2", 1, node * signal)):
+            one = {"type": 58, "func_type": 1, "rsp_node": node if kind == 13 else 1, "rsp_dir": sign, "x": time}
+            one |= {"data": data, "binary": 1, "abscissa_spec_data_type": 17, "ordinate_axis_units_lab": unit}
+            one |= {"ordinate_spec_data_type": kind, "orddenom_spec_data_type": 0, "ref_node": 0, "ref_dir": 0}
+            pyuff.UFF(str(tmp_path / "hits.uff")).write_sets(one, mode="add")
+    fault = run("frf", tmp_path / "hits.uff", "-o", tmp_path / "a.uff", code=1).stderr
+    assert "the file holds impacts at 2 pairs of points" in fault
+    assert "response 1+x, force 2-x: 2 impacts" in fault
+    shown = run("frf", tmp_path / "hits.uff", "-o", tmp_path / "a.uff", "--force", "1+x").stdout
+    assert "2 averages, from 1+x to 1+x" in " ".join(shown.split())
+    run("frf", tmp_path / "hits.uff", "-o", tmp_path / "b.uff", "--force", "2")
+    frf = dovetail.read_frf(tmp_path / "b.uff")
+    assert (frf.response, frf.force) == ("1+x", "2-x")
+    np.testing.assert_allclose(frf.values[19:699], -2 * truth[1], rtol=0.02, atol=0.02)
+
+
 def test_windows_and_bad_impacts(run, tmp_path, hits):
     _, force, response, _ = hits
     late = int(0.05 * RATE)

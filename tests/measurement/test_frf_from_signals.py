@@ -245,7 +245,7 @@ def test_faults(force, response, rate: float, options: dict, message: str) -> No
 def test_units_of_a_table_are_those_that_it_states(tmp_path: Path, header: str, scales: tuple[float, ...]) -> None:
     rows = [f"{number},{float(number == 0)},{number % 3}" for number in range(64)]
     (tmp_path / "hit.csv").write_text("\n".join([header, *rows]))
-    signals = read_signals(tmp_path / "hit.csv", response_unit="m/s^2")
+    signals = read_signals(tmp_path / "hit.csv")
     second, newton, acceleration = scales
     assert signals.rate == pytest.approx(1.0 / second)
     assert signals.force.max() == pytest.approx(newton)

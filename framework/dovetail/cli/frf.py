@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -10,7 +11,7 @@ import typer
 from dovetail.cli.convert import describe_frf
 from dovetail.cli.frf_files import check_frf_files, write_frf_files
 from dovetail.cli.options import Overwrite, one_of, quantity_in
-from dovetail.cli.reading import Columns, Names, columns_of, names_of
+from dovetail.cli.reading import Columns, ForceDof, Names, ResponseDof, columns_of, names_of
 from dovetail.cli.terminal import note, say, title
 
 __all__ = ["frf"]
@@ -20,7 +21,7 @@ _seconds = quantity_in("s")
 
 def frf(
     signals: Annotated[
-        Path, typer.Argument(metavar="SIGNALS", help="Force and response: .npz, .mat, .h5, .csv, .txt, .uff or .lvm.")
+        Path, typer.Argument(metavar="SIGNALS", help="Force and response: .npz, .npy, .mat, .h5, .csv, .uff or .lvm.")
     ],
     output: Annotated[
         list[Path],
@@ -28,10 +29,21 @@ def frf(
             "--output", "-o", metavar="FILE", help="File for the FRF: .csv, .uff, .npz or .png. May be repeated."
         ),
     ],
-    force_unit: Annotated[str, typer.Option(metavar="UNIT", help="Of the force.")] = "N",
+    force_unit: Annotated[
+        str | None, typer.Option(metavar="UNIT", help="Of the force, if the file does not state it.")
+    ] = None,
     response_unit: Annotated[
-        str, typer.Option(metavar="UNIT", help="Of the response, such as m/s^2, g or mm/s.")
-    ] = "m/s^2",
+        str | None,
+        typer.Option(metavar="UNIT", help="Of the response, such as m/s^2, g or mm/s, if the file does not state it."),
+    ] = None,
+    force_sensitivity: Annotated[
+        str | None,
+        typer.Option(metavar="VALUE", help="Of the hammer, such as '2.25 mV/N', if the force is a voltage."),
+    ] = None,
+    response_sensitivity: Annotated[
+        str | None,
+        typer.Option(metavar="VALUE", help="Of the sensor, such as '100 mV/g', if the response is a voltage."),
+    ] = None,
     rate: Annotated[
         float | None, typer.Option(metavar="HZ", help="Samples per second, if the file does not say it.")
     ] = None,
@@ -49,6 +61,8 @@ def frf(
     leave_out_bad: Annotated[
         bool, typer.Option("--leave-out-bad", help="Leave out impacts with overload or a second hit.")
     ] = False,
+    response: ResponseDof = None,
+    force: ForceDof = None,
     names: Names = None,
     columns: Columns = None,
     overwrite: Overwrite = False,
@@ -68,10 +82,15 @@ def frf(
         signals,
         force_unit=force_unit,
         response_unit=response_unit,
+        force_sensitivity=force_sensitivity,
+        response_sensitivity=response_sensitivity,
+        response=response,
+        force=force,
         rate=rate,
         names=names_of(names or []),
         columns=columns_of(columns),
     )
+    note(f"Read {signals.name}: {read.origin}")
     estimated = dovetail.frf_from_signals(
         read.force,
         read.response,
@@ -84,10 +103,11 @@ def frf(
         label=signals.name,
         note=f"{chosen} of {signals.name}",
     )
-    write_frf_files(estimated.frf, output, (), {}, overwrite=overwrite)
+    frf = replace(estimated.frf, response=read.response_point, force=read.force_point)
+    write_frf_files(frf, output, (), {}, overwrite=overwrite)
     title(f"{chosen} from {signals.name}")
-    say(describe_frf(estimated.frf))
-    for warning in estimated.warnings:
+    say(describe_frf(frf))
+    for warning in (*read.warnings, *estimated.warnings):
         say(f"Note: {warning}")
     for file in output:
         note(f"Written: {file}")

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import fields
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
+from numpy.typing import NDArray
+
 from dovetail.errors import MeasurementError, require_package
 from dovetail.guarded_process import call_guarded
 from dovetail.measurement.formats import hdf5, matlab
 from dovetail.measurement.formats.archives import Archive, Entry
-from dovetail.measurement.formats.column_names import plain_name
 from dovetail.measurement.formats.named_arrays import read_recording
+from dovetail.measurement.quantity_words import words_of
 from dovetail.measurement.recording import ReadOptions, Recording
 from dovetail.measurement.statements import Statement
 
@@ -23,6 +25,9 @@ __all__ = ["answer", "decode", "read_arrays"]
 Form = Literal["HDF5", "MATLAB 7.3", "MATLAB 5"]
 _HELD = tuple(field.name for field in fields(Recording) if field.name not in ("where", "label", "locate"))
 """Fields of a recording that the guarded process returns."""
+
+_ARRAY = "array "
+"""Before the names of arrays in an answer."""
 
 
 def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
@@ -47,7 +52,14 @@ def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
 
 
 def read_arrays(path: Path, content: bytes, names: Sequence[str]) -> Archive:
-    """Return the arrays of a file; only those whose full name or last word is among `names` can be loaded.
+    """Return the arrays of a file, of which only small ones and those of certain names can be loaded.
+
+    Parameters
+    ----------
+    path : Path
+    content : bytes
+    names : sequence of str
+        Names of arrays, or words in their names.
 
     Raises
     ------
@@ -55,7 +67,11 @@ def read_arrays(path: Path, content: bytes, names: Sequence[str]) -> Archive:
         As in `decode`.
     """
     held = _ask(path, content, {"arrays": list(names)})
-    return Archive(path, {name: Entry("", partial(held.__getitem__, name)) for name in held["names"]})
+    entries = {
+        name: Entry(what, partial(held.__getitem__, _ARRAY + name), attributes, _ARRAY + name in held)
+        for name, (what, attributes) in held["entries"].items()
+    }
+    return Archive(path, entries, held["attributes"], held["groups"])
 
 
 def _ask(path: Path, content: bytes, question: Mapping[str, Any]) -> dict[str, Any]:
@@ -76,9 +92,22 @@ def answer(path: Path, content: bytes, form: Form, question: Mapping[str, Any]) 
             index, response, force, named, columns, skip = question["options"]
             recording = read_recording(archive, ReadOptions(index, response, force, named, tuple(columns), tuple(skip)))
             return {name: getattr(recording, name) for name in _HELD}
-        names = question["arrays"]
-        wanted = [name for name in archive.entries if name in names or plain_name(name) in names]
-        return {"names": list(archive.entries)} | {name: archive.entries[name].load() for name in wanted}
+        return {
+            "entries": {name: (entry.what, dict(entry.attributes)) for name, entry in archive.entries.items()},
+            "attributes": dict(archive.attributes),
+            "groups": {name: dict(attributes) for name, attributes in archive.group_attributes.items()},
+        } | {_ARRAY + name: array for name, array in _wanted_arrays(archive, question["arrays"])}
+
+
+def _wanted_arrays(archive: Archive, names: Sequence[str]) -> Iterator[tuple[str, NDArray[Any]]]:
+    for name, entry in archive.entries.items():
+        is_named = name in names or not set(names).isdisjoint(words_of(name))
+        if is_named or entry.is_small:
+            try:
+                yield name, entry.load()
+            except MeasurementError:  # a value of another kind, such as a reference
+                if is_named:
+                    raise
 
 
 def _opened(path: Path, content: bytes, form: Form) -> AbstractContextManager[Archive]:

@@ -26,6 +26,7 @@ _STARTS = (0, *(512 << power for power in range(18)))
 _MOST_OBJECTS = 2000
 _DEEPEST = 8
 _LONGEST_TEXT = 4000
+_MOST_TEXTS = 64
 _CLOSED = "class of an object that only MATLAB opens"
 """Attribute of such an entry, with the name of the class."""
 _NEEDED = ("unit", "units", "quantity", "MATLAB_class")
@@ -136,7 +137,9 @@ def _array(path: Path, dataset: h5py.Dataset, matlab: bool) -> NDArray[Any]:
         accepted = f"at most {LARGEST_ARRAY // 1_000_000} MB"
         raise MeasurementError(Fault(str(path), f"'{dataset.name[1:]}' unpacks to {size / 1e6:.0f} MB.", accepted))
     if h5py.check_string_dtype(dataset.dtype) is not None:
-        return np.array(_decode_text(dataset[()] if dataset.shape == () else dataset[:1].reshape(-1)[0]))
+        if dataset.shape == ():
+            return np.array(_decode_text(dataset[()]))
+        return np.array(", ".join(_decode_text(text) for text in dataset[:_MOST_TEXTS].reshape(-1)[:_MOST_TEXTS]))
     if dataset.dtype.hasobject or dataset.shape is None:
         raise MeasurementError(Fault(str(path), f"'{dataset.name[1:]}' holds references, not numbers or text."))
     array = np.asarray(dataset[()])

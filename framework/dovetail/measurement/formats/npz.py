@@ -20,7 +20,7 @@ from dovetail.measurement.formats.named_arrays import read_recording
 from dovetail.measurement.recording import MOST_LINES, ReadOptions, Recording
 from dovetail.measurement.writing import FrfToWrite
 
-__all__ = ["decode", "decode_array", "encode", "open_archive"]
+__all__ = ["archive_of_fields", "decode", "decode_array", "encode", "open_archive", "read_array"]
 
 _MOST_ARRAYS = 1000
 _ENTRY = b"PK\x01\x02"
@@ -129,6 +129,23 @@ def decode_array(path: Path, content: bytes, options: ReadOptions) -> Recording:
     MeasurementError
         Not an array, Python objects, an array without frequencies or with columns that are not named.
     """
+    array = read_array(path, content)
+    if array.dtype.names:
+        return read_recording(archive_of_fields(path, array), options)
+    if options.chooses or options.names:
+        option = options.chooses or f"names={dict(options.names)}"
+        raise MeasurementError(Fault(str(path), f"{option} is not for an array without names, which holds one FRF."))
+    return columns_of_array(path, array, options, "the array")
+
+
+def read_array(path: Path, content: bytes) -> NDArray[Any]:
+    """Return the array in an NPY file.
+
+    Raises
+    ------
+    MeasurementError
+        Not an array, Python objects, a truncated or a large array.
+    """
     stream = io.BytesIO(content)
     with _report_damage(path):
         shape, dtype = _read_header(path, stream, path.name)
@@ -139,13 +156,12 @@ def decode_array(path: Path, content: bytes, options: ReadOptions) -> Recording:
             problem = f"the array has {len(content) / 1e6:.0f} MB."
             raise MeasurementError(Fault(str(path), problem, f"at most {LARGEST_ARRAY // 1_000_000} MB"))
         array = np.lib.format.read_array(io.BytesIO(content), allow_pickle=False)
-    if array.dtype.names:
-        entries = {name: Entry("", partial(np.asarray, array[name])) for name in array.dtype.names}
-        return read_recording(Archive(path, entries), options)
-    if options.chooses or options.names:
-        option = options.chooses or f"names={dict(options.names)}"
-        raise MeasurementError(Fault(str(path), f"{option} is not for an array without names, which holds one FRF."))
-    return columns_of_array(path, array, options, "the array")
+    return np.asarray(array)
+
+
+def archive_of_fields(path: Path, array: NDArray[Any]) -> Archive:
+    """Return the fields of a structured array as named arrays."""
+    return Archive(path, {name: Entry("", partial(np.asarray, array[name])) for name in array.dtype.names or ()})
 
 
 def _read_header(path: Path, stream: Any, name: str) -> tuple[tuple[int, ...], np.dtype[Any]]:

@@ -9,7 +9,7 @@ empty file.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,6 @@ from dovetail.measurement.formats.uff_sets import (
     ABSCISSA_TYPES,
     COHERENCE,
     END,
-    FORCE,
     GENERAL,
     TIME,
     UffSet,
@@ -36,7 +35,7 @@ from dovetail.measurement.formats.uff_writer import VARIANCE
 from dovetail.measurement.recording import MOST_LINES, ReadOptions, Recording
 from dovetail.measurement.statements import check_axis
 
-__all__ = ["decode", "read_time_records"]
+__all__ = ["decode", "read_data"]
 
 Array = NDArray[np.float64]
 _REAL, _COMPLEX = (2, 4), (5, 6)
@@ -66,7 +65,7 @@ def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
     is_si_file = check_unit_system(content, sets)
     meaning = meaning_of(chosen)
     stated, mentions = interpret_set(chosen, meaning, options, is_si_file=is_si_file)
-    frequency, values = _read_data(content, chosen)
+    frequency, values = read_data(content, chosen)
     scale = check_axis(stated, mentions, "Export the frequencies in Hz.")
     frequency = frequency * scale
     return Recording(
@@ -93,52 +92,6 @@ def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
     )
 
 
-def read_time_records(path: Path, content: bytes) -> tuple[Array, Array, float, tuple[str, str]]:
-    """Return force and response (n_impacts, n_samples), the sampling rate [Hz] and the units of both.
-
-    Raises
-    ------
-    MeasurementError
-        No time responses, or no pairs of a force and a motion with the same times.
-    """
-    sets = [uff_set for uff_set in scan_sets(path, content) if uff_set.function == TIME]
-    forces = [uff_set for uff_set in sets if _is_force(uff_set)]
-    motions = [uff_set for uff_set in sets if not _is_force(uff_set)]
-    if not forces or len(forces) != len(motions):
-        problem = f"the file holds {len(forces)} time records of a force and {len(motions)} of a motion."
-        accepted = "a pair for each impact (function type 1, data type 13 a force)"
-        raise MeasurementError(Fault(str(path), problem, accepted))
-    times, records = zip(*(_read_data(content, uff_set) for uff_set in (*forces, *motions)), strict=True)
-    for uff_set, record in zip((*forces, *motions), records, strict=True):
-        if np.iscomplexobj(record):
-            raise MeasurementError(Fault(uff_set.where, "a time record is complex."))
-    rate = _sampling_rate(path, times)
-    units = _time_unit(path, forces), _time_unit(path, motions)
-    return np.array(records[: len(forces)]), np.array(records[len(forces) :]), rate, units
-
-
-def _sampling_rate(path: Path, times: Sequence[Array]) -> float:
-    first = times[0]
-    if any(time.shape != first.shape or not np.allclose(np.diff(time), np.diff(first)) for time in times):
-        raise MeasurementError(Fault(str(path), "the time records have different lengths or steps."))
-    step = float(first[-1] - first[0]) / max(first.size - 1, 1)
-    if not (step > 0 and np.allclose(np.diff(first), step, rtol=1e-3)):
-        raise MeasurementError(Fault(str(path), "the time does not increase in even steps."))
-    return 1.0 / step
-
-
-def _time_unit(path: Path, sets: Sequence[UffSet]) -> str:
-    labels = {uff_set.fields["ordinate_axis_units_lab"].strip() for uff_set in sets}
-    if len(labels) > 1:
-        raise MeasurementError(Fault(str(path), "the time records are in different units."))
-    label: str = labels.pop()
-    return "" if label.lower() == "none" else label
-
-
-def _is_force(uff_set: UffSet) -> bool:
-    return bool(uff_set.fields["ordinate_spec_data_type"] == FORCE)
-
-
 def _matching_data(
     content: bytes, chosen: UffSet, candidates: Iterable[UffSet], frequency: Array, scale: float
 ) -> Array | None:
@@ -146,7 +99,7 @@ def _matching_data(
     matching = [candidate for candidate in candidates if candidate.points == chosen.points]
     if len(matching) != 1:
         return None
-    axis, data = _read_data(content, matching[0])
+    axis, data = read_data(content, matching[0])
     return None if np.iscomplexobj(data) or not _is_same_axis(axis * scale, frequency) else data
 
 
@@ -181,8 +134,14 @@ def _id_line_value(uff_set: UffSet, key: str, value: str = r"(.+?)\s*$") -> str:
     return ""
 
 
-def _read_data(content: bytes, uff_set: UffSet) -> tuple[Array, NDArray[Any]]:
-    """Return the frequencies and the values of a set whose header can be read."""
+def read_data(content: bytes, uff_set: UffSet) -> tuple[Array, NDArray[Any]]:
+    """Return the abscissa and the values of a set whose header can be read.
+
+    Raises
+    ------
+    MeasurementError
+        Data that do not fit the header.
+    """
     _check_form(uff_set)
     fields = uff_set.fields
     payload = content[uff_set.header_end : uff_set.end]

@@ -33,6 +33,7 @@ __all__ = [
     "Meaning",
     "UffSet",
     "clean_header",
+    "is_dof",
     "meaning_of",
     "parse_set",
     "scan_sets",
@@ -252,7 +253,7 @@ def select_set(path: Path, sets: list[UffSet], options: ReadOptions) -> UffSet:
     fitting = [
         uff_set
         for uff_set in functions
-        if _is_dof(uff_set.response, options.response) and _is_dof(uff_set.force, options.force)
+        if is_dof(uff_set.response, options.response) and is_dof(uff_set.force, options.force)
     ]
     if len(fitting) == 1:
         return fitting[0]
@@ -265,7 +266,7 @@ def select_set(path: Path, sets: list[UffSet], options: ReadOptions) -> UffSet:
     raise MeasurementError(Fault(str(path), problem, remedy=remedy))
 
 
-def _is_dof(name: str, wanted: str | None) -> bool:
+def is_dof(name: str, wanted: str | None) -> bool:
     """Return whether the caller's name is that of this DOF; component, sign and direction may be left out."""
     if wanted is None:
         return True

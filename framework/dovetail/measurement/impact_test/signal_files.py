@@ -1,13 +1,12 @@
-"""Files with time records of impact tests: arrays, tables and universal files."""
+"""Files with time records of impact tests: arrays, tables, LabVIEW and universal files."""
 
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import chain
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,24 +14,25 @@ from numpy.typing import NDArray
 from dovetail.atomic_files import read_bounded
 from dovetail.errors import Fault, MeasurementError, did_you_mean, listing
 from dovetail.frf import QUANTITIES, Quantity
-from dovetail.measurement.formats import guarded, lvm, npz, tables, uff_reader
+from dovetail.measurement.formats import guarded, npz
 from dovetail.measurement.formats.archives import Archive
-from dovetail.measurement.formats.column_names import plain_name
-from dovetail.measurement.formats.text_tables import find_rows, find_table, read_rows, split_lines, suffix_by_content
-from dovetail.measurement.frf_units import conversion_factor, motion_unit, pint_spelling
+from dovetail.measurement.formats.text_tables import suffix_by_content
+from dovetail.measurement.formats.uff_sets import is_dof
+from dovetail.measurement.frf_units import motion_unit, read_unit
+from dovetail.measurement.impact_test.interpretation import Choice, Scale, choose_points, sampling_rate, scale_of
+from dovetail.measurement.impact_test.record_arrays import WANTED_WORDS, read_archive
+from dovetail.measurement.impact_test.record_sets import read_sets
+from dovetail.measurement.impact_test.record_tables import read_columns, read_labview, read_table
+from dovetail.measurement.impact_test.records import Pair
+from dovetail.measurement.impact_test.remarks import Remarks
+from dovetail.measurement.impact_test.sensitivity import volts
 
 __all__ = ["Signals", "read_signals"]
 
-_NAMES = {
-    "force": ("force", "excitation", "hammer", "exc"),
-    "response": ("response", "acceleration", "velocity", "displacement", "resp"),
-    "rate": ("rate", "sampling_rate", "sample_rate", "fs"),
-    "time": ("time", "t", "time_s"),
-}
 _ARCHIVES = (".npz", ".mat", ".h5", ".hdf5")
-_TABLES = (".csv", ".tsv", ".txt")
-_SUFFIXES = (*_ARCHIVES, *_TABLES, ".lvm", ".uff", ".unv")
-_HEADERS = "time,force,response | time,force 1,response 1,..."
+_TABLES = (".csv", ".tsv", ".txt", ".txf", ".asc", ".dat")
+_SUFFIXES = (*_ARCHIVES, ".npy", *_TABLES, ".lvm", ".uff", ".unv")
+_PARTS = ("force", "response", "rate", "time", "skip")
 _EVEN = 0.1
 """Largest error of a time, relative to the step, since files have few decimals."""
 
@@ -46,27 +46,47 @@ class Signals:
     Parameters
     ----------
     force, response : (n_impacts, n_samples) arrays
-        N, and the SI unit of the response.
+        N, and the SI unit of the response. A record along a negative axis has its sign changed.
     rate : float
         Samples per second.
     quantity : Quantity
         Quantity of the response over the force.
+    response_point, force_point : str
+        Where they were measured, such as ``5-x``; empty if the file does not say.
+    origin : str
+        How the file was read: impacts, rate, and units.
+    warnings : tuple of str
+        What looks wrong in the records.
     """
 
     force: Array
     response: Array
     rate: float
     quantity: Quantity
+    response_point: str = ""
+    force_point: str = ""
+    origin: str = ""
+    warnings: tuple[str, ...] = ()
+
+
+class _Options(NamedTuple):
+    names: dict[str, str]
+    columns: Sequence[str]
+    remarks: Remarks
 
 
 def read_signals(
     path: str | os.PathLike[str],
     *,
-    force_unit: str = "N",
-    response_unit: str = "m/s^2",
+    force_unit: str | None = None,
+    response_unit: str | None = None,
+    force_sensitivity: str | None = None,
+    response_sensitivity: str | None = None,
     rate: float | None = None,
     names: Mapping[str, str] | None = None,
     columns: Sequence[str] = (),
+    response: str | None = None,
+    force: str | None = None,
 ) -> Signals:
     """Read force and response of one or more impacts.
 
@@ -74,19 +94,26 @@ def read_signals(
     ----------
     path : path
         ``.npz``, ``.mat``, ``.h5``: arrays ``force`` and ``response`` of shape (n_impacts, n_samples) or
-        (n_samples,), and ``rate`` [Hz] or ``time`` [s]. ``.csv``, ``.tsv``, ``.txt``: any lines, a header, a column
-        ``time`` [s] unless `rate` is given, and columns whose names begin with ``force`` and ``response``, a pair for
-        each impact.
+        (n_samples,), and ``rate`` [Hz] or ``time`` [s]. ``.npy``: a structured array of them, or columns that
+        `columns` names. ``.csv``, ``.tsv``, ``.txt``: any lines, a header, a column ``time`` [s] unless `rate` is
+        given, and columns of a force and a response, a pair for each impact.
         ``.uff``, ``.unv``: time responses (function type 1) in pairs of a force (data type 13) and a motion.
         ``.lvm``: channels whose names begin with one of a force and one of a motion; a segment for each impact.
-    force_unit, response_unit : str
-        Units of the numbers; ``"g"`` is the standard gravity. Labels in the file take precedence.
+    force_unit, response_unit : str, optional
+        Units of the numbers, if the file does not state them; ``"g"`` is the standard gravity. A unit that neither
+        states is that of SI.
+    force_sensitivity, response_sensitivity : str, optional
+        Sensitivities of the sensors, such as ``"2.25 mV/N"`` and ``"100 mV/g"``; the numbers are then voltages, in V
+        unless file or unit state another.
     rate : float, optional
         Samples per second, if the file does not state it.
     names : mapping of str to str, optional
-        Names of ``force``, ``response``, ``rate`` and ``time`` in an archive.
+        Names of ``force``, ``response``, ``rate`` and ``time`` in an archive, of the first two in a table or a LabVIEW
+        file; ``skip`` names entries, separated by commas, that need not be understood.
     columns : sequence of str, optional
         The columns of a table, instead of its header: ``("time", "force", "response", "skip")``.
+    response, force : str, optional
+        The points of the wanted FRF, in a file with several: ``"5+x"``, or ``"5"``.
 
     Returns
     -------
@@ -97,138 +124,124 @@ def read_signals(
     FileError
         The file is missing, empty, not a file, larger than 100 MB, or cannot be read.
     MeasurementError
-        It does not contain pairs of evenly sampled records.
+        It does not contain pairs of evenly sampled records, facts contradict each other, or one is missing.
     DovetailError
         HDF5 and MATLAB 7.3 need h5py, which is not installed.
     """
     source = Path(path)
     if source.suffix.lower() not in _SUFFIXES:
         raise MeasurementError(Fault(str(source), "this is no file of time records.", ", ".join(_SUFFIXES)))
-    content = read_bounded(source)
-    suffix = suffix_by_content(source, content)
-    if columns and suffix not in _TABLES:
-        problem = f"columns={','.join(columns)} is for tables, not for {suffix} files."
-        raise MeasurementError(Fault(str(source), problem))
-    file_rate: float | None
+    chosen = dict(names or {})
+    if unknown := set(chosen) - set(_PARTS):
+        part = sorted(unknown)[0]
+        hint = did_you_mean(part, _PARTS)
+        raise MeasurementError(Fault("the argument names", f"'{part}' is no part of signals.", ", ".join(_PARTS), hint))
+    _check_force_unit(force_unit, force_sensitivity)
+    _check_response_unit(response_unit, response_sensitivity)
+    remarks = Remarks(skip=chosen.pop("skip", "").split(","))
+    pairs = _read_pairs(source, _Options(chosen, columns, remarks))
+    pairs = choose_points(pairs, str(source), response, force, is_dof)
+    choices = Choice(force_unit, force_sensitivity), Choice(response_unit, response_sensitivity)
+    scales = [tuple(scale_of(record, role, choice) for record, role, choice in zip(pair, ("force", "response"), choices,
+              strict=True)) for pair in pairs]  # fmt: skip
+    remarks.check_numbers(all(scale.unit for pair in scales for scale in pair))
+    return _signals(source, pairs, scales, rate)
+
+
+def _signals(path: Path, pairs: Sequence[Pair], scales: Sequence[tuple[Scale, ...]], rate: float | None) -> Signals:
+    """Return all records in SI units."""
+    quantities = {scale[1].quantity: pair[1].where for pair, scale in zip(pairs, scales, strict=True)}
+    if len(quantities) > 1:
+        each = ", ".join(f"{quantity} at {where}" for quantity, where in quantities.items())
+        raise MeasurementError(Fault(str(path), f"the responses are of different quantities: {each}."))
+    shapes = {record.samples.size: record.where for pair in pairs for record in pair}
+    if len(shapes) > 1:
+        each = ", ".join(f"{size} samples at {where}" for size, where in shapes.items())
+        raise MeasurementError(Fault(str(path), f"the records have different lengths: {each}.", "one length"))
+    known = sampling_rate(pairs, rate, lambda times: _rate(path, times))
+    if known is None:
+        raise MeasurementError(Fault(str(path), "the file does not say the sampling rate.", remedy="Give the rate."))
+    both = [
+        np.array(
+            [
+                pair[n].samples * (pair[n].point.sign * scale[n].factor)
+                for pair, scale in zip(pairs, scales, strict=True)
+            ]
+        )
+        for n in (0, 1)
+    ]
+    quantity = next(iter(quantities)) or QUANTITIES[0]
+    pushed, moved = pairs[0]
+    origin = _origin([[scale[n].unit for scale in scales] for n in (0, 1)], both[0].shape, known, quantity)
+    warnings = _negative_pulses(np.array([pair[0].samples for pair in pairs]))
+    return Signals(both[0], both[1], known, quantity, moved.point.label, pushed.point.label, origin, warnings)
+
+
+def _origin(units: Sequence[Sequence[str]], shape: tuple[int, ...], rate: float, quantity: Quantity) -> str:
+    """Return a sentence on what was read, and in which units."""
+    said = []
+    for name, each, usual in zip(
+        ("force", "response"), units, ("N", motion_unit(quantity, rotation=False)), strict=True
+    ):
+        stated = listing(dict.fromkeys(unit or f"{usual}, since no unit is stated" for unit in each))
+        said.append(f"{name} in {stated}")
+    count = f"{shape[0]} impact{'s' * (shape[0] != 1)} of {shape[1]} samples"
+    return f"{count} at {rate:.6g} Hz; {'; '.join(said)}."
+
+
+def _negative_pulses(force: Array) -> tuple[str, ...]:
+    """Return a warning of pulses that are negative as they were recorded."""
+    peaks = np.take_along_axis(force, np.abs(force).argmax(axis=1)[:, np.newaxis], axis=1)[:, 0]
+    negative = np.flatnonzero(peaks < 0) + 1
+    if not negative.size:
+        return ()
+    which = "each impact" if negative.size == len(force) else f"impact {listing(map(str, negative))}"
+    problem = f"the force of {which} is recorded as a negative pulse."
+    return (f"{problem} If the hammer's sensor counts a push as negative, the FRF has the wrong sign.",)
+
+
+def _read_pairs(path: Path, options: _Options) -> list[Pair]:
+    """Return the records of a file."""
+    content = read_bounded(path)
+    suffix = suffix_by_content(path, content)
+    if options.columns and suffix not in (*_TABLES, ".npy"):
+        problem = f"columns={','.join(options.columns)} is for tables, not for {suffix} files."
+        raise MeasurementError(Fault(str(path), problem))
     if suffix in (".uff", ".unv"):
-        force, response, file_rate, units = uff_reader.read_time_records(source, content)
-    elif suffix == ".lvm":
-        force, response, file_rate, units = _from_labview(source, content)
-    elif suffix in _ARCHIVES:
-        archive, units = _open_archive(source, content, names or {}), ("", "")
-        force, response, file_rate = _from_archive(archive, names or {})
-    else:
-        force, response, file_rate, units = _from_table(source, content, columns)
-    force_unit, response_unit = units[0] or force_unit, units[1] or response_unit
-    sampling_rate = file_rate if rate is None else rate
-    if sampling_rate is None:
-        raise MeasurementError(Fault(str(source), "the file does not say the sampling rate.", remedy="Give the rate."))
-    quantity, factor = _response_unit(response_unit)
-    return Signals(force * _force_unit(force_unit), response * factor, float(sampling_rate), quantity)
+        if options.names:
+            raise MeasurementError(Fault(str(path), "names are for files of named arrays or columns, not for sets."))
+        return read_sets(path, content, options.remarks)
+    if suffix == ".lvm":
+        return read_labview(path, content, options.names, options.remarks)
+    if suffix in _TABLES:
+        return read_table(path, content, options.columns, options.names, options.remarks)
+    if suffix == ".npy":
+        array = npz.read_array(path, content)
+        if not array.dtype.names:
+            return read_columns(path, array, options.columns, options.remarks)
+        return read_archive(npz.archive_of_fields(path, array), options.names, options.remarks)
+    return read_archive(_open_archive(path, content, options.names), options.names, options.remarks)
 
 
 def _open_archive(path: Path, content: bytes, names: Mapping[str, str]) -> Archive:
     if path.suffix.lower() == ".npz":
         return npz.open_archive(path, content)
-    wanted = [*names.values(), *(name for spellings in _NAMES.values() for name in spellings)]
-    return guarded.read_arrays(path, content, wanted)
+    return guarded.read_arrays(path, content, [*names.values(), *WANTED_WORDS])
 
 
-def _force_unit(label: str) -> float:
-    newtons = conversion_factor(pint_spelling(label), "N")
-    if newtons is None:
-        raise MeasurementError(Fault("the argument force_unit", f"'{label}' is no unit of a force.", "N, lbf, ..."))
-    return newtons
+def _check_force_unit(unit: str | None, sensitivity: str | None) -> None:
+    reading = None if unit is None else read_unit(unit)
+    is_voltage = sensitivity is not None and unit is not None and volts(unit) is not None
+    if unit is not None and not is_voltage and (reading is None or reading.kind != "load" or reading.moment):
+        raise MeasurementError(Fault("the argument force_unit", f"'{unit}' is no unit of a force.", "N, lbf, ..."))
 
 
-def _response_unit(label: str) -> tuple[Quantity, float]:
-    for quantity in QUANTITIES:
-        if (factor := conversion_factor(pint_spelling(label), motion_unit(quantity, rotation=False))) is not None:
-            return quantity, factor
-    accepted = "m/s^2, g, m/s, mm/s, m, um, ..."
-    raise MeasurementError(Fault("the argument response_unit", f"'{label}' is no unit of a motion.", accepted))
-
-
-def _from_archive(archive: Archive, chosen: Mapping[str, str]) -> tuple[Array, Array, float | None]:
-    arrays: dict[str, Array] = {}
-    for signal, spellings in _NAMES.items():
-        matching = [name for name in archive.entries if plain_name(name) in spellings]
-        names = [chosen[signal]] if signal in chosen else matching
-        if len(names) > 1:
-            raise MeasurementError(Fault(str(archive.path), f"{listing(names)} may each be the {signal}: say which."))
-        for name in names:
-            if name not in archive.entries:
-                hint = did_you_mean(name, archive.entries)
-                raise MeasurementError(Fault(str(archive.path), f"there is no '{name}' in the file.", remedy=hint))
-            array = archive.entries[name].load()
-            if array.dtype.kind not in "fiu" or array.ndim > 2 or (signal == "rate" and np.unique(array).size != 1):
-                problem = f"'{name}' has the shape {array.shape} and the type {array.dtype}."
-                raise MeasurementError(Fault(str(archive.path), problem, "real numbers, and one rate"))
-            arrays[signal] = array.astype(np.float64)
-    if not {"force", "response"} <= set(arrays):
-        held = ", ".join(list(archive.entries)[:20]) or "nothing"
-        accepted = "arrays force and response, of shape (n_impacts, n_samples), and rate or time"
-        raise MeasurementError(Fault(str(archive.path), f"force or response are missing; there is: {held}.", accepted))
-    force, response = (_rows(arrays[signal]) for signal in ("force", "response"))
-    if "rate" in arrays:
-        return force, response, float(arrays["rate"].reshape(-1)[0])
-    return force, response, _rate(archive.path, arrays["time"].ravel()) if "time" in arrays else None
-
-
-def _rows(array: Array) -> Array:
-    """Return records as rows; in MATLAB, a single record, and often several, are columns."""
-    table = np.atleast_2d(array)
-    return table.T if table.shape[0] > table.shape[1] else table
-
-
-def _from_table(path: Path, data: bytes, columns: Sequence[str]) -> tuple[Array, Array, float | None, tuple[str, str]]:
-    lines = split_lines(path, data)
-    if columns:
-        table = find_rows(str(path), lines, columns, [*chain(*_signal_columns(columns).values())])
-    else:
-        remedy = "Say what each column holds: --columns time,force,response,skip."
-        table = find_table(str(path), lines, lambda cells: bool(_signal_columns(cells)["force"]), _HEADERS, remedy)
-    signals = _signal_columns(table.header)
-    if not signals["force"] or len(signals["force"]) != len(signals["response"]):
-        problem = f"the header has {len(signals['force'])} columns of force and {len(signals['response'])} of response."
-        raise MeasurementError(Fault(f"{path}:{table.line + 1}", problem, _HEADERS))
-    wanted = [*chain(*signals.values())]
-    _, rows = read_rows(table, table.header, wanted)
-    count = len(signals["force"])
-    beside = tables.names_and_units(table.header)[1]
-    stated = [own or below.strip("[]()") for own, below in zip(beside, table.units or beside, strict=True)]
-    labels = [{stated[column] for column in part if not stated[column].isdigit()} for part in signals.values()]
-    second = conversion_factor("".join(labels[2]) or "s", "s")
-    if second is None or any(len(each) > 1 for each in labels):
-        raise MeasurementError(Fault(f"{path}:{table.line + 1}", f"the columns are in {', '.join(stated)}.", "s, N, g"))
-    units = "".join(labels[0]), "".join(labels[1])
-    return rows[:count], rows[count : 2 * count], _rate(path, rows[-1] * second) if signals["time"] else None, units
-
-
-def _from_labview(path: Path, content: bytes) -> tuple[Array, Array, float, tuple[str, str]]:
-    """Return force and response (n_impacts, n_samples), the sampling rate [Hz], and the units of both."""
-    segments = lvm.read_segments(path, content)
-    first = segments[0]
-    if any(s.names != first.names or s.axis.shape != first.axis.shape for s in segments):
-        raise MeasurementError(Fault(str(path), "the segments differ in channels or length."))
-    columns = [
-        [i for i, name in enumerate(first.names) if plain_name(name).startswith(_NAMES[signal])]
-        for signal in ("force", "response")
-    ]
-    if first.dimension != "time" or any(len(column) != 1 for column in columns):
-        problem = f"the abscissa is {first.dimension}, the channels are {', '.join(first.names[:20])}."
-        accepted = "time, and channels whose names begin with Force and Response, one of each"
-        raise MeasurementError(Fault(first.where, problem, accepted))
-    force, response = (np.array([segment.channels[column[0]] for segment in segments]) for column in columns)
-    units = first.units[columns[0][0]], first.units[columns[1][0]]
-    return force, response, _rate(path, first.axis), ("N" if units[0] == "Newtons" else units[0], units[1])
-
-
-def _signal_columns(cells: Sequence[str]) -> dict[str, list[int]]:
-    """Return the columns of forces, of responses and, at most one, of the time."""
-    names = [plain_name(name) for name in tables.names_and_units(cells)[0]]
-    columns = {part: [i for i, name in enumerate(names) if re.match(part, name)] for part in ("force", "response")}
-    return columns | {"time": [i for i, name in enumerate(names) if name in _NAMES["time"]][:1]}
+def _check_response_unit(unit: str | None, sensitivity: str | None) -> None:
+    reading = None if unit is None else read_unit(unit)
+    is_voltage = sensitivity is not None and unit is not None and volts(unit) is not None
+    if unit is not None and not is_voltage and (reading is None or reading.kind != "motion" or reading.rotation):
+        accepted = "m/s^2, g, m/s, mm/s, m, um, ..."
+        raise MeasurementError(Fault("the argument response_unit", f"'{unit}' is no unit of a motion.", accepted))
 
 
 def _rate(path: Path, time: Array) -> float:

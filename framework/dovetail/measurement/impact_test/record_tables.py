@@ -1,0 +1,270 @@
+"""Time records of impact tests in tables, in arrays of columns, and in LabVIEW measurement files."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.errors import Fault, MeasurementError, did_you_mean
+from dovetail.measurement.formats import lvm
+from dovetail.measurement.formats.text_tables import find_rows, find_table, read_rows, split_lines
+from dovetail.measurement.frf_units import read_unit
+from dovetail.measurement.impact_test.records import AxisFact, Pair, Point, TimeRecord
+from dovetail.measurement.impact_test.remarks import Remarks
+from dovetail.measurement.impact_test.signal_names import Role, SignalName, read_name
+from dovetail.measurement.statements import Statement
+
+__all__ = ["read_columns", "read_labview", "read_table"]
+
+Array = NDArray[np.float64]
+_HEADERS = "time,force,response | time,force 1,response 1,..."
+_SKIP = "skip"
+_SLASH = re.compile(r"(.+?)\s+/\s+(\S.*)")
+"""A name and its unit according to DIN 1313: ``Force / N``."""
+_CHANNEL = re.compile(r"(?:ch|chan|channel|sensor|input|ai)\W*\d+|[+-]?\s?[xyz]|\d+[+-]?[xyz]?", re.IGNORECASE)
+"""Brackets with the number of a channel or a direction, not a unit."""
+_BRACKET = re.compile(r"([^\[(]*?)\s*[\[(](.*)[\])]")
+
+
+class _Column:
+    """A column of a table, or a channel."""
+
+    def __init__(self, name: str, unit: str, said: SignalName, where: str) -> None:
+        self.name, self.unit, self.said, self.where = name, unit, said, where
+
+    def record(self, samples: Array, axis: Sequence[AxisFact], remarks: Remarks) -> TimeRecord:
+        """Return the record of these samples."""
+        role = self.said.role
+        if self.said.unclear:
+            problem = f"'{self.name}' holds '{self.said.unclear}', not samples in a unit."
+            raise MeasurementError(Fault(self.where, problem, "forces and motions in their units, or voltages"))
+        label: Any = "load label" if role == "force" else "label"
+        about: Any = "load unit" if role == "force" else "motion unit"
+        own = [Statement(label, self.said.label or self.name, self.where)]
+        own += [Statement(about, unit, self.where) for unit in (self.unit, *self.said.units) if unit]
+        point = remarks.point(role, Point(self.said.point, self.said.point, self.said.sign))
+        is_acceleration = self.said.is_acceleration
+        return TimeRecord(
+            self.where, samples, remarks.of(role, own), tuple(axis), point, is_acceleration=is_acceleration
+        )
+
+
+def read_table(
+    path: Path, content: bytes, columns: Sequence[str], names: dict[str, str], remarks: Remarks
+) -> list[Pair]:
+    """Return force and response of each impact in a table.
+
+    Parameters
+    ----------
+    path : Path
+    content : bytes
+    columns : sequence of str
+        The columns, instead of the table's header.
+    names : dict of str to str
+        From ``force``, ``response`` and ``time`` to the names of columns, as the caller gives them.
+    remarks : Remarks
+        Receives what the lines above state.
+
+    Raises
+    ------
+    MeasurementError
+        No header, or no pairs of a force and a response.
+    """
+    lines = split_lines(path, content)
+    if columns:
+        wanted = [number for number, one in enumerate(_named(columns, names)) if one.role]
+        table = find_rows(str(path), lines, columns, wanted)
+    else:
+        remedy = "Say what each column holds: --columns time,force,response,skip."
+        table = find_table(str(path), lines, lambda cells: _has_force(cells, names), _HEADERS, remedy)
+    for number, line in enumerate(table.lines[: table.line]):
+        if not columns or line.lstrip()[:1] in ("#", "%"):
+            remarks.read_line(line, f"{path}:{number + 1}")
+    where = "the argument columns" if columns else f"{path}:{table.line + 1}"
+    found = _columns(where, table.header, table.units if not columns else (), names)
+    used = [number for number, column in enumerate(found) if column.said.role]
+    _check_pairs(where, found)
+    _, rows = read_rows(table, table.header, used)
+    return _pairs(where, [found[number] for number in used], rows, remarks)
+
+
+def read_columns(path: Path, array: NDArray[Any], columns: Sequence[str], remarks: Remarks) -> list[Pair]:
+    """Return force and response of each impact in an array of (n_samples, n_columns) numbers, or of its transpose.
+
+    Raises
+    ------
+    MeasurementError
+        As in `read_table`, or an array of another shape.
+    """
+    if array.ndim != 2 or array.dtype.kind not in "fiu" or len(columns) not in array.shape:
+        problem = (
+            f"the array has the shape {array.shape} and the type {array.dtype}, and {len(columns)} columns are named."
+        )
+        remedy = "Say what each column holds: --columns time,force,response,skip."
+        raise MeasurementError(Fault(str(path), problem, "real numbers (n_samples, n_columns)", remedy))
+    table = array if array.shape[1] == len(columns) else array.T
+    found = _columns("the argument columns", columns, (), {})
+    _check_pairs("the argument columns", found)
+    used = [number for number, column in enumerate(found) if column.said.role]
+    rows = table.T[used].astype(np.float64)
+    return _pairs(str(path), [found[number] for number in used], rows, remarks)
+
+
+def _named(cells: Sequence[str], names: dict[str, str]) -> list[SignalName]:
+    """Return what each name of a column states, where the caller's names replace those of the table."""
+    bare = _names_and_units(cells)[0]
+    said = [SignalName("") if name in ("", _SKIP) else read_name(name) for name in bare]
+    for part, chosen in names.items():
+        role: Any = {"time": "times"}.get(part, part)
+        for number, (name, cell) in enumerate(zip(bare, cells, strict=True)):
+            if chosen in (name, cell):
+                said[number] = read_name(name, role)
+            elif said[number].role == role:
+                said[number] = SignalName("")
+    return said
+
+
+def _names_and_units(cells: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Split cells such as ``Force [N]`` or ``Force / N`` into names and units."""
+    names, units = list(cells), [""] * len(cells)
+    for number, cell in enumerate(cells):
+        match = _BRACKET.fullmatch(cell) or _SLASH.fullmatch(cell)
+        if match and (cell.endswith((")", "]")) or read_name(match[1]).role):
+            names[number], units[number] = match[1], match[2].strip("[]()")
+    return names, units
+
+
+def _has_force(cells: Sequence[str], names: dict[str, str]) -> bool:
+    return any(one.role == "force" for one in _named(cells, names))
+
+
+def _columns(where: str, cells: Sequence[str], below: Sequence[str], names: dict[str, str]) -> list[_Column]:
+    bare, units = _names_and_units(cells)
+    named = _named(cells, names)
+    for part, chosen in names.items():
+        if chosen not in (*bare, *cells):
+            hint = did_you_mean(chosen, bare)
+            raise MeasurementError(Fault(where, f"there is no '{chosen}' for the {part}.", remedy=hint))
+    columns = []
+    for number, cell in enumerate(cells):
+        unit = "" if units[number].isdigit() else units[number]
+        row = below[number].strip("[]()") if below else ""
+        said = named[number]
+        if unit and row and read_unit(unit) != read_unit(row):
+            problem = f"'{cell[:60]}' has the unit '{row[:40]}' in the row below."
+            raise MeasurementError(Fault(where, problem, "one unit"))
+        if unit and not said.role.startswith(("times", "force", "response")):
+            unit = ""
+        if unit and read_unit(unit) is None and said.role in ("force", "response"):
+            said = read_name(cell, said.role)  # brackets with a word, such as (Trigger)
+            is_word = (unit.replace(" ", "").isalpha() and len(unit) > 3) or _CHANNEL.fullmatch(unit)
+            unit = "" if is_word or said.impact or said.point else unit
+        columns.append(_Column(cell if not unit else bare[number], unit or row, said, where))
+    return columns
+
+
+def _check_pairs(where: str, columns: Sequence[_Column]) -> None:
+    """Refuse other columns than pairs of force and response and one time, in units of a time, a force and a motion."""
+    forces, responses, times = ([c for c in columns if c.said.role == role] for role in ("force", "response", "times"))
+    if not forces or len(forces) != len(responses):
+        problem = f"the header has {len(forces)} columns of force and {len(responses)} of response."
+        remedy = (
+            "Choose the columns: --name force='NAME' --name response='NAME', or --columns time,force,response,skip."
+        )
+        raise MeasurementError(Fault(where, problem, _HEADERS, remedy))
+    if len(times) > 1:
+        raise MeasurementError(Fault(where, f"the header has {len(times)} columns of time.", _HEADERS))
+    for column in times:
+        reading = read_unit(column.unit) if column.unit else None
+        if column.unit and (reading is None or reading.kind not in ("time", "none")):
+            stated = ", ".join(column.unit for column in columns if column.unit)
+            raise MeasurementError(Fault(where, f"the columns are in {stated}.", "s, N, g"))
+
+
+def _pairs(where: str, columns: Sequence[_Column], rows: Array, remarks: Remarks) -> list[Pair]:
+    by_role: dict[Role, list[int]] = {"force": [], "response": [], "times": []}
+    for number, column in enumerate(columns):
+        by_role.setdefault(column.said.role, []).append(number)
+    axis = list(remarks.facts())
+    for number in by_role["times"]:
+        column = columns[number]
+        unit = column.unit or column.said.unit
+        axis.append(remarks.with_unit(AxisFact("times", np.ascontiguousarray(rows[number]), unit, column.where)))
+    forces, responses = by_role["force"], by_role["response"]
+    for part in (forces, responses):
+        if len({columns[number].said.others for number in part}) > 1:  # other words name points
+            for number in part:
+                said = columns[number].said
+                columns[number].said = said._replace(point=f"{said.others} {said.point}".strip())
+    numbers = [[columns[number].said.impact for number in part] for part in (forces, responses)]
+    if len(forces) > 1 and any(chain(*numbers)):
+        if any(len(set(part)) < len(part) for part in numbers) or set(numbers[0]) != set(numbers[1]):
+            problem = "the numbers of the columns of force and response are not the same."
+            raise MeasurementError(Fault(where, problem, _HEADERS))
+        responses = [responses[numbers[1].index(number)] for number in numbers[0]]
+    return [
+        (columns[one].record(rows[one], axis, remarks), columns[other].record(rows[other], axis, remarks))
+        for one, other in zip(forces, responses, strict=True)
+    ]
+
+
+def read_labview(path: Path, content: bytes, names: dict[str, str], remarks: Remarks) -> list[Pair]:
+    """Return force and response of each segment of a LabVIEW measurement file.
+
+    Raises
+    ------
+    MeasurementError
+        A segment without one force and one response over time.
+    """
+    pairs = []
+    for segment in lvm.read_segments(path, content):
+        columns = _columns(segment.where, segment.names, (), names)
+        chosen = [[n for n, column in enumerate(columns) if column.said.role == role] for role in ("force", "response")]
+        if segment.dimension != "time" or any(len(part) != 1 for part in chosen):
+            problem = f"the abscissa is {segment.dimension}, the channels are {', '.join(segment.names[:20])}."
+            accepted = "time, and channels whose names begin with Force and Response, one of each"
+            remedy = "Choose the channels: --name force='NAME' --name response='NAME'."
+            raise MeasurementError(Fault(segment.where, problem, accepted, remedy))
+        axis = [AxisFact("times", segment.axis, segment.axis_unit, segment.where), *_other_axes(segment)]
+        axis += remarks.facts()
+        pair = []
+        for (number,) in chosen:
+            column = columns[number]
+            column.unit = column.unit or segment.units[number]
+            if column.unit and segment.units[number] and read_unit(column.unit) != read_unit(segment.units[number]):
+                problem = f"'{column.name}' has the Y_Unit_Label '{segment.units[number]}'."
+                raise MeasurementError(Fault(segment.where, problem, "one unit"))
+            record = column.record(segment.channels[number], axis, remarks)
+            dimension = segment.header.get("Y_Dimension", ())
+            if number < len(dimension) and dimension[number]:
+                about: Any = "load label" if column.said.role == "force" else "motion quantity"
+                words = Statement(about, dimension[number], f"{segment.where}, Y_Dimension")
+                record = record._replace(statements=(*record.statements, words))
+            pair.append(record)
+        pairs.append((pair[0], pair[1]))
+    return pairs
+
+
+def _other_axes(segment: lvm.Segment) -> list[AxisFact]:
+    """Return what the header states about the axes of all channels, which must agree."""
+    facts = []
+    for key in ("X_Unit_Label", "X_Dimension"):
+        labels = {text.lower() for text in segment.header.get(key, ())[: len(segment.names)] if text}
+        if len(labels) > 1:
+            raise MeasurementError(Fault(segment.where, f"the channels have {key} {', '.join(sorted(labels))}.", "one"))
+    if len({text for text in segment.header.get("X0", ())[: len(segment.names)] if text}) > 1:
+        raise MeasurementError(Fault(segment.where, "the channels start at different times (X0).", "one X0"))
+    for step in segment.header.get("Delta_X", ())[: len(segment.names)]:
+        try:
+            value = float(step.replace(",", "."))
+        except ValueError:
+            continue
+        if value != 1.0:  # what LabVIEW writes of signals without a step
+            facts.append(AxisFact("step", value, segment.axis_unit, f"{segment.where}, Delta_X"))
+    return facts
