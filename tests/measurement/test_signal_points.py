@@ -587,3 +587,9 @@ def test_a_name_that_the_caller_chooses_still_states_a_unit(tmp_path, name):
     table(tmp_path / "a.tsv", f"time\tforce\t{name}", TIME, FORCE, RESPONSE)
     signals = read_signals(tmp_path / "a.tsv", names={"response": name})
     np.testing.assert_allclose(signals.response, [9.80665 * RESPONSE], rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["-", "()", "[ ]", "in", "//", "  "])
+def test_a_name_without_a_word_is_passed_over(tmp_path, name):
+    table(tmp_path / "a.tsv", f"time\tforce\tresponse\t{name}", TIME, FORCE, RESPONSE, RESPONSE)
+    assert read_signals(tmp_path / "a.tsv").rate == pytest.approx(RATE)

@@ -134,7 +134,7 @@ def read_name(text: str, chosen: Role = "") -> SignalName:
 def _axis_name(text: str) -> SignalName | None:
     """Return the meaning of a name such as ``time_ms``, ``fs_kHz`` or ``dt``, or None."""
     parts = [part for part in re.split(r"[\s_\-()\[\]/.:]+", text.strip()) if part not in ("", "in")]
-    for count in (0, 1):
+    for count in range(min(len(parts), 2)):
         unit = parts[-1] if count else ""
         name = " ".join(words_of(" ".join(parts[: len(parts) - count])))
         if name in _AXIS and len(parts) > count:
