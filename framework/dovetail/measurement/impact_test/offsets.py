@@ -4,8 +4,8 @@ Without a window an offset is at 0 Hz only, and that line is not part of the FRF
 force into a rectangle, and an exponential window turns either offset into a decaying pulse.
 
 The force is zero except during the contact, so its offset and its drift are estimated from all other samples. The
-response is at rest only before the impact. Its end is not used: a slow motion there, such as that of a suspension, is
-part of the response.
+response is at rest only before the impact. Its end only refines an offset that was found there: a slow motion at the
+end, such as that of a suspension, is part of the response.
 """
 
 from __future__ import annotations
@@ -41,6 +41,8 @@ class Settings:
         Probability with which noise alone is taken for an offset.
     negligible : float
         Offset, as a fraction of the highest sample, that is below the resolution of the best converters (120 dB).
+    consistent : float
+        Standard errors within which the means before the impact and at the end are the same offset.
     tail : float
         Part of a record, at its end, in which a remaining offset of the response is reported.
     """
@@ -52,6 +54,7 @@ class Settings:
     most_blocks: int = 16
     false_alarm: float = 1e-4
     negligible: float = 1e-6
+    consistent: float = 3.0
     tail: float = 0.25
 
 
@@ -96,6 +99,8 @@ def remove_response_offset(force: Array, response: Array) -> Offsets:
     corrected, problems = _remove("response", response, quiet, with_drift=False)
     tail = np.zeros_like(quiet)
     tail[:, -int(_SETTINGS.tail * response.shape[1]) :] = True
+    if problems:
+        corrected = _refined(corrected, quiet, tail)
     ends, starts = _blocks(corrected, tail), _blocks(corrected, quiet)
     mean, error = _mean_and_error(ends)
     uncertainty = np.hypot(error, _mean_and_error(starts)[1]) if starts.size else error
@@ -107,6 +112,23 @@ def remove_response_offset(force: Array, response: Array) -> Offsets:
             "exponential window spreads over the lowest lines.",
         )
     return Offsets(corrected, problems)
+
+
+def _refined(records: Array, quiet: NDArray[np.bool_], tail: NDArray[np.bool_]) -> Array:
+    """Return records whose offset before the impact was removed, with the remaining error reduced by their ends.
+
+    The end counts by its own uncertainty, and only if its mean is within the uncertainty of that before the impact:
+    what is subtracted is never larger than the offset may be wrong by, so that a slow motion is kept.
+    """
+    refined = records.copy()
+    for row, before, after in zip(refined, quiet, tail, strict=True):
+        starts, ends = (_blocks(row[np.newaxis], mask[np.newaxis]) for mask in (before, after))
+        if starts.size and ends.size:
+            error = _mean_and_error(starts)[1]
+            mean, scatter = _mean_and_error(ends)
+            if abs(mean) <= _SETTINGS.consistent * np.hypot(error, scatter) and error > 0:
+                row -= mean * error**2 / (error**2 + scatter**2)
+    return refined
 
 
 def _remove(name: str, records: Array, quiet: NDArray[np.bool_], *, with_drift: bool) -> Offsets:
