@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import difflib
 import importlib.util
+import traceback
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Self
 
@@ -28,7 +29,9 @@ __all__ = [
     "by_importance",
     "damage_reported",
     "did_you_mean",
+    "explained",
     "is_decisive",
+    "limit_exceeded",
     "listing",
     "require_package",
     "reworded",
@@ -141,6 +144,38 @@ def listing(names: Iterable[str], limit: int = 12) -> str:
     return f"{text}, and {len(items) - limit} more" if len(items) > limit else text
 
 
+def explained(error: Exception, where: str) -> DovetailError:
+    """Return an exception of one of several pieces of work as an error with its cause, so that the others go on.
+
+    Parameters
+    ----------
+    error : Exception
+        A DovetailError is returned as it is.
+    where : str
+        The piece of work, such as the name of a measurement.
+    """
+    if isinstance(error, DovetailError):
+        return error
+    if isinstance(error, OSError):
+        return DovetailError(Fault(where, f"the system refuses: {error.strerror or error}."))
+    if (limit := limit_exceeded(error, where)) is not None:
+        return limit
+    calls = traceback.extract_tb(error.__traceback__)
+    place = f" ({calls[-1].filename}:{calls[-1].lineno})" if calls else ""
+    problem = f"unexpected error: {type(error).__name__}: {error}{place}."
+    remedy = "This is a bug in dovetail or in a plugin that it uses: please report it with this message and the file."
+    return DovetailError(Fault(where, problem, remedy=remedy))
+
+
+def limit_exceeded(error: Exception, where: str) -> DovetailError | None:
+    """Return what the values of an input exceed, memory or the range of numbers, or None if an exception is a bug."""
+    if isinstance(error, MemoryError) or "can't allocate memory" in str(error):  # torch raises a RuntimeError
+        return DovetailError(Fault(where, "there is not enough memory for it.", remedy="Free some memory."))
+    if isinstance(error, ArithmeticError) or type(error).__name__ == "LinAlgError":
+        return DovetailError(Fault(where, f"its values are beyond what can be computed with: {error}."))
+    return None
+
+
 def require_package(name: str, extra: str, where: str) -> None:
     """Raise a DovetailError at `where` that says what to install if an optional package is missing."""
     if importlib.util.find_spec(name) is None:
@@ -149,15 +184,19 @@ def require_package(name: str, extra: str, where: str) -> None:
 
 
 @contextmanager
-def damage_reported(where: str, problem: str, accepted: str = "") -> Iterator[None]:
-    """Convert whatever a library raises for a damaged file to one fault of a measurement, with its reason."""
+def damage_reported(
+    where: str, problem: str, accepted: str = "", kind: type[DovetailError] = MeasurementError
+) -> Iterator[None]:
+    """Convert whatever is raised for a damaged file to one fault of this kind of error, with its reason."""
     try:
         yield
-    except MeasurementError:
-        raise
+    except kind as error:
+        if all(fault.where for fault in error.faults):
+            raise
+        raise type(error)(*(replace(fault, where=fault.where or where) for fault in error.faults)) from None
     except Exception as error:
         reason = " ".join(str(error).split())[:100] or type(error).__name__
-        raise MeasurementError(Fault(where, f"{problem}: {reason}.", accepted)) from None
+        raise kind(Fault(where, f"{problem}: {reason.rstrip('.')}.", accepted)) from error
 
 
 class Importance(IntEnum):

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from dovetail.errors import DovetailError, Fault
+from dovetail.worker_processes import end_with_parent
 
 __all__ = ["call_guarded"]
 
@@ -74,7 +75,7 @@ def call_guarded(
         Of the class `error`: what the function raised, or that it took more memory or time or ended the process.
     """
     module = sys.modules[function.__module__].__file__ or ""
-    question = json.dumps([str(path), memory, arguments])
+    question = json.dumps([str(path), memory, os.getpid(), arguments])
     homes = str(Path(__file__).parents[1]), str(Path(np.__file__).parents[1])
     command = [sys.executable, "-I", "-c", _START, module, function.__module__, function.__name__, question, *homes]
     environment = {name: os.environ[name] for name in _ENVIRONMENT if name in os.environ}
@@ -102,7 +103,8 @@ def call_guarded(
 def main() -> None:
     """Answer the call in the arguments, about the file on the standard input."""
     file, name, function, question = sys.argv[1:5]
-    path, memory, arguments = json.loads(question)
+    path, memory, parent, arguments = json.loads(question)
+    end_with_parent(parent)
     content = sys.stdin.buffer.read()
     _bound_memory(memory)
     try:

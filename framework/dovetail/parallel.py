@@ -6,18 +6,16 @@ import os
 import platform
 import sys
 import threading
-import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator
-from concurrent.futures import CancelledError, ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import AbstractContextManager, contextmanager
+from concurrent.futures import CancelledError
+from contextlib import AbstractContextManager, closing, contextmanager
 from functools import lru_cache
 from importlib.metadata import version
 from itertools import islice
-from multiprocessing import get_context
 from typing import Any, TypeVar
 
 from dovetail.errors import DovetailError, Fault, require_package
+from dovetail.worker_processes import run_tasks
 
 __all__ = ["FILE_MODULE", "cores", "on_cluster", "one_blas_thread", "require_cluster", "side_by_side"]
 
@@ -34,12 +32,12 @@ _AHEAD = 2
 _SAME = ("dovetail-frf", "numpy", "scipy", "llvmlite")
 """Packages of which every machine must have the same version, since results would differ."""
 _WHERE = "scheduler"
+_KILLED = Fault(
+    _WHERE, "several workers were ended at the same task, by the system or by hand.", remedy="Give each more memory."
+)
 
 _turn = threading.Lock()
 """Held by the task that is running in this worker: an assembly's engine is not made for several threads."""
-
-_work: Callable[[int], Any] | None = None
-"""The task of this worker process; set once, when it starts."""
 
 
 def cores() -> int:
@@ -49,7 +47,11 @@ def cores() -> int:
 
 
 def side_by_side(
-    work: Callable[[int], Result], count: int, workers: int, scheduler: str | None = None
+    work: Callable[[int], Result],
+    count: int,
+    workers: int,
+    scheduler: str | None = None,
+    lost: Callable[[int, Fault], Result] | None = None,
 ) -> Generator[tuple[int, Result], None, None]:
     """Yield ``(index, work(index))`` for each index below `count`, in the order in which they finish.
 
@@ -63,35 +65,26 @@ def side_by_side(
         in this process.
     scheduler : str, optional
         Address of a Dask scheduler, whose workers do the tasks in their place.
+    lost : callable, optional
+        Called with the index and the reason of a task whose process was killed, and killed again when it was repeated
+        alone; returns a result in its place.
 
     Raises
     ------
     DovetailError
-        A process was killed.
+        A task was lost, and there is no `lost`.
 
     Notes
     -----
-    After Ctrl-C, or when the caller stops iterating, running tasks are finished and no others are started.
+    When the caller stops iterating, as after Ctrl-C, the processes are killed at once.
     """
     if scheduler is not None:
-        yield from on_cluster(work, range(count), scheduler)
-        return
-    if workers == 1 or count <= 1 or sys.platform != "linux":
+        yield from on_cluster(work, range(count), scheduler, lost)
+    elif workers == 1 or count <= 1 or sys.platform != "linux":
         yield from ((index, work(index)) for index in range(count))
-        return
-    with warnings.catch_warnings():
-        # A forked process can hang where a thread held a lock; the threads of linear algebra hold none.
-        warnings.filterwarnings("ignore", message=".*multi-threaded.*fork", category=DeprecationWarning)
-        pool = ProcessPoolExecutor(min(workers, count), get_context("fork"), _begin, (work,))
-        try:
-            futures = {pool.submit(_run_task, index): index for index in range(count)}
-            for future in as_completed(futures):
-                yield futures[future], future.result()
-        except BrokenProcessPool:
-            remedy = "Free some memory, or let fewer work at once."
-            raise DovetailError(Fault("", "a worker process was ended by the system.", remedy=remedy)) from None
-        finally:
-            pool.shutdown(cancel_futures=True)
+    else:
+        with closing(run_tasks(work, count, workers, one_blas_thread, lost)) as done:
+            yield from done
 
 
 def one_blas_thread() -> AbstractContextManager[Any]:
@@ -109,23 +102,11 @@ def _blas() -> Any:
     return ThreadpoolController()
 
 
-def _begin(work: Callable[[int], Any]) -> None:
-    """Ignore Ctrl-C, which the parent process handles, and limit linear algebra to one thread."""
-    import signal
-
-    global _work
-    one_blas_thread()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _work = work
-
-
-def _run_task(index: int) -> Any:
-    assert _work is not None
-    return _work(index)
-
-
 def on_cluster(
-    work: Callable[[Task], Result], tasks: Iterable[Task], scheduler: str
+    work: Callable[[Task], Result],
+    tasks: Iterable[Task],
+    scheduler: str,
+    lost: Callable[[int, Fault], Result] | None = None,
 ) -> Generator[tuple[int, Result], None, None]:
     """Yield ``(number, work(task))`` in the order in which the workers of a Dask scheduler finish.
 
@@ -137,6 +118,9 @@ def on_cluster(
         Drawn as workers get free. Two for each worker are under way, so that memory is bounded.
     scheduler : str
         Its address, such as ``tcp://host:8786``.
+    lost : callable, optional
+        Called with the number and the reason of a task at which several workers were ended; returns a result in its
+        place.
 
     Raises
     ------
@@ -148,7 +132,7 @@ def on_cluster(
     A task of a worker that is killed is done by another one. A worker does one task at a time.
     """
     with _client(scheduler) as client:
-        from distributed import wait
+        from distributed import KilledWorker, wait
 
         packed = client.submit(_packed, _pack(work), pure=False)
         waiting = enumerate(tasks)
@@ -165,7 +149,14 @@ def on_cluster(
                 _require_workers(client.nthreads())
                 continue
             for future in finished:
-                yield running.pop(future), future.result()
+                number = running.pop(future)
+                try:
+                    result: Result = future.result()
+                except KilledWorker:
+                    if lost is None:
+                        raise
+                    result = lost(number, _KILLED)
+                yield number, result
                 del future  # what it holds on the cluster goes with it
 
 
@@ -196,8 +187,7 @@ def _client(address: str) -> Iterator[Any]:
         except TimeoutError:
             _require_workers({})
         except KilledWorker:
-            problem = "several workers were ended at the same task, by the system or by hand."
-            raise DovetailError(Fault(_WHERE, problem, remedy="Give each more memory.")) from None
+            raise DovetailError(_KILLED) from None
         except (CommClosedError, CancelledError):
             problem = "the connection with the scheduler was lost."
             raise DovetailError(Fault(_WHERE, problem, remedy="Start it and its workers anew.")) from None

@@ -58,7 +58,8 @@ def test_ctrl_c_writes_what_is_there(interruptible, bench, tmp_path):
         (["--cases", "0"], 2, "--cases"),
         (["--noise", "0"], 1, "is no noise"),
         (["--finer-mesh", "4"], 1, "none of its parts has a mesh"),
-        (["--model-error", "2"], 1, "no relative error"),
+        (["--model-error", "2"], 2, "'2' may mean 2 % or 200 %"),
+        (["--model-error", "200%"], 1, "no relative error"),
     ],
 )
 def test_wrong_options(run, bench, arguments, code, found):

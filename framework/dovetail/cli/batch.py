@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 import re
+import shutil
+import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from itertools import chain, count
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import typer
 
-from dovetail.cli.commands import exit_unless_believable
+from dovetail.cli.commands import INTERRUPTED, exit_unless_believable
 from dovetail.cli.reading import read_measured
-from dovetail.cli.terminal import heading, print_json, progress_bars, say, say_on_stderr, table, title
+from dovetail.cli.result_files import write_folder, writing
+from dovetail.cli.terminal import heading, note, print_json, progress_bars, say, say_on_stderr, table, title
+from dovetail.errors import FileError
 
 if TYPE_CHECKING:
     from dovetail.assembly import Assembly
-    from dovetail.identification import Batch, Identifier
+    from dovetail.frf import Frf
+    from dovetail.identification import Batch, Identification, Identifier
     from dovetail.interfaces import IdentificationMethod
     from dovetail.report.content import ParameterRow
 
@@ -25,6 +32,8 @@ __all__ = ["check_batch", "identify_batch", "is_batch"]
 _SUMMARY = "summary.csv"
 _TABLES = (_SUMMARY, "parameters.csv")
 _PAGE = "summary.html"
+_SPARING = 10.0
+"""Time between two writings of the output folder over the time that the last one took."""
 
 
 def is_batch(measured: Sequence[Path], responses: int) -> bool:
@@ -55,29 +64,47 @@ def identify_batch(
     as_json: bool,
     **options: Any,
 ) -> None:
-    """Identify the joint from each file, read with options of `read_frf`; exit with 1 if a file failed."""
-    from dovetail import Batch, DovetailError, identify_many
-    from dovetail.cli.result_files import writing
+    """Identify the joint from each file, read with options of `read_frf`; exit with 1 if a file failed.
 
-    frfs, unread = [], {}
-    for file in (files := _files(measured, contents.get("plugins", ()))):
-        try:
-            frfs.append(read_measured(file, **contents))
-        except DovetailError as error:
-            unread[file.name if sum(other.name == file.name for other in files) == 1 else str(file)] = str(error)
-    with progress_bars() as progress:
-        done = identify_many(assembly, frfs, method, model=model, progress=progress, **options)
-    batch = Batch(done.results, {**unread, **done.failures})
-    with writing(output, lambda folder: _write(batch, assembly, folder), _SUMMARY):
-        if as_json:
-            print_json({"results": _summary(batch), "parameters": batch.table, "failures": dict(batch.failures)})
-        else:
-            _print(assembly, batch)
+    The files of each result are written when it arrives, so that they are there if this process is killed.
+    """
+    from dovetail import identify_many
+    from dovetail.identification.identifier import unique_names
+
+    frfs, unread = _read(_files(measured, contents.get("plugins", ())), contents)
+    with TemporaryDirectory(prefix="dovetail-") as staging:
+        files = _Files(assembly, unique_names(frfs), output, Path(staging))
+        with progress_bars() as progress:
+            options |= {"on_outcome": files.add, "progress": progress}
+            done = identify_many(assembly, frfs, method, model=model, **options)
+        batch = files.complete(done, unread)
+        with writing(output, lambda folder: files.write(batch, folder), _SUMMARY, files.written):
+            if as_json:
+                print_json({"results": _summary(batch), "parameters": batch.table, "failures": dict(batch.failures)})
+            else:
+                _print(assembly, batch)
     for failure in batch.failures.values():
         say_on_stderr(failure)
+    if batch.interrupted:
+        note(f"Interrupted after {len(batch.results) + len(batch.failures)} of {len(frfs) + len(unread)} measurements.")
+        raise typer.Exit(INTERRUPTED)
     if batch.failures:
         raise typer.Exit(1)
     exit_unless_believable(batch)
+
+
+def _read(files: Sequence[Path], contents: Mapping[str, Any]) -> tuple[list[Frf], dict[str, str]]:
+    """Return the FRFs of all files that can be read, and by their names why the others cannot be."""
+    from dovetail.errors import explained
+
+    frfs, unread = [], {}
+    for file in files:
+        try:
+            frfs.append(read_measured(file, **contents))
+        except Exception as error:  # whatever is wrong with one file, the others are read
+            name = file.name if sum(other.name == file.name for other in files) == 1 else str(file)
+            unread[name] = str(explained(error, str(file)))
+    return frfs, unread
 
 
 def _files(measured: Sequence[Path], plugins: Sequence[Path]) -> list[Path]:
@@ -151,20 +178,73 @@ def _text(row: ParameterRow) -> str:
     return f"{row.estimate} ({details})" if details else row.estimate
 
 
-def _write(batch: Batch, assembly: Assembly, folder: Path) -> None:
-    from dovetail.cli.result_files import csv_text, json_text, write_texts
-    from dovetail.report.batch import write_batch
-    from dovetail.report.report import write_report
+class _Files:
+    """The files of a batch, of which those of each measurement are written when its result arrives."""
 
-    texts = {}
-    for name, rows in zip(_TABLES, (_summary(batch), batch.table), strict=True):
-        texts[name] = csv_text(list(rows[0]), [row.values() for row in rows]) if rows else ""
-    stems = dict(zip(batch.results, _stems(list(batch.results)), strict=True))
-    for name, result in batch.results.items():
-        texts[f"{stems[name]}.json"] = json_text(result.to_dict())
-        write_report(result, folder / f"{stems[name]}.html", assembly=assembly)
-    write_batch(batch, folder / _PAGE, assembly.name, {name: f"{stem}.html" for name, stem in stems.items()})
-    write_texts(folder, texts)
+    def __init__(self, assembly: Assembly, names: Sequence[str], output: Path | None, staging: Path) -> None:
+        self._assembly, self._output, self._staging = assembly, output, staging
+        self._stems = dict(zip(names, _stems(names), strict=True))
+        self._arrived: dict[str, Identification] = {}
+        self._failures: dict[str, str] = {}
+        self._next = 0.0
+        self.written: set[str] = set()
+
+    def add(self, name: str, outcome: Identification | str) -> None:
+        """Keep a result, and write what there is unless that was done a moment ago."""
+        if isinstance(outcome, str):
+            self._failures[name] = outcome
+        elif self._output is None or self._is_made(name, outcome):
+            self._arrived[name] = outcome
+        began = time.monotonic()
+        if self._output is None or began < self._next:
+            return
+        batch = self._batch(self._arrived, self._failures)
+        with suppress(FileError):  # which is tried again at the end, and then reported
+            self.written |= set(write_folder(self._output, lambda to: self.write(batch, to), _SUMMARY, self.written))
+        self._next = time.monotonic() + _SPARING * (time.monotonic() - began)
+
+    def complete(self, done: Batch, unread: Mapping[str, str]) -> Batch:
+        """Return the batch in the order of the measurements, with what could not be read or made a report of."""
+        results = {name: result for name, result in done.results.items() if name in self._arrived}
+        return self._batch(results, {**unread, **done.failures, **self._failures}, interrupted=done.interrupted)
+
+    def _batch(
+        self, results: Mapping[str, Identification], failures: Mapping[str, str], *, interrupted: bool = False
+    ) -> Batch:
+        from dovetail import Batch
+
+        return Batch(dict(results), dict(failures), interrupted)
+
+    def _is_made(self, name: str, result: Identification) -> bool:
+        """Make the files of a result, and return whether that was possible."""
+        from dovetail.cli.result_files import json_text, write_texts
+        from dovetail.errors import explained
+        from dovetail.report.report import write_report
+
+        stem = self._stems[name]
+        try:
+            write_texts(self._staging, {f"{stem}.json": json_text(result.to_dict())})
+            write_report(result, self._staging / f"{stem}.html", assembly=self._assembly)
+        except Exception as error:  # whatever is wrong with one result, the others are written
+            self._failures[name] = str(explained(error, name))
+            return False
+        return True
+
+    def write(self, batch: Batch, folder: Path) -> None:
+        """Write the tables and the page of a batch, and the files of results that are not in the output folder yet."""
+        from dovetail.cli.result_files import csv_text, write_texts
+        from dovetail.report.batch import write_batch
+
+        for stem in (self._stems[name] for name in batch.results):
+            for file in (f"{stem}.json", f"{stem}.html"):
+                if file not in self.written:
+                    shutil.copyfile(self._staging / file, folder / file)
+        texts = {}
+        for name, rows in zip(_TABLES, (_summary(batch), batch.table), strict=True):
+            texts[name] = csv_text(list(rows[0]), [row.values() for row in rows]) if rows else ""
+        pages = {name: f"{self._stems[name]}.html" for name in batch.results}
+        write_batch(batch, folder / _PAGE, self._assembly.name, pages)
+        write_texts(folder, texts)
 
 
 def _stems(names: Sequence[str]) -> list[str]:

@@ -9,7 +9,7 @@ import typer
 
 from dovetail.cli.commands import INTERRUPTED
 from dovetail.cli.options import AsJson, PluginFiles, Scheduler, assembly_or_model, chosen_method, one_of, part
-from dovetail.cli.terminal import note, print_json, progress_bars, say, table, title
+from dovetail.cli.terminal import note, print_json, progress_bars, say, say_on_stderr, table, title
 from dovetail.plain_text import markdown_table
 
 if TYPE_CHECKING:
@@ -42,7 +42,13 @@ def calibrate(
     ] = 0.01,
     samples: Annotated[int, typer.Option(metavar="N", min=1, help="Of each posterior.")] = 400,
     model_error: Annotated[
-        float, typer.Option(metavar="PART", help="Relative error of natural frequencies allowed to the model.")
+        float,
+        typer.Option(
+            metavar="PART",
+            parser=part,
+            show_default=False,
+            help="Relative error of natural frequencies allowed to the model.",
+        ),
     ] = 0.0,
     finer_mesh: Annotated[
         int, typer.Option(metavar="N", min=1, help="Measurements come from a mesh so many times finer.")
@@ -69,7 +75,8 @@ def calibrate(
 
     Joints are drawn from the ranges, each is measured with noise and identified. If the posterior is
     right, 90 % of its 90 % intervals hold the truth, and the truth's rank among the samples is uniform. Ctrl-C ends it
-    with the cases that are done. Files of an earlier run in the output folder are replaced.
+    with the cases that are done. A case that fails does not end the others; the exit code is then 1. Files of an
+    earlier run in the output folder are replaced.
     """
     import dovetail
     from dovetail.cli.model_cache import trained_model
@@ -103,9 +110,15 @@ def calibrate(
             print_json(done.to_dict())
         else:
             _print(loaded.name, done)
-    if len(done.case) < cases:
-        note(f"Interrupted after {len(done.case)} of {cases} cases.")
+    for failure in done.failures.values():
+        say_on_stderr(failure)
+    ended = len(done.case) + len(done.failures)
+    if ended < cases:
+        note(f"Interrupted after {ended} of {cases} cases.")
         raise typer.Exit(INTERRUPTED)
+    if done.failures:
+        note(f"{len(done.failures)} of {cases} cases failed, and are not in the coverage.")
+        raise typer.Exit(1)
 
 
 def _print(name: str, done: Calibration) -> None:

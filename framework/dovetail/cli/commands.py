@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import errno
+import sys
 import traceback
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -13,7 +15,8 @@ import typer
 from typer.core import TyperGroup
 
 from dovetail.cli.terminal import say, say_on_stderr, waiting
-from dovetail.errors import DovetailError, Fault
+from dovetail.cli.warning_notes import warnings_as_notes
+from dovetail.errors import DovetailError, Fault, limit_exceeded
 from dovetail.plain_text import terminal_text
 
 if TYPE_CHECKING:
@@ -23,6 +26,7 @@ __all__ = [
     "INTERRUPTED",
     "Believable",
     "Commands",
+    "exit_if_failed",
     "exit_unless_believable",
     "measurement_names",
     "report_bug",
@@ -81,7 +85,7 @@ class Commands(TyperGroup):
     def invoke(self, ctx: Any) -> Any:
         """Run a command, and convert exceptions to a message and an exit code."""
         try:
-            with _escaped_usage_errors(), waiting():
+            with _escaped_usage_errors(), warnings_as_notes(), waiting():
                 return super().invoke(ctx)
         except DovetailError as error:
             typer.echo(str(error), err=True)
@@ -93,7 +97,16 @@ class Commands(TyperGroup):
         except KeyboardInterrupt:
             typer.echo("\nInterrupted.", err=True)
             raise typer.Exit(INTERRUPTED) from None
+        except Exception as error:
+            if (limit := limit_exceeded(error, _files_named())) is None:
+                raise
+            typer.echo(str(limit), err=True)
         raise typer.Exit(1)
+
+
+def _files_named() -> str:
+    """Return the files of the command line, whose values are to blame for what cannot be computed."""
+    return ", ".join(word for word in sys.argv[1:] if Path(word).is_file())
 
 
 @contextmanager
@@ -118,6 +131,14 @@ def measurement_names(result: AnyIdentification) -> str:
     """Return the names of the measurements from which a joint was identified, each once, with commas."""
     further = [response.measured.label for response in getattr(result, "further", ())]
     return ", ".join(dict.fromkeys([result.measured.label, *further]))
+
+
+def exit_if_failed(failures: Mapping[str, str]) -> None:
+    """Print why some of several measurements or cases have no result, and exit with code 1 if there are any."""
+    for failure in failures.values():
+        say_on_stderr(failure)
+    if failures:
+        raise typer.Exit(1)
 
 
 def exit_unless_believable(result: Believable) -> None:

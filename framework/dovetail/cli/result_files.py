@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -25,6 +25,7 @@ __all__ = [
     "csv_text",
     "json_text",
     "prepare_folder",
+    "write_folder",
     "write_modal_results",
     "write_results",
     "write_texts",
@@ -75,51 +76,82 @@ def prepare_folder(folder: Path | None, files: Sequence[str] = _FILES, mark: str
 
 
 @contextmanager
-def writing(folder: Path | None, write: Callable[[Path], None], mark: str = _RESULT) -> Iterator[None]:
+def writing(
+    folder: Path | None, write: Callable[[Path], None], mark: str = _RESULT, kept: Collection[str] = ()
+) -> Iterator[None]:
     """Write the files of a run to a folder; after the output of the block, print what was written, or why not.
 
     Parameters
     ----------
     folder : Path or None
-        The files appear there all at once, with a manifest. Unchanged files of an earlier run are removed; all other
-        files in `folder` are kept.
-    write : callable
-        Writes the files to the folder that is its argument.
-    mark : str
-        As in `prepare_folder`.
+        Nothing is written without one.
+    write, mark, kept
+        As in `write_folder`.
 
     Raises
     ------
     FileError
         They cannot be written; the block has run nevertheless.
     """
-    from dovetail.atomic_files import new_folder
     from dovetail.cli.terminal import note
-    from dovetail.identification.provenance import file_hash
 
     if folder is None:
         yield
         return
     try:
-        with new_folder(folder, _unchanged(folder), mark, MANIFEST) as fresh:
-            write(fresh)
-            names = sorted(file.name for file in fresh.iterdir())
-            lines = [f"{file_hash(fresh / name)}  {name}\n" for name in names]
-            write_texts(fresh, {MANIFEST: "".join(lines)})
+        names = write_folder(folder, write, mark, kept)
     finally:
         yield
     note(f"Written to {folder}: {', '.join((*names, MANIFEST))}")
+
+
+def write_folder(folder: Path, write: Callable[[Path], None], mark: str, kept: Collection[str] = ()) -> list[str]:
+    """Write the files of a run to a folder, and return their names.
+
+    Parameters
+    ----------
+    folder : Path
+        The files appear there all at once, with a manifest. Unchanged files of an earlier run are removed; all other
+        files in `folder` are kept.
+    write : callable
+        Writes the files to the folder that is its argument.
+    mark : str
+        As in `prepare_folder`.
+    kept : collection of str
+        Files that this run has written to `folder` before, and which stay.
+
+    Raises
+    ------
+    FileError
+        They cannot be written; the folder is then as it was.
+    """
+    from dovetail.atomic_files import new_folder
+    from dovetail.identification.provenance import file_hash
+
+    hashes = {name: digest for name, digest in _listed(folder).items() if name in kept}
+    with new_folder(folder, _unchanged(folder) - hashes.keys(), mark, MANIFEST) as fresh:
+        write(fresh)
+        hashes |= {file.name: file_hash(file) for file in fresh.iterdir()}
+        write_texts(fresh, {MANIFEST: "".join(f"{hashes[name]}  {name}\n" for name in sorted(hashes))})
+    return sorted(hashes)
+
+
+def _listed(folder: Path) -> dict[str, str]:
+    """Return the files that the manifest in a folder lists, with their hashes."""
+    listed: dict[str, str] = {}
+    with suppress(OSError, ValueError):
+        for line in (folder / MANIFEST).read_text(encoding="utf-8").splitlines():
+            digest, _, name = line.partition("  ")
+            listed[name] = digest
+    return listed
 
 
 def _unchanged(folder: Path) -> set[str]:
     """Return the names of files from an earlier run that have not been changed since."""
     from dovetail.identification.provenance import file_hash
 
-    listed: dict[str, str] = {}
+    listed = _listed(folder)
     with suppress(OSError, ValueError):
-        for line in (folder / MANIFEST).read_text(encoding="utf-8").splitlines():
-            digest, _, name = line.partition("  ")
-            listed[name] = digest
         return {file.name for file in folder.iterdir() if file.is_file() and file_hash(file) == listed.get(file.name)}
     return set()
 

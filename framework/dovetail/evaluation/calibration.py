@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly, AssemblySource, as_assembly
-from dovetail.errors import Fault, ParameterError, listing
+from dovetail.errors import DovetailError, Fault, ParameterError, explained, listing
 from dovetail.evaluation.mesh_refinement import finer
 from dovetail.frf import Frf
 from dovetail.identification import identify
@@ -110,6 +110,8 @@ class Calibration:
         For the whole study.
     workers : int or None
         Cases identified at the same time; None on a cluster, whose workers come and go.
+    failures : mapping of int to str
+        Why a case has no result, by its number.
     """
 
     setting: Setting
@@ -124,6 +126,7 @@ class Calibration:
     believable: NDArray[np.bool_]
     wall_seconds: float
     workers: int | None
+    failures: Mapping[int, str] = field(default_factory=dict)
 
     def inside(self, level: float = LEVEL) -> NDArray[np.bool_]:
         """Return whether the central interval of this probability holds the truth, (n, n_params)."""
@@ -178,6 +181,7 @@ class Calibration:
             "seconds": {"median": float(np.median(self.seconds)), "most": float(self.seconds.max())},
             "wall_seconds": self.wall_seconds,
             "workers": self.workers,
+            "failures": {str(index): reason for index, reason in sorted(self.failures.items())},
         }
 
 
@@ -230,12 +234,14 @@ def calibrate(
     Returns
     -------
     Calibration
-        After Ctrl-C, of the cases that were done by then.
+        Of the cases that have a result; the others are among its failures. After Ctrl-C, of those done by then.
 
     Raises
     ------
     ParameterError
         There is nothing to identify, an option is out of its range, or the method has no intervals.
+    DovetailError
+        No case has a result: why the first has none.
     KeyboardInterrupt
         Ctrl-C before any case was done.
 
@@ -253,18 +259,34 @@ def calibrate(
         raise ParameterError(Fault("workers", f"{workers} are none.", "1 or more"))
     began = time.perf_counter()
     done: dict[int, _Case] = {}
+    failures: dict[int, str] = {}
     try:
-        cases_done = side_by_side(study.case, cases, at_once, scheduler)
+        cases_done = side_by_side(study.case_or_reason, cases, at_once, scheduler, _lost)
         with progress_reporter(progress) as report, closing(cases_done) as results:
             report("cases", 0, cases)
             for index, case in results:
+                if isinstance(case, str):
+                    failures[index] = case
+                    continue
                 done[index] = case
                 inside = np.mean([np.abs(2.0 * other.rank - 1.0) < LEVEL for other in done.values()])
-                report("cases", len(done), cases, f"truth in {inside:.0%} of the {LEVEL:.0%} intervals")
+                note = f"truth in {inside:.0%} of the {LEVEL:.0%} intervals"
+                report("cases", len(done) + len(failures), cases, note)
     except KeyboardInterrupt:
         if not done:
             raise
-    return _calibration(setting, assembly, done, time.perf_counter() - began, None if scheduler else at_once)
+    if not done:
+        raise DovetailError(next(iter(failures.values())).strip())
+    seconds = time.perf_counter() - began
+    return replace(_calibration(setting, assembly, done, seconds, None if scheduler else at_once), failures=failures)
+
+
+def _lost(index: int, reason: Fault) -> str:
+    return str(replace(reason, where=_place(index)))
+
+
+def _place(index: int) -> str:
+    return f"case {index + 1}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -304,6 +326,15 @@ class _Study:
         self._true = finer(assembly, setting.finer_mesh)
         for response_assembly in (*assembly.each_response, *self._true.each_response):
             response_assembly.frf()  # so that processes that are copies of this one find all engines ready
+
+    def case_or_reason(self, index: int) -> _Case | str:
+        """Make and identify a measurement; return why there is no result if that fails for this case alone."""
+        try:
+            return self.case(index)
+        except ParameterError:  # of the setting, and so of every case
+            raise
+        except Exception as error:  # of a plugin, or a bug: the other cases go on
+            return str(explained(error, _place(index)))
 
     def case(self, index: int) -> _Case:
         """Make and identify a measurement."""

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import logging
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import chain, count
 from pathlib import Path
+from textwrap import indent
 from typing import Any, Self
-
-import numpy as np
 
 from dovetail.assembly import Assembly, AssemblySource, as_assembly
 from dovetail.assembly.calibration import SHARED
 from dovetail.dataset import Dataset
-from dovetail.errors import DovetailError, Fault, MeasurementError, ParameterError, listing
+from dovetail.errors import DovetailError, Fault, MeasurementError, ParameterError, explained, listing
 from dovetail.frf import Frf
 from dovetail.identification.identify import Measurement, as_frfs, identify
 from dovetail.identification.measured_lines import batch_contradictions
@@ -30,7 +29,7 @@ from dovetail.plain_text import html_table, terminal_text
 from dovetail.registry import PluginPaths
 from dovetail.units import format_quantity
 
-__all__ = ["Batch", "Identifier", "identify_many", "load_model", "train"]
+__all__ = ["Batch", "Identifier", "identify_many", "load_model", "train", "unique_names"]
 
 
 class Identifier(TrainedNetwork):
@@ -206,10 +205,13 @@ class Batch:
         By the measurement, in the order in which they were given.
     failures : mapping of str to str
         Why a measurement has no result.
+    interrupted : bool
+        Whether Ctrl-C ended the work; measurements that were not done are then in neither mapping.
     """
 
     results: Mapping[str, Identification]
     failures: Mapping[str, str]
+    interrupted: bool = False
 
     def __repr__(self) -> str:
         return f"<Batch: {len(self.results)} identifications, {len(self.failures)} failures>"
@@ -248,6 +250,7 @@ def identify_many(
     model: TrainedNetwork | None = None,
     processes: int | None = None,
     scheduler: str | None = None,
+    on_outcome: Callable[[str, Identification | str], None] | None = None,
     progress: Progress | bool | None = None,
     **options: Any,
 ) -> Batch:
@@ -262,11 +265,14 @@ def identify_many(
     method : str or IdentificationMethod, optional
         As in `identify`.
     model : TrainedNetwork, optional
-        As in `identify`; with it, one measurement follows the other.
+        As in `identify`; with it, the measurements are identified one after another, in this process.
     processes : int, optional
-        How many work at once; one for each core by default.
+        How many work at once; one for each core by default. With 1, the work is done in this process.
     scheduler : str, optional
         Address of a Dask scheduler, whose workers identify instead of processes here, with a `model` too.
+    on_outcome : callable, optional
+        Called with the name and the result of each measurement, or why it has none, in the order in which they finish:
+        to keep what is there.
     progress : bool or callable, optional
         True shows a bar in a terminal or a notebook; a function is called after each measurement.
     **options
@@ -275,14 +281,17 @@ def identify_many(
     Returns
     -------
     Batch
-        A measurement that cannot be read or identified is one of its failures, and does not end the others.
+        A measurement that cannot be read or identified is one of its failures, and does not end the others. Neither
+        does one whose process is killed: it is repeated when no other is running, and fails if its process is killed
+        again. After Ctrl-C: those that were done by then.
 
-    Notes
-    -----
-    The first measurement is identified before the others, so that all processes share the engine that it compiles.
+    Raises
+    ------
+    KeyboardInterrupt
+        Ctrl-C before any measurement was done.
     """
     loaded, frfs = as_assembly(assembly), list(measurements)
-    names = _names(frfs)
+    names = unique_names(frfs)
     faults = batch_contradictions(loaded, [_read(measurement) for measurement in frfs])
 
     def work(index: int) -> Identification | str:
@@ -290,32 +299,36 @@ def identify_many(
             if index in faults:
                 raise MeasurementError(faults[index])
             return identify(loaded, frfs[index], method, model=model, **options)
-        except (DovetailError, np.linalg.LinAlgError) as error:
-            logging.getLogger(__name__).info("%s: failed", names[index])
-            if isinstance(error, DovetailError):
-                return str(error)
-            return f"{names[index]}\n  its values are beyond what can be solved for: {error}."
+        except Exception as error:  # of a plugin, or a bug: the other measurements go on
+            logging.getLogger(__name__).info("%s: failed", names[index], exc_info=error)
+            return _failure(names[index], explained(error, names[index]))
+
+    def lost(index: int, reason: Fault) -> str:
+        return _failure(names[index], DovetailError(replace(reason, where=names[index])))
 
     outcomes: dict[int, Identification | str] = {}
     workers = 1 if model is not None else processes or cores()
-
-    with progress_reporter(progress) as report:
-
-        def keep(index: int, outcome: Identification | str) -> None:
-            outcomes[index] = outcome
-            report("identifying", len(outcomes), len(frfs))
-
-        report("identifying", 0, len(frfs))
-        first = 1 if frfs and scheduler is None else 0
-        for index in range(first):
-            keep(index, work(index))
-        with closing(side_by_side(lambda index: work(first + index), len(frfs) - first, workers, scheduler)) as done:
-            for index, outcome in done:
-                keep(first + index, outcome)
-    ordered = [(name, outcomes[index]) for index, name in enumerate(names)]
+    interrupted = False
+    try:
+        if workers > 1:
+            _compile(loaded)
+        done = side_by_side(work, len(frfs), workers, scheduler, lost)
+        with progress_reporter(progress) as report, closing(done) as arriving:
+            report("identifying", 0, len(frfs))
+            for index, outcome in arriving:
+                outcomes[index] = outcome
+                if on_outcome is not None:
+                    on_outcome(names[index], outcome)
+                report("identifying", len(outcomes), len(frfs))
+    except KeyboardInterrupt:
+        if not outcomes:
+            raise
+        interrupted = True
+    ordered = [(name, outcomes[index]) for index, name in enumerate(names) if index in outcomes]
     return Batch(
         {name: outcome for name, outcome in ordered if isinstance(outcome, Identification)},
         {name: outcome for name, outcome in ordered if isinstance(outcome, str)},
+        interrupted,
     )
 
 
@@ -324,11 +337,26 @@ def _read(measurement: Measurement) -> tuple[Frf, ...] | None:
     try:
         with warnings.catch_warnings(action="ignore"):
             return as_frfs(measurement)
-    except DovetailError:
+    except Exception:  # whatever it is, the identification of this measurement meets it again
         return None
 
 
-def _names(measurements: Sequence[Measurement]) -> list[str]:
+def _failure(name: str, error: DovetailError) -> str:
+    """Return the text of an error, which names the measurement."""
+    text = str(error)
+    return text if name in text else f"{name}\n{text if text.startswith('  ') else indent(text, '  ')}"
+
+
+def _compile(assembly: Assembly) -> None:
+    """Compile the engine's kernels, so that processes that are copies of this one share them."""
+    for one in assembly.each_response:
+        few = one.on(one.frequency[:2])
+        few.frf()
+        if few.parameters:
+            few.frf_jacobian()
+
+
+def unique_names(measurements: Sequence[Measurement]) -> list[str]:
     """Name each measurement after its FRFs or files; the second of the same name ends in (2)."""
     names: list[str] = []
     for measurement in measurements:

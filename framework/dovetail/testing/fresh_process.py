@@ -35,6 +35,10 @@ _LIMIT = 300
 WORK = "work"
 """Working folder of a fresh process, initially empty."""
 _REQUEST, _ARRAYS, _SAMPLES = "request.json", "state.safetensors", "samples.npz"
+_START = (
+    "import os; from dovetail.worker_processes import end_with_parent; end_with_parent(os.getppid()); "
+    "from {} import main; main()"
+)
 _REMEDY = "Put the class at the top of a module, and let restore need nothing but the state and the Config."
 
 
@@ -136,7 +140,7 @@ def run_in_fresh_process(
     (folder / WORK).mkdir()
     salt = "1" if os.environ.get("PYTHONHASHSEED") != "1" else "2"
     done = subprocess.run(
-        [sys.executable, "-c", f"from {entry} import main; main()", str(folder)],
+        [sys.executable, "-c", _START.format(entry), str(folder)],
         capture_output=True,
         text=True,
         env={**environment, "PYTHONPATH": os.pathsep.join(path), "PYTHONHASHSEED": salt},

@@ -1,0 +1,92 @@
+"""Processes that a command has started end with it, however it ends."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals are of POSIX")
+
+POOL = """
+import os, sys, time
+from pathlib import Path
+from dovetail.parallel import side_by_side
+
+def work(index):
+    Path(f"{os.getpid()}.child").touch()
+    time.sleep(600)
+
+list(side_by_side(work, 4, 2))
+"""
+GUARDED = """
+from pathlib import Path
+from dovetail.guarded_process import call_guarded
+import endless
+
+call_guarded(endless.read, Path("a.h5"), b"content", seconds=600.0)
+"""
+FRESH = """
+import sys
+from pathlib import Path
+import endless
+from dovetail.testing.fresh_process import run_in_fresh_process
+
+run_in_fresh_process("endless", endless.Model, {}, Path("fresh"), {}, 600.0)
+"""
+ENDLESS = """
+import os, time
+from pathlib import Path
+
+def read(*_):
+    Path(__file__).with_name(f"{os.getpid()}.child").touch()
+    time.sleep(600)
+
+main = read
+
+class Model:
+    pass
+"""
+STARTERS = {"pool": (POOL, 2), "guarded process": (GUARDED, 1), "process of check-plugin": (FRESH, 1)}
+
+
+def is_alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+        return sys.platform != "linux" or ") Z " not in Path(f"/proc/{process}/stat").read_text()
+    except OSError:
+        return False
+
+
+@pytest.mark.parametrize("sign", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("kind", STARTERS)
+def test_no_process_outlives_the_one_that_started_it(kind, sign, tmp_path):
+    script, count = STARTERS[kind]
+    if kind == "pool" and sys.platform != "linux":
+        pytest.skip("processes are forked on Linux only")
+    (tmp_path / "endless.py").write_text(ENDLESS)
+    (tmp_path / "fresh").mkdir()
+    (tmp_path / "start.py").write_text(script)
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
+    listening = (
+        "import signal, runpy; signal.signal(signal.SIGINT, signal.default_int_handler); runpy.run_path('start.py')"
+    )
+    parent = subprocess.Popen([sys.executable, "-c", listening], cwd=tmp_path, env=environment, stderr=subprocess.PIPE)
+    try:
+        end = time.monotonic() + 60
+        while len(children := [int(file.stem) for file in tmp_path.glob("*.child")]) < count:
+            assert parent.poll() is None, parent.communicate()[1].decode()
+            assert time.monotonic() < end
+            time.sleep(0.05)
+    finally:
+        parent.send_signal(sign)
+    parent.communicate(timeout=30)
+    end = time.monotonic() + 5
+    while any(map(is_alive, children)):
+        assert time.monotonic() < end
+        time.sleep(0.05)
