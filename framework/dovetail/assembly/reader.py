@@ -47,7 +47,7 @@ from dovetail.documents.fault_list import FaultList
 from dovetail.documents.mapping_reader import read_mapping
 from dovetail.documents.tree import Entry, Item, Path, format_value, plain_values
 from dovetail.documents.validation import check_format, validate
-from dovetail.frf import in_bands
+from dovetail.frf import HIGHEST_FREQUENCY, in_bands
 from dovetail.interfaces import SubstructureModel, node_faults
 from dovetail.registry import Registry
 
@@ -324,7 +324,7 @@ def read_frequency(faults: FaultList) -> tuple[NDArray[np.float64] | None, _Band
         return _read_lines(faults), ()
     section = validate(FrequencySection, _FREQUENCY, faults, "'frequency'")
     lines = None if section is None else _read_axis(section, faults)
-    if section is None or lines is None:
+    if section is None or lines is None or not _is_low_enough(lines, (*_FREQUENCY, "stop"), faults):
         return None, ()
     left_out = (*_between(section.bands, float(lines[0]), float(lines[-1])), *section.without)
     kept = lines[~in_bands(lines, left_out)]
@@ -348,8 +348,19 @@ def _read_lines(faults: FaultList) -> NDArray[np.float64] | None:
         problem = f"{lines[first + 1]:.10g} Hz does not lie above {lines[first]:.10g} Hz."
         faults.add((*_FREQUENCY, first + 1), problem, "increasing frequencies")
         return None
+    if not _is_low_enough(lines, (*_FREQUENCY, len(lines) - 1), faults):
+        return None
     lines.setflags(write=False)
     return lines
+
+
+def _is_low_enough(lines: NDArray[np.float64], where: Path, faults: FaultList) -> bool:
+    """Return whether the lines can be computed with; add a fault if not."""
+    if lines[-1] <= HIGHEST_FREQUENCY:
+        return True
+    problem = f"{lines[-1]:.10g} Hz is far above the frequencies of any structure."
+    faults.add(where, problem, f"up to {HIGHEST_FREQUENCY:g} Hz")
+    return False
 
 
 def _between(bands: _Bands, first: float, last: float) -> _Bands:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import FRF_TOLERANCE, Assembly, fingerprint, largest_frf_difference
-from dovetail.dataset.metadata import check_metadata, read_metadata
+from dovetail.dataset.metadata import check_attributes, check_metadata, read_metadata
 from dovetail.dataset.storage import ARRAYS, Storage, StoredFrfs, read_array, read_flags
 from dovetail.errors import DatasetError, Fault
 from dovetail.plain_text import html_table
@@ -63,6 +63,7 @@ class Dataset:
             self.attributes: dict[str, Any] = dict(read_metadata(self.path, "group").get("attributes", {}))
             if self.attributes.get("dovetail_dataset") != FORMAT:
                 raise DatasetError(Fault(str(path), f"this is not a dovetail dataset of format {FORMAT}."))
+            check_attributes(self.path, self.attributes)
             self.storage: Storage = self.attributes.get("storage", "amplitude")
             if self.storage not in get_args(Storage):
                 raise DatasetError(Fault(str(path), f"it stores '{self.storage}', which this version cannot read."))

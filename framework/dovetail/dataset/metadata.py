@@ -17,7 +17,7 @@ import numpy as np
 from dovetail.atomic_files import read_bounded
 from dovetail.errors import DatasetError, Fault, FileError
 
-__all__ = ["LARGEST_ARRAY", "check_metadata", "chunk_bytes", "read_metadata"]
+__all__ = ["LARGEST_ARRAY", "check_attributes", "check_metadata", "chunk_bytes", "read_metadata"]
 
 _LARGEST_CHUNK = 200_000_000
 """Bytes."""
@@ -27,6 +27,22 @@ _LARGEST_METADATA = 16_000_000
 """Bytes; the attributes of the group hold the description."""
 _CODECS = ([["bytes"], ["bytes", "crc32c"]], "bytes, crc32c")
 _REMEDY = "Generate the dataset anew, or take it from a copy."
+_ATTRIBUTES: dict[str, type] = {"name": str, "description": str, "fingerprint": str, "seed": int}
+"""What is needed of the group's attributes."""
+
+
+def check_attributes(folder: Path, attributes: Mapping[str, Any]) -> None:
+    """Make sure that a dataset says what it was made from.
+
+    Raises
+    ------
+    DatasetError
+    """
+    for name, kind in _ATTRIBUTES.items():
+        if type(attributes.get(name)) is not kind:
+            is_there = f"its '{name}' is {attributes.get(name)!r:.40}" if name in attributes else f"it has no '{name}'"
+            accepted = "a whole number" if kind is int else "a text"
+            raise DatasetError(Fault(str(folder / "zarr.json"), f"{is_there}.", f"'{name}' as {accepted}", _REMEDY))
 
 
 def check_metadata(folder: Path, array: str, dtype: str) -> None:

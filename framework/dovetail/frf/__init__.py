@@ -1,10 +1,23 @@
 """Frequency response functions: the FRF with its quantity, conversions, and the agreement of two FRFs."""
 
-from dovetail.frf.frf import LOW_COHERENCE, Frf, coherence_spectrum, coherence_with_model, in_bands, poor_bands
+from dovetail.frf.frf import (
+    HIGHEST_FREQUENCY,
+    LARGEST_VALUE,
+    LOW_COHERENCE,
+    MOST_AVERAGES,
+    Frf,
+    coherence_spectrum,
+    coherence_with_model,
+    in_bands,
+    poor_bands,
+)
 from dovetail.frf.quantity import QUANTITIES, Quantity, conversion, unit_of
 
 __all__ = [
+    "HIGHEST_FREQUENCY",
+    "LARGEST_VALUE",
     "LOW_COHERENCE",
+    "MOST_AVERAGES",
     "QUANTITIES",
     "Frf",
     "Quantity",

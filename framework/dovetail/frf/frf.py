@@ -12,13 +12,28 @@ from dovetail.errors import MeasurementError
 from dovetail.frf.quantity import QUANTITIES, Quantity, conversion, unit_of
 from dovetail.plain_text import html_table, terminal_text
 
-__all__ = ["LOW_COHERENCE", "Frf", "coherence_spectrum", "coherence_with_model", "in_bands", "poor_bands"]
+__all__ = [
+    "HIGHEST_FREQUENCY",
+    "LARGEST_VALUE",
+    "LOW_COHERENCE",
+    "MOST_AVERAGES",
+    "Frf",
+    "coherence_spectrum",
+    "coherence_with_model",
+    "in_bands",
+    "poor_bands",
+]
 
 LOW_COHERENCE = 0.9
 """Coherence below which two FRFs visibly differ: an amplitude by a factor of 2, or a phase by 37 degrees."""
 _WINDOW, _SHORTEST = 200, 3
 """The coherence is averaged over this part of the lines, and over no fewer than `_SHORTEST` of them: a band that is
 narrower cannot be seen."""
+HIGHEST_FREQUENCY = 1e12
+"""Hz; far above any structure's, and its square times a stiffness is still a number."""
+LARGEST_VALUE = 1e100
+"""In SI; the squares and products of values up to it are still numbers."""
+MOST_AVERAGES = 1_000_000
 
 
 def _frozen(values: ArrayLike, dtype: type[np.generic]) -> NDArray[np.generic]:
@@ -64,7 +79,8 @@ class Frf:
     Raises
     ------
     MeasurementError
-        Wrong shapes, values that are not finite, an axis that does not increase, an unknown quantity.
+        Wrong shapes, values that are not finite or too large to compute with, an axis that does not increase, an
+        unknown quantity.
     """
 
     frequency: NDArray[np.float64]
@@ -108,13 +124,22 @@ class Frf:
                 )
         if self.variance is not None and not (np.isfinite(self.variance).all() and np.all(self.variance >= 0)):
             raise MeasurementError(f"{self.label}: a variance is negative or not finite.")
-        if self.averages is not None and self.averages < 1:
-            raise MeasurementError(f"{self.label}: {self.averages} averages; it must be at least 1.")
-        for name, array in (("frequency", self.frequency), ("value", self.values)):
+        if self.averages is not None and not 1 <= self.averages <= MOST_AVERAGES:
+            raise MeasurementError(
+                f"{self.label}: {self.averages:.3g} averages; it must be at least 1 and at most {MOST_AVERAGES:,}."
+            )
+        limits = (("frequency", self.frequency, HIGHEST_FREQUENCY), ("value", self.values, LARGEST_VALUE))
+        for name, array, largest in limits:
             bad = np.flatnonzero(~np.isfinite(array))
             if bad.size:
                 raise MeasurementError(
                     f"{self.label}: the {name} of line {bad[0] + 1} is not finite ({bad.size} such lines)."
+                )
+            beyond = np.flatnonzero(np.abs(array) > largest)
+            if beyond.size:
+                raise MeasurementError(
+                    f"{self.label}: the {name} of line {beyond[0] + 1} is {np.abs(array[beyond[0]]):.3g}, which no "
+                    f"structure has; accepted: up to {largest:g}."
                 )
         falling = np.flatnonzero(np.diff(self.frequency) <= 0)
         if falling.size:

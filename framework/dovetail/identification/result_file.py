@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError
 
 from dovetail.atomic_files import read_bounded
-from dovetail.errors import DovetailError, Fault
+from dovetail.errors import DovetailError, Fault, damage_reported
 from dovetail.frf import Frf, Quantity
 from dovetail.identification.adequacy import Adequacy, AdequacyWord, Cause
 from dovetail.identification.parameters import IdentifiedParameter
@@ -33,6 +33,8 @@ _LARGEST = 400_000_000
 _MOST_FAULTS = 5
 _HEAD = 200
 """Bytes in which a result says by which method it was made."""
+_ACCEPTED = "the result.json of identify"
+_CONTRADICTION = "its values contradict each other, so this is not the result of an identification"
 _MODAL = re.compile(rb'"method":\s*"modal parameters"')
 
 
@@ -167,10 +169,17 @@ def load_result(path: str | Path) -> AnyIdentification:
     content = read_bounded(file, _LARGEST)
     try:
         if _MODAL.search(content[:_HEAD]):
-            return _modal(file, _StoredModalIdentification.model_validate_json(content))
+            modal = _StoredModalIdentification.model_validate_json(content)
+            with damage_reported(str(file), _CONTRADICTION, _ACCEPTED, DovetailError):
+                return _modal(file, modal)
         stored = _StoredIdentification.model_validate_json(content)
     except ValidationError as error:
         raise DovetailError(*_faults(file, error)) from None
+    with damage_reported(str(file), _CONTRADICTION, _ACCEPTED, DovetailError):
+        return _identification(file, stored)
+
+
+def _identification(file: Path, stored: _StoredIdentification) -> Identification:
     first = _at_point(file, stored.frequency_Hz, stored)
     further = [
         _at_point(file, stored.frequency_Hz if response.frequency_Hz is None else response.frequency_Hz, response)
@@ -217,6 +226,8 @@ def _kept(kept: _StoredAdequacy) -> Adequacy:
 def _posterior(file: Path, parameters: Mapping[str, IdentifiedParameter], stored: _StoredPosterior) -> Posterior:
     """Return the posterior with its samples; what follows from them is computed again."""
     weight = np.array(stored.samples.weight)
+    if any(len(vector) != len(parameters) for vector in stored.samples.theta):
+        raise DovetailError(Fault(str(file), "a sample of its posterior has not as many values as it has parameters."))
     theta = np.array(stored.samples.theta, dtype=np.float64)
     total = float(weight.sum())
     if theta.shape != (len(weight), len(parameters)) or not len(weight) or not total > 0 or not 0 < stored.reached <= 1:
@@ -289,4 +300,4 @@ def _faults(file: Path, error: ValidationError) -> list[Fault]:
         Fault(f"{file}  {'.'.join(str(key) for key in fault['loc'])}".rstrip(), f"{fault['msg']}.")
         for fault in error.errors(include_url=False)[:_MOST_FAULTS]
     ]
-    return [Fault(str(file), "this is not the result of an identification.", "the result.json of identify"), *faults]
+    return [Fault(str(file), "this is not the result of an identification.", _ACCEPTED), *faults]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import math
 import re
+import sys
 import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -261,5 +262,13 @@ def _read_npz(path: Path, content: bytes) -> dict[str, Any]:
             if math.prod(shape) * dtype.itemsize > member.file_size or dtype.hasobject:
                 raise ValueError(f"'{member.filename}' holds Python objects or less than its shape {shape} says")
             with archive.open(member) as stream:
-                arrays[member.filename.removesuffix(".npy")] = np.lib.format.read_array(stream, allow_pickle=False)
+                array = np.lib.format.read_array(stream, allow_pickle=False)
+            if dtype.kind == "U" and dtype.itemsize and np.any(_code_points(array) > sys.maxunicode):
+                raise ValueError(f"a text of '{member.filename}' holds what is not the code of any character")
+            arrays[member.filename.removesuffix(".npy")] = array
     return arrays
+
+
+def _code_points(texts: Any) -> Any:
+    """Return the numbers of all characters of an array of texts; NumPy takes them from the file as they are."""
+    return np.ascontiguousarray(texts.astype(texts.dtype.newbyteorder("="))).reshape(-1).view(np.uint32)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError, listing
+from dovetail.frf import MOST_AVERAGES
 from dovetail.measurement.formats.archives import Archive
 from dovetail.measurement.formats.column_arrays import columns_of_array, find_matrix
 from dovetail.measurement.formats.column_names import (
@@ -23,12 +25,7 @@ from dovetail.measurement.formats.column_names import (
 )
 from dovetail.measurement.formats.even_axis import with_even_axis
 from dovetail.measurement.formats.unused_entries import read_unused
-from dovetail.measurement.recording import (
-    MOST_LINES,
-    ReadOptions,
-    Recording,
-    parse_quantity,
-)
+from dovetail.measurement.recording import ReadOptions, Recording, parse_quantity
 from dovetail.measurement.statements import Statement, check_axis, fields_of, interpret
 
 __all__ = ["read_recording"]
@@ -194,6 +191,9 @@ def _read_text(archive: Archive, names: Mapping[str, str], field_name: str) -> s
         array = archive.entries[names[field_name]].load()
         if array.size != 1 or array.dtype.kind not in "US":
             raise MeasurementError(Fault(f"{archive.path}  {names[field_name]}", "the array is not one word."))
+        if array.dtype.kind == "U" and array.itemsize and np.any(_code_points(array) > sys.maxunicode):
+            problem = "the text holds a number that is not the code of any character: the file is damaged."
+            raise MeasurementError(Fault(f"{archive.path}  {names[field_name]}", problem, "a text"))
         word = array.reshape(())[()]
         text = word.decode("utf-8", errors="replace") if isinstance(word, bytes) else str(word)
         return text.strip()[:_LONGEST_TEXT]
@@ -205,11 +205,16 @@ def _read_text(archive: Archive, names: Mapping[str, str], field_name: str) -> s
     return ""
 
 
+def _code_points(texts: NDArray[Any]) -> NDArray[np.uint32]:
+    """Return the numbers of all characters of an array of texts; NumPy takes them from the file as they are."""
+    return np.ascontiguousarray(texts.astype(texts.dtype.newbyteorder("="))).reshape(-1).view(np.uint32)
+
+
 def _read_averages(archive: Archive, names: Mapping[str, str]) -> int | None:
     if "averages" not in names:
         return None
     array = archive.entries[names["averages"]].load()
     number = array.reshape(-1)[0] if array.size == 1 and array.dtype.kind in "fiu" else np.nan
-    if not (1 <= number <= MOST_LINES and number == int(number)):
+    if not (1 <= number <= MOST_AVERAGES and number == int(number)):
         raise _shape_error(archive, names["averages"], array, "a number of averages of 1 or more")
     return int(number)

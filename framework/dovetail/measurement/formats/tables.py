@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError, did_you_mean
-from dovetail.frf import Quantity
+from dovetail.frf import MOST_AVERAGES, Quantity
 from dovetail.measurement.formats.column_names import (
     FIELD_NAMES,
     NUMERIC_FIELDS,
@@ -32,7 +32,6 @@ from dovetail.measurement.formats.text_tables import TextTable, find_rows, find_
 from dovetail.measurement.free_text import FreeText, read_texts
 from dovetail.measurement.frf_units import UnitMeaning, UnitReading, meaning_of_unit, read_unit
 from dovetail.measurement.recording import (
-    MOST_LINES,
     ReadOptions,
     Recording,
     parse_quantity,
@@ -242,8 +241,8 @@ def _check_quantities(path: Path, header: Header) -> None:
 def _averages(comments: Mapping[str, str]) -> int | None:
     if "averages" not in comments:
         return None
-    text = comments["averages"]
-    if not (text.isdecimal() and 1 <= int(text[:9]) <= MOST_LINES):
+    text = comments["averages"].lstrip("0")
+    if not (text.isdecimal() and len(text) < 10 and 1 <= int(text) <= MOST_AVERAGES):
         where = comments["averages stands in"]
         raise MeasurementError(Fault(where, f"{text[:40]!r} is no number of averages.", "a whole number of 1 or more"))
     return int(text)
