@@ -238,6 +238,13 @@ def test_sliders_move_the_curve(browser: Browser, server: PageServer, assemblies
         assert page.errors() == []
 
 
+def test_the_file_that_the_browser_is_given_leads_to_the_page(browser: Browser, server: PageServer) -> None:
+    with server.redirect_file() as file, browser.page(file.as_uri()) as page:
+        page.wait_for(f"location.href === '{server.address}'")
+        page.wait_for(READY)
+        assert page.errors() == []
+
+
 def test_mode_shapes_swing_until_they_are_held(browser: Browser, assemblies: Path) -> None:
     explorer = Explorer(dovetail.load(assemblies / "bt40_er32_quick.yaml"))
     with PageServer(explorer) as serving:

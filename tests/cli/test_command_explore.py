@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import signal
 import socket
+import sys
+import time
 import urllib.request
+from pathlib import Path
+
+import pytest
 
 
 def test_it_serves_a_page_until_ctrl_c(interruptible, assemblies, bench):
@@ -17,6 +22,29 @@ def test_it_serves_a_page_until_ctrl_c(interruptible, assemblies, bench):
     _, notes = process.communicate(timeout=20)
     assert process.returncode == 0
     assert notes.splitlines()[-1] == "Ended."
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a shell script stands for the browser")
+def test_the_command_line_of_the_browser_does_not_hold_the_secret(interruptible, environment, bench, tmp_path):
+    browser = tmp_path / "browser"
+    browser.write_text(
+        f'#!/bin/sh\necho "$@" > {tmp_path}/new && cat "${{1#file://}}" > {tmp_path}/page\n'
+        f"mv {tmp_path}/new {tmp_path}/line\n"
+    )
+    browser.chmod(0o700)
+    environment["BROWSER"] = str(browser)
+    process = interruptible("explore", bench.description)
+    address = process.stdout.readline().strip()
+    end = time.monotonic() + 60
+    while not (tmp_path / "line").exists():
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=20)
+    assert address in (tmp_path / "page").read_text()
+    secret = address.rstrip("/").rpartition("/")[2]
+    assert secret not in (tmp_path / "line").read_text()
+    assert not Path((tmp_path / "line").read_text().strip().removeprefix("file://")).exists()
 
 
 def test_a_port_that_is_taken_is_explained(run, assemblies):

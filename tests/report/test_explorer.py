@@ -5,6 +5,8 @@ from __future__ import annotations
 import base64
 import http.client
 import json
+import os
+import stat
 import threading
 import time
 from collections.abc import Iterator
@@ -85,10 +87,10 @@ def test_a_fit_from_elsewhere_finds_the_truth_with_intervals(explorer: Explorer)
     assert answer["values"] == pytest.approx([3e6, 40.0], rel=0.02)
     assert all(low <= TRUE[name] <= high for name, (low, high) in answer["intervals"].items())
     assert answer["mark"] == "good"
-    saved = json.loads(explorer.saved("json", answer["values"], True))
+    saved = json.loads(explorer.saved("json", answer["values"], answer["fit"]))
     assert saved["method"] == "posterior"
     assert saved["provenance"]["start"] == {"k": 5e6, "c": 10.0}
-    report = explorer.saved("html", answer["values"], True).decode()
+    report = explorer.saved("html", answer["values"], answer["fit"]).decode()
     assert "from the accelerance" in report
     assert "start={&#39;k&#39;: 5000000.0" in report
 
@@ -102,16 +104,38 @@ def test_a_locked_parameter_keeps_its_value(explorer: Explorer) -> None:
         explorer.fit([3e6, 60.0], ["k", "c"])
 
 
+def test_each_page_saves_its_own_fit(explorer: Explorer) -> None:
+    here = explorer.fit([5e6, 10.0], [])
+    elsewhere = explorer.fit([4e6, 20.0], ["c"])  # of another tab, which is the latest one
+    saved = json.loads(explorer.saved("json", here["values"], here["fit"]))
+    assert saved["provenance"]["start"] == {"k": 5e6, "c": 10.0}
+    with pytest.raises(DovetailError, match="not those of the fit that the page shows"):
+        explorer.saved("json", here["values"], elsewhere["fit"])
+    with pytest.raises(DovetailError, match="no longer kept"):
+        explorer.saved("html", here["values"], "gone")
+
+
+def test_a_fitted_value_outside_its_range_is_saved_as_its_slider_shows_it(assemblies: Path, tmp_path: Path) -> None:
+    (tmp_path / "narrow.yaml").write_text(
+        f"extends: {assemblies / 'sdof.yaml'}\njoints: {{mount: {{parameters: {{k: {{range: [1e6, 2.9e6]}}}}}}}}\n"
+    )
+    assembly = dovetail.load(assemblies / "sdof.yaml")
+    narrow = Explorer(dovetail.load(tmp_path / "narrow.yaml"), [dovetail.noisy_frf(assembly.simulate(TRUE), 1e-4, 0)])
+    answer = narrow.fit([2e6, 40.0], [])
+    shown = [min(answer["values"][0], 2.9e6), answer["values"][1]]
+    assert json.loads(narrow.saved("json", shown, answer["fit"]))["parameters"]["k"]["value"] == answer["values"][0]
+
+
 def test_what_is_saved_by_hand(explorer: Explorer, tmp_path: Path) -> None:
     described = tmp_path / "saved.yaml"
-    described.write_bytes(explorer.saved("yaml", [2e6, 30.0], False))
+    described.write_bytes(explorer.saved("yaml", [2e6, 30.0]))
     joint = yaml.safe_load(described.read_text())["joints"]["mount"]["parameters"]
     assert joint == {"k": {"value": "2000000 N/m"}, "c": {"value": "30 N s/m"}}
     again = dovetail.load(described)
     assert not again.parameters
     assert np.abs(again.frf()) == pytest.approx(unpacked(explorer.frfs([2e6, 30.0], 0)["amplitude"]), rel=1e-6)
-    assert json.loads(explorer.saved("json", [2e6, 30.0], False))["parameters"]["k"] == {"value": 2e6, "unit": "N/m"}
-    assert "by the method “by hand”" in explorer.saved("html", [2e6, 30.0], False).decode()
+    assert json.loads(explorer.saved("json", [2e6, 30.0]))["parameters"]["k"] == {"value": 2e6, "unit": "N/m"}
+    assert "by the method “by hand”" in explorer.saved("html", [2e6, 30.0]).decode()
 
 
 def test_every_kind_of_parameter_is_saved(tmp_path: Path, assemblies: Path) -> None:
@@ -122,7 +146,7 @@ def test_every_kind_of_parameter_is_saved(tmp_path: Path, assemblies: Path) -> N
     assembly = dovetail.load(tmp_path / "unknown.yaml")
     values = [parameter.lower + 0.3 * (parameter.upper - parameter.lower) for parameter in assembly.parameters]
     assert len(values) == 4
-    (tmp_path / "saved.yaml").write_bytes(Explorer(assembly).saved("yaml", values, False))
+    (tmp_path / "saved.yaml").write_bytes(Explorer(assembly).saved("yaml", values))
     assert dovetail.load(tmp_path / "saved.yaml").frf() == pytest.approx(assembly.frf(values), rel=1e-6)
 
 
@@ -132,7 +156,7 @@ def test_without_a_measurement_there_is_neither_fit_nor_report(assemblies: Path)
     with pytest.raises(DovetailError, match="no measured FRF to fit to"):
         alone.fit([3e6, 40.0], [])
     with pytest.raises(DovetailError, match="no measured FRF to report on"):
-        alone.saved("html", [3e6, 40.0], False)
+        alone.saved("html", [3e6, 40.0])
 
 
 def test_an_assembly_without_parameters_is_refused(assemblies: Path, tmp_path: Path) -> None:
@@ -168,7 +192,9 @@ def test_the_page_and_its_answers(server: PageServer) -> None:
         ("", None, {"Host": "127.0.0.1:1"}),
         ("", None, {"Host": None}),
         ("", None, {"Origin": "https://evil.example"}),
+        ("", None, {"Sec_Fetch_Site": "cross-site", "Sec_Fetch_Mode": "no-cors"}),
         ("start", None, {"Sec_Fetch_Site": "cross-site"}),
+        ("start", None, {"Sec_Fetch_Site": "cross-site", "Sec_Fetch_Mode": "navigate"}),
         ("frf", {"values": [3e6, 40.0]}, {"Origin": "https://evil.example"}),
         ("frf", {"values": [3e6, 40.0]}, {"Origin": None}),
         ("frf", {"values": [3e6, 40.0]}, {"Origin": "null"}),
@@ -185,6 +211,17 @@ def test_strangers_are_refused(server: PageServer, path: str, body: Any, headers
 def test_without_the_token_nothing_is_told(server: PageServer, path: str) -> None:
     assert ask(server, path)[0] == 403
     assert ask(server, path, {"values": [3e6, 40.0]})[0] == 403
+
+
+def test_the_file_that_leads_to_the_page_is_for_this_user_alone(server: PageServer) -> None:
+    with server.redirect_file() as file:
+        assert server.address in file.read_text()
+        if os.name == "posix":
+            assert stat.S_IMODE(file.stat().st_mode) == 0o600
+            assert stat.S_IMODE(file.parent.stat().st_mode) == 0o700
+    assert not file.parent.exists()
+    navigation = {"Sec_Fetch_Site": "cross-site", "Sec_Fetch_Mode": "navigate"}  # from a file, as browsers state it
+    assert ask(server, f"/{server.token}/", None, **navigation)[0] == 200
 
 
 def test_only_this_machine_is_served(server: PageServer) -> None:
@@ -207,6 +244,8 @@ def test_only_this_machine_is_served(server: PageServer) -> None:
         ("frf", {"values": [float("nan"), 40.0]}, {}, 422),
         ("fit", {"values": [3e6, 40.0], "locked": ["k", "c"]}, {}, 422),
         ("save", {"values": [3e6, 40.0], "kind": "../../etc/passwd"}, {}, 400),
+        ("save", {"values": [3e6, 40.0], "kind": "json", "fit": True}, {}, 400),
+        ("save", {"values": [3e6, 40.0], "kind": "json", "fit": "no such fit"}, {}, 422),
         ("nothing", {}, {}, 404),
     ],
 )

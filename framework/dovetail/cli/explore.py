@@ -67,11 +67,11 @@ def explore(
 
         problem = f"this port cannot be had: {error.strerror}."
         raise DovetailError(Fault(f"--port {port}", problem, remedy="Choose another, or leave it out.")) from None
-    with server:
+    with server, server.redirect_file() as file:
         say(server.address)
         note("Open this address in a browser on this machine. End with Ctrl-C, or close the page.")
         if browser:
-            webbrowser.open(server.address)
+            webbrowser.open(file.as_uri())  # not the address: other users can read a command line
         try:
             server.serve_forever(poll_interval=0.2)
             note("The page was closed.")

@@ -6,6 +6,7 @@ import json
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -37,6 +38,8 @@ _MODES = 6
 """Largest number of natural frequencies that are marked within the band."""
 _CAUSE_SECONDS = 5.0
 """Time [s] for causes of a misfit, short because the user is waiting."""
+_KEPT_FITS = 50
+"""Latest fits, of all pages together, that can be saved."""
 _BY_HAND = "by hand"
 
 
@@ -65,7 +68,8 @@ class Explorer:
         self._assembly = assembly if self._lines is None else self._lines.assembly
         pairs = zip(self._lines.frfs, assembly.description.responses, strict=True) if self._lines is not None else ()
         self._measured = tuple(frf.to(response.quantity) for frf, response in pairs)
-        self._result: Identification | None = None
+        self._fits: dict[str, tuple[NDArray[np.float64], Identification]] = {}
+        self._fit_numbers = count(1)
         self._computing = threading.Lock()  # an engine computes for one caller at a time
         self.frfs([p.from_unit(np.array(0.5)) for p in assembly.parameters], 0)  # compiles the engine
 
@@ -157,7 +161,8 @@ class Explorer:
         Returns
         -------
         dict
-            ``values`` [SI], ``intervals`` [SI] and ``verdicts`` by parameter, and a ``verdict`` in words.
+            ``fit``, by which the result can be saved; ``values`` [SI], ``intervals`` [SI] and ``verdicts`` by
+            parameter, and a ``verdict`` in words.
         """
         if self._lines is None:
             raise DovetailError(Fault(self.name, "there is no measured FRF to fit to.", remedy="Give its file too."))
@@ -171,11 +176,16 @@ class Explorer:
         options: dict[str, Any] = {"form": "laplace", "cause_seconds": _CAUSE_SECONDS, "start": start}
         result = identify(sought, self._lines.whole, "posterior", progress=progress, **options)
         origin = {**result.provenance, "start": chosen, "locked": held}
-        self._result = result = replace(result, provenance=origin)
-        fitted = {name: parameter.value for name, parameter in result.parameters.items()}
+        result = replace(result, provenance=origin)
+        fitted = {**chosen, **{name: parameter.value for name, parameter in result.parameters.items()}}
+        number = str(next(self._fit_numbers))
+        self._fits[number] = np.array(list(fitted.values())), result
+        for oldest in list(self._fits)[:-_KEPT_FITS]:
+            del self._fits[oldest]
         table, (mark, sentence) = result.table, verdict(result)
         return {
-            "values": list({**chosen, **fitted}.values()),
+            "fit": number,
+            "values": list(fitted.values()),
             "intervals": {
                 row.name: [row.interval_low, row.interval_high] for row in table if row.interval_low is not None
             },
@@ -185,7 +195,7 @@ class Explorer:
             "warnings": list(result.warnings),
         }
 
-    def saved(self, kind: str, values: Sequence[Any], fitted: bool) -> bytes:
+    def saved(self, kind: str, values: Sequence[Any], fit: str | None = None) -> bytes:
         """Return a file of parameter values: JSON, a description in YAML with these values, or a report.
 
         Parameters
@@ -194,25 +204,38 @@ class Explorer:
             One of `SAVED`.
         values : sequence of float
             SI.
-        fitted : bool
-            Whether the values are those of the latest fit.
+        fit : str, optional
+            What `fit` called the fit that these values are the result of; by default they were chosen by hand.
 
         Raises
         ------
         DovetailError
-            There is no report, since there are no measured FRFs.
+            There is no report, since there are no measured FRFs; or the values are not those of the fit, or it is no
+            longer kept.
         """
         theta = self._theta(values)
+        result = None if fit is None else self._fitted(fit, theta)
         makers: dict[str, Callable[[], bytes]] = {
-            "json": lambda: self._json(theta, fitted=fitted),
+            "json": lambda: self._json(theta, result),
             "yaml": lambda: self._yaml(theta),
-            "html": lambda: self._report(theta, fitted=fitted),
+            "html": lambda: self._report(theta, result),
         }
         return makers[kind]()
 
-    def _json(self, theta: NDArray[np.float64], *, fitted: bool) -> bytes:
-        if fitted and self._result is not None:
-            content = self._result.to_dict()
+    def _fitted(self, fit: str, theta: NDArray[np.float64]) -> Identification:
+        """Return the result of a fit, if it has these values, limited to the ranges as the sliders limit them."""
+        if fit not in self._fits:
+            raise DovetailError(Fault("fit", "this fit is no longer kept.", remedy="Fit again, then save."))
+        fitted, result = self._fits[fit]
+        ends = np.array([[parameter.lower, parameter.upper] for parameter in self._assembly.parameters]).T
+        if not np.allclose(theta, np.clip(fitted, *ends), rtol=1e-9, atol=0.0):
+            problem = "the values are not those of the fit that the page shows."
+            raise DovetailError(Fault("fit", problem, remedy="Fit again, then save."))
+        return result
+
+    def _json(self, theta: NDArray[np.float64], result: Identification | None) -> bytes:
+        if result is not None:
+            content = result.to_dict()
         else:
             content = {
                 "name": self.name,
@@ -239,10 +262,9 @@ class Explorer:
         text: str = yaml.safe_dump(whole, sort_keys=False, allow_unicode=True, width=120)
         return (head + text).encode()
 
-    def _report(self, theta: NDArray[np.float64], *, fitted: bool) -> bytes:
+    def _report(self, theta: NDArray[np.float64], result: Identification | None) -> bytes:
         if self._lines is None:
             raise DovetailError(Fault(self.name, "there is no measured FRF to report on."))
-        result = self._result if fitted else None
         if result is None:
             described = self._lines.described
             origin = provenance(described, self._lines.whole, None, described.description.identification.seed)

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
+import os
 import secrets
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from dovetail.errors import DovetailError
@@ -37,6 +41,11 @@ _HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Cache-Control": "no-store",
 }
+_REDIRECT = (
+    '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><meta name="referrer" content="no-referrer">'
+    '<meta http-equiv="refresh" content="0; url={address}"><title>Dovetail</title></head>'
+    '<body><p><a href="{address}">Open the page</a></p></body></html>\n'
+)
 _LONGEST_BODY = 64 * 1024
 """Largest size of a request in bytes."""
 _BEAT = 0.5
@@ -59,6 +68,9 @@ class PageServer(ThreadingHTTPServer):
     A request is answered only if its Host is this server (which prevents DNS rebinding), its path begins with the
     token, and its Origin, if stated, is this server; requests that compute must state it. The page may load only this
     server's scripts and styles, and no inline ones.
+
+    The command line of a browser can be read by every user of the machine. A browser is therefore started with the path
+    of a file that only this user can read, and which leads to the page (`redirect_file`).
     """
 
     daemon_threads = True
@@ -78,6 +90,15 @@ class PageServer(ThreadingHTTPServer):
     def address(self) -> str:
         """Address of the page."""
         return f"http://{self.hosts[0]}/{self.token}/"
+
+    @contextmanager
+    def redirect_file(self) -> Iterator[Path]:
+        """Yield a page that leads to `address`, in a folder that only this user can read; it is removed afterwards."""
+        with TemporaryDirectory(prefix="dovetail-") as folder:  # with the rights 0700
+            file = Path(folder) / "explorer.html"
+            with open(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8") as stream:
+                stream.write(_REDIRECT.format(address=self.address))
+            yield file
 
     def count_page(self, change: int) -> None:
         """Record that a page was opened (1) or closed (-1)."""
@@ -175,18 +196,22 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _save(self, request: Mapping[str, Any]) -> None:
         kind = str(request["kind"])
-        content = self.server.explorer.saved(kind, request["values"], bool(request.get("fitted")))
+        fit = request.get("fit")
+        if fit is not None and not isinstance(fit, str):
+            raise TypeError("a fit is named by a text")
+        content = self.server.explorer.saved(kind, request["values"], fit)
         self._send(content, f"{SAVED[kind]}; charset=utf-8")
 
     def _allowed(self, *, stating_origin: bool) -> str | None:
         """Return the path after the token, or refuse the request and return None."""
         host, origin = self.headers.get("Host", ""), self.headers.get("Origin")
         site = self.headers.get("Sec-Fetch-Site", "same-origin")
-        foreign = host not in self.server.hosts or site not in ("same-origin", "none")
+        token, slash, path = self.path.removeprefix("/").partition("/")
+        opens_page = self.command == "GET" and path == "" and self.headers.get("Sec-Fetch-Mode") == "navigate"
+        foreign = host not in self.server.hosts or (site not in ("same-origin", "none") and not opens_page)
         if foreign or (origin != f"http://{host}" and (origin is not None or stating_origin)):
             self._refuse(HTTPStatus.FORBIDDEN)
             return None
-        token, slash, path = self.path.removeprefix("/").partition("/")
         if not slash or not secrets.compare_digest(token.encode(), self.server.token.encode()):
             self._refuse(HTTPStatus.FORBIDDEN)
             return None

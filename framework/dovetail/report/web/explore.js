@@ -197,7 +197,7 @@
     try {
       const same = fitted !== null && fitted.values.every((value, index) => value === values[index]);
       if (kind === "html") say("Writing the report.");
-      const file = await (await ask("save", { kind, values, fitted: same })).blob();
+      const file = await (await ask("save", { kind, values, fit: same ? fitted.answer.fit : null })).blob();
       const link = element("a", { href: URL.createObjectURL(file), download: `${origin.name.replace(/[^\w-]+/g, "_")}.${kind}` });
       link.click();
       setTimeout(() => URL.revokeObjectURL(link.href), 10000);
