@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import stat
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -31,7 +32,10 @@ def cache_folder() -> Path:
 
 def kept_model(assembly: Assembly, plugins: Sequence[Path]) -> Identifier | None:
     """Return the cached model of the same description, or None."""
-    return _kept(cache_folder() / _key(assembly, plugins), plugins, "it is left out")
+    models = cache_folder()
+    if not models.exists() or not _is_private(models):
+        return None
+    return _kept(models.resolve() / _key(assembly, plugins), assembly, plugins, "it is left out")
 
 
 def trained_model(assembly: Assembly, plugins: Sequence[Path], *, retrain: bool) -> Identifier:
@@ -49,29 +53,62 @@ def trained_model(assembly: Assembly, plugins: Sequence[Path], *, retrain: bool)
     -------
     Identifier
     """
-    from dovetail import train
     from dovetail.atomic_files import held
 
-    folder = cache_folder() / _key(assembly, plugins)
+    models = cache_folder()
     with suppress(OSError):  # without a place for it the work goes on
-        folder.parent.mkdir(parents=True, exist_ok=True)
+        models.parent.mkdir(parents=True, exist_ok=True)
+        models.mkdir(mode=0o700, exist_ok=True)
+    if models.exists() and not _is_private(models):
+        return _newly_trained(assembly, "it is not kept")
+    folder = models.resolve() / _key(assembly, plugins)
 
     def waiting(other: str) -> None:
         note(f"{other} is at work on the model of '{assembly.name}'; waiting for it.")
 
     with held(folder.with_suffix(".training"), wait=-1, on_wait=waiting):
-        model = None if retrain else _kept(folder, plugins, "training anew")
+        model = None if retrain else _kept(folder, assembly, plugins, "training anew")
         if model is None:
-            samples = assembly.description.identification.samples
-            note(f"Training a network for '{assembly.name}' on {samples} simulated FRFs; it is kept for the next time.")
-            with progress_bars() as progress:
-                model = train(assembly, progress=progress)
+            model = _newly_trained(assembly, "it is kept for the next time")
             _keep(model, folder)
         return model
 
 
-def _kept(folder: Path, plugins: Sequence[Path], otherwise: str) -> Identifier | None:
-    """Return the cached model in a folder, or None if there is none that can be used."""
+def _newly_trained(assembly: Assembly, what_then: str) -> Identifier:
+    from dovetail import train
+
+    samples = assembly.description.identification.samples
+    note(f"Training a network for '{assembly.name}' on {samples} simulated FRFs; {what_then}.")
+    with progress_bars() as progress:
+        return train(assembly, progress=progress)
+
+
+def _is_private(models: Path) -> bool:
+    """Return whether only this user can have put models into a folder; print why if others can.
+
+    A model is trusted as far as whoever wrote it: another user's would give whatever results its author wishes.
+    """
+    if os.name != "posix":  # where a user's folder is the user's own
+        return True
+    try:
+        status = models.stat()
+    except OSError as error:
+        note(f"The kept models in {models} are not used: {error.strerror}.")
+        return False
+    if not stat.S_ISDIR(status.st_mode):
+        return True  # which is reported where a model is written
+    reason, remedy = "", ""
+    if status.st_uid != os.geteuid():
+        reason, remedy = "the folder belongs to another user", f"Name a folder of your own by {VARIABLE}"
+    elif status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+        reason, remedy = "other users can write in the folder", "Remove it, or make it your own by chmod 700"
+    if reason:
+        note(f"The kept models in {models} are not used: {reason}. {remedy}.")
+    return not reason
+
+
+def _kept(folder: Path, assembly: Assembly, plugins: Sequence[Path], otherwise: str) -> Identifier | None:
+    """Return the cached model in a folder, or None if there is none of this assembly that can be used."""
     from dovetail import load_model
     from dovetail.errors import BundleError
 
@@ -79,6 +116,9 @@ def _kept(folder: Path, plugins: Sequence[Path], otherwise: str) -> Identifier |
         return None
     try:
         model = load_model(folder, plugins=plugins)
+        is_own = os.name != "posix" or os.lstat(folder).st_uid == os.geteuid()
+        if not is_own or model.assembly.description.fingerprint != assembly.description.fingerprint:
+            raise BundleError(f"{folder}: this is not the model that was kept for '{assembly.name}'.")
     except BundleError:
         note(f"The model kept in {folder} cannot be used; {otherwise}.")
         return None
