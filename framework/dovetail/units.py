@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 
 __all__ = [
+    "CLEAR_FRACTION",
     "Frequency",
     "InUnit",
     "Mass",
@@ -33,6 +34,7 @@ __all__ = [
     "format_quantity",
     "is_unit",
     "refuse_marks",
+    "to_fraction",
     "to_si",
 ]
 
@@ -84,6 +86,10 @@ def _registry() -> pint.UnitRegistry[Any]:
     return registry
 
 
+CLEAR_FRACTION = 0.5
+"""Largest fraction that needs no percent sign; the noise levels of the documentation go up to it."""
+
+
 def to_si(value: object, unit: str) -> float:
     """Convert a number or a text with a unit to a float in `unit`.
 
@@ -108,6 +114,32 @@ def to_si(value: object, unit: str) -> float:
     number = _parse_text(value, unit) if isinstance(value, str) else float(value)
     if not math.isfinite(number):
         raise UnitError(f"{value!r} is not a finite quantity in {unit}.")
+    return number
+
+
+def to_fraction(value: object) -> float:
+    """Convert a fraction of 0 or more, such as a noise level, to a float.
+
+    Parameters
+    ----------
+    value : float, int or str
+        ``0.01`` or ``"1%"``. Above `CLEAR_FRACTION` the percent sign is required: by "1" some mean 1 %, others 100 %.
+
+    Raises
+    ------
+    UnitError
+        It is not such a fraction.
+    """
+    text = str(value).strip()
+    is_percent = text.endswith("%")
+    try:
+        number = float(text.removesuffix("%")) / (100.0 if is_percent else 1.0)
+    except ValueError:
+        raise UnitError(f"'{text}' is no number, such as 0.01 or 1%.") from None
+    if isinstance(value, bool) or not 0.0 <= number < math.inf:
+        raise UnitError(f"'{text}' is not 0 or more.")
+    if number > CLEAR_FRACTION and not is_percent:
+        raise UnitError(f"'{text}' may mean {number:.6g} % or {100.0 * number:.6g} %. Write it with a percent sign.")
     return number
 
 

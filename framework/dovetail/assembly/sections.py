@@ -11,6 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, RootModel, model_validator
 
+from dovetail.assembly.noise_levels import NoiseLevel
 from dovetail.frf import Quantity
 from dovetail.interfaces import FileName
 from dovetail.units import Frequency, InUnit, Mass, refuse_marks
@@ -210,7 +211,6 @@ class ResponseSection(_Section):
     calibration: Any = None
 
 
-_Level = Annotated[_Number, Field(ge=0, le=10)]
 _Index = Annotated[_Count, Field(ge=1)]
 
 
@@ -257,15 +257,15 @@ class AugmentationSection(_Section):
         more where the regressor is faster than the engine.
     """
 
-    additive: _Level = 0.2
+    additive: NoiseLevel = 0.2
     clean: Annotated[_Number, Field(ge=0, le=1)] = 0.1
-    multiplicative: _Level = 0.02
+    multiplicative: NoiseLevel = 0.02
     multiplicative_decades: Annotated[_Number, Field(ge=0, le=6)] = 0.0
     circular: Annotated[_Number, Field(ge=0, le=1)] = 0.0
     like: Annotated[str | tuple[str, ...], FileName()] = ()
     like_index: _Index | tuple[_Index, ...] | None = None
     like_decades: Annotated[_Number, Field(ge=0, le=6)] = 1.0
-    gain: _Level = 0.0
+    gain: NoiseLevel = 0.0
     bad_lines: Annotated[_Number, Field(ge=0, le=1)] = 0.0
     stretch: Annotated[_Number, Field(ge=0, le=0.1)] = 0.0
     mass: Mass = 0.0

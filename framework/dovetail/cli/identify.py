@@ -11,7 +11,7 @@ from dovetail.cli import reading
 from dovetail.cli.batch import check_batch, identify_batch, is_batch
 from dovetail.cli.commands import exit_unless_believable, measurement_names
 from dovetail.cli.completion import complete_files, complete_methods
-from dovetail.cli.options import AsJson, PluginFiles, Scheduler, assembly_or_model, chosen_method
+from dovetail.cli.options import AsJson, PluginFiles, Scheduler, assembly_or_model, chosen_method, part
 from dovetail.cli.terminal import heading, print_json, progress_bars, say, table, title
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ AllowedError = Annotated[
     float | None,
     typer.Option(
         metavar="PART",
-        min=0.0,
+        parser=part,
         show_default=False,
         help="Relative error of natural frequencies that the model is allowed; told by the measurement by default.",
     ),

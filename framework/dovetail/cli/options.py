@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar
@@ -154,15 +153,14 @@ def one_of(choices: Iterable[_Choice], text: str, option: str) -> _Choice:
 
 
 def part(text: str) -> float:
-    """Parse a fraction of 0 or more: ``"0.01"`` or ``"1%"``."""
-    number = str(text).strip()
+    """Parse a fraction of 0 or more: ``"0.01"`` or ``"1%"``; above a half it needs the percent sign."""
+    from dovetail.errors import UnitError
+    from dovetail.units import to_fraction
+
     try:
-        value = float(number.removesuffix("%")) / (100.0 if number.endswith("%") else 1.0)
-    except ValueError:
-        raise typer.BadParameter(f"'{text}' is no number, such as 0.01 or 1%.") from None
-    if not 0.0 <= value < math.inf:
-        raise typer.BadParameter(f"'{text}' is not 0 or more.")
-    return value
+        return to_fraction(text)
+    except UnitError as error:
+        raise typer.BadParameter(error.faults[0].problem) from None
 
 
 def chosen_method(
