@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 import sys
 import tempfile
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -43,7 +45,7 @@ class Report:
     changed : list of str
         Global state that was changed.
     imported : list of str
-        Packages with global state that were imported meanwhile.
+        Modules of other packages that were imported meanwhile, if these may be what changed global state.
     """
 
     answers: Mapping[str, Mapping[str, NDArray[Any]]]
@@ -104,8 +106,9 @@ def main() -> None:
     """Process the request in the folder given on the command line."""
     folder, request = read_request()
     for name in request["imports"]:
-        __import__(name)
-    loaded, before, threads = "torch" in sys.modules, surroundings(), _threads()
+        with suppress(Exception):  # it was imported by another one, in a way of its own
+            importlib.import_module(name)
+    loaded, before, threads = set(sys.modules), surroundings(), _threads()
     model = requested_class(request)
     said, configs = [], []
     for index, options in enumerate(request["options"]):
@@ -123,9 +126,19 @@ def main() -> None:
         "configs": configs,
         "declarations": said,
         "changed": changed,
-        "imported": ["torch"] if "torch" in sys.modules and not loaded else [],
+        "imported": _imported_since(loaded, model) if changed or _imported("torch", loaded) else [],
     }
     (folder / _REPORT).write_text(json.dumps(report), encoding="utf-8")
+
+
+def _imported(name: str, loaded: set[str]) -> bool:
+    return name in sys.modules and name not in loaded
+
+
+def _imported_since(loaded: set[str], model: type[Component]) -> list[str]:
+    """Return the modules that were imported meanwhile, without those of the component's own package."""
+    own = model.__module__.partition(".")[0]
+    return [name for name in sys.modules if name not in loaded and name.partition(".")[0] != own]
 
 
 def _threads() -> dict[str, int]:

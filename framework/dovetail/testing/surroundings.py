@@ -11,7 +11,7 @@ import sys
 import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -81,7 +81,20 @@ def observe(call: Callable[[], Any], *, environment: Mapping[str, str] | None = 
     call : callable
     environment : mapping, optional
         Environment variables before the first such call; others are removed, so that setting them is detected again.
+
+    Notes
+    -----
+    Packages may draw random numbers when they are imported, as `sklearn.gaussian_process` does. A call that imports
+    something is repeated, and the second call says which generators were used.
     """
+    loaded = set(sys.modules)
+    seen = _observed(call, environment)
+    if seen.generators and set(sys.modules) - loaded:
+        return replace(seen, generators=_observed(call, environment).generators)
+    return seen
+
+
+def _observed(call: Callable[[], Any], environment: Mapping[str, str] | None) -> Observation:
     printed = io.StringIO()
     with (
         _watched(_settings(environment)) as settings,
