@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dovetail.cli import reading
-from dovetail.cli.commands import exit_unless_believable, say_caveat
+from dovetail.cli.commands import exit_if_failed, exit_unless_believable, say_caveat
 from dovetail.cli.options import AsJson, PluginFiles
 from dovetail.cli.terminal import heading, print_json, progress_bars, table, title
 
@@ -59,8 +59,8 @@ def compare(
     """Compare methods of identification.
 
     Each identifies the joint from each measurement. Shown are the agreement of the reconstructed FRFs with the
-    measured ones, resonances, parameters and times. Files of an earlier run in the output folder are replaced. The exit
-    code is 3 where a result is not to be believed.
+    measured ones, resonances, parameters and times. Files of an earlier run in the output folder are replaced. A case
+    that fails does not end the others; the exit code is then 1. It is 3 where a result is not to be believed.
     """
     import dovetail
     from dovetail.cli.result_files import prepare_folder, writing
@@ -80,6 +80,7 @@ def compare(
             print_json(_plain(done))
         else:
             _print(done)
+    exit_if_failed(done.failures)
     exit_unless_believable(done)
 
 
@@ -99,7 +100,7 @@ def _plain(done: Comparison) -> dict[str, object]:
     tables = {
         name: [dict(zip(header, row, strict=True)) for row in rows] for name, (header, rows) in _tables(done).items()
     }
-    return {"believable": done.believable, "caveat": done.caveat, **tables}
+    return {"believable": done.believable, "caveat": done.caveat, "failures": dict(done.failures), **tables}
 
 
 def _print(done: Comparison) -> None:

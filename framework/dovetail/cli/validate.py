@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from dovetail.cli import reading
-from dovetail.cli.commands import exit_unless_believable, say_caveat
+from dovetail.cli.commands import exit_if_failed, exit_unless_believable, say_caveat
 from dovetail.cli.options import AsJson, PluginFiles, chosen_method
 from dovetail.cli.terminal import print_json, progress_bars, say, table, title
 from dovetail.plain_text import markdown_cell, markdown_table
@@ -50,8 +50,8 @@ def validate(
     """Hold models against measurements.
 
     For each case: the resonances as measured, without the accelerometer, and as predicted by the model, with the joint
-    that was identified elsewhere. Files of an earlier run in the output folder are replaced. The exit code is 3 where a
-    joint is not to be believed.
+    that was identified elsewhere. Files of an earlier run in the output folder are replaced. A case that fails does not
+    end the others; the exit code is then 1. It is 3 where a joint is not to be believed.
     """
     import dovetail
     from dovetail.cli.result_files import prepare_folder, writing
@@ -69,6 +69,7 @@ def validate(
             print_json(done.to_dict())
         else:
             _print(done)
+    exit_if_failed(done.failures)
     exit_unless_believable(done)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -18,6 +18,7 @@ from dovetail.atomic_files import read_bounded
 from dovetail.dataset import Dataset, generate
 from dovetail.errors import DovetailError, Fault, MeasurementError, ParameterError, listing
 from dovetail.evaluation.cases import Case, Cases
+from dovetail.evaluation.failures import Failures
 from dovetail.evaluation.robustness import storage_for, variant
 from dovetail.evaluation.validation import PROMINENCE
 from dovetail.frf import Frf, coherence_with_model
@@ -99,6 +100,8 @@ class Comparison:
         Seconds for the dataset that all networks share; 0 if it was there.
     truth : mapping of str to mapping
         True values of the parameters [SI] by the case's name, where they are known.
+    failures : mapping of str to str
+        Why a case has no rows, by its name.
     """
 
     title: str
@@ -108,6 +111,7 @@ class Comparison:
     training: Mapping[str, float]
     dataset: float
     truth: Mapping[str, Mapping[str, float]]
+    failures: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def cases(self) -> tuple[Case, ...]:
@@ -162,12 +166,14 @@ def compare(
     Returns
     -------
     Comparison
+        A case that fails by any method, as where its measurement cannot be read or does not reach both ends of the
+        band, is one of its failures, and does not end the others.
 
     Raises
     ------
     DovetailError
-        A case or a method cannot be used, or a measurement does not reach both ends of the assembly's band; `samples`
-        and `data` are both given; or `truth` knows none of the cases.
+        A method cannot be used; `samples` and `data` are both given; `truth` knows none of the cases; or every case
+        fails: why the first does.
 
     Notes
     -----
@@ -188,20 +194,30 @@ def compare(
     ways = {method: find_method(method, assembly, registry) for method in fits}
     networks = [method for method in methods if method not in (*ways, RIGID)]
     variants = {name: variant(assembly, name, registry) for name in networks}
-    measured = {case.name: _measurement(case, assembly) for case in cases.cases}
+    measured: dict[str, Frf] = {}
+    rows: list[Compared] = []
+    failures = Failures()
+    for case in cases.cases:
+        with failures.of(case.name):
+            measured[case.name] = _measurement(case, assembly)
+    failures.raise_unless(measured)
     if faults := batch_contradictions(assembly, list(measured.values())):
         raise MeasurementError(*faults.values())
-    rows = []
     with progress_reporter(progress) as report:
         models, training, seconds = _trained(assembly, variants, samples, data, report)
         for index, case in enumerate(cases.cases):
             report("cases", index, len(cases.cases))
-            rows += [
-                _compared(case, method, assembly, models.get(method) or ways.get(method), measured[case.name])
-                for method in methods
-            ]
+            if case.name not in measured:
+                continue
+            with failures.of(case.name):
+                rows += [
+                    _compared(case, method, assembly, models.get(method) or ways.get(method), measured[case.name])
+                    for method in methods
+                ]
         report("cases", len(cases.cases), len(cases.cases))
-    return Comparison(cases.title, cases.series, tuple(methods), tuple(rows), training, seconds, known)
+    failures.raise_unless(rows)
+    title, series, reasons = cases.title, cases.series, failures.reasons
+    return Comparison(title, series, tuple(methods), tuple(rows), training, seconds, known, reasons)
 
 
 def _one_assembly(cases: Cases) -> Path:

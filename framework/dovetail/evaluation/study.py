@@ -22,7 +22,7 @@ import numpy as np
 from dovetail.assembly import Assembly, AssemblySource, as_assembly
 from dovetail.atomic_files import held
 from dovetail.dataset import Dataset, generate
-from dovetail.errors import DatasetError, DovetailError, Fault, FileError
+from dovetail.errors import DatasetError, DovetailError, Fault, FileError, explained
 from dovetail.evaluation.study_ledger import Ledger, Trial
 from dovetail.evaluation.study_plan import StudyPlan, Sweep
 from dovetail.identification.network.training import train_and_evaluate
@@ -218,10 +218,12 @@ class _Work:
         with self.ledger.signs_of_life(trial):
             try:
                 answer = self._answer(trial, progress)
-            except DovetailError as error:  # of these settings
-                if trial.kind == "test" or isinstance(error, (DatasetError, FileError)):
+            except (DatasetError, FileError):
+                raise
+            except Exception as error:  # of these settings, such as too little memory: the other trials go on
+                if trial.kind == "test":
                     raise
-                self.ledger.note(trial, state="failed", reason=str(error.faults[0].problem))
+                self.ledger.note(trial, state="failed", reason=str(explained(error, "").faults[0].problem))
                 return
             if answer is not None:
                 self.ledger.note(trial, state="done", answer=answer)

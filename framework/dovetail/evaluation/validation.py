@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from functools import cache, partial
 from os import PathLike
 from typing import Any
@@ -13,6 +13,7 @@ import numpy as np
 from dovetail.assembly import Assembly, load, natural_in_band
 from dovetail.errors import Fault, MeasurementError, ParameterError
 from dovetail.evaluation.cases import Case, Cases, JointSource
+from dovetail.evaluation.failures import Failures
 from dovetail.frf import Frf, coherence_with_model
 from dovetail.frf.resonance_peaks import counterpart, resonance_peaks
 from dovetail.identification import Identification, identify
@@ -101,11 +102,21 @@ class ValidatedCase:
 
 @dataclass(frozen=True, eq=False)
 class Validation:
-    """All cases of a file, validated."""
+    """All cases of a file, validated.
+
+    Parameters
+    ----------
+    title, series : str
+        As in the file of cases.
+    cases : tuple of ValidatedCase
+    failures : mapping of str to str
+        Why a case has no result, by its name.
+    """
 
     title: str
     series: str
     cases: tuple[ValidatedCase, ...]
+    failures: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def believable(self) -> bool:
@@ -124,6 +135,7 @@ class Validation:
             "series": self.series,
             "believable": self.believable,
             "caveat": self.caveat,
+            "failures": dict(self.failures),
             "cases": [
                 {
                     "name": result.case.name,
@@ -163,12 +175,13 @@ def validate(
     Returns
     -------
     Validation
+        A case that fails, as where its measurement cannot be read or does not reach both ends of the band, is one of
+        its failures, and does not end the others.
 
     Raises
     ------
     DovetailError
-        A description, a measurement or an identification cannot be used, or a measurement does not reach both ends of
-        the band.
+        A description cannot be used, a case does not say what its joint is, or every case fails: why the first does.
 
     Notes
     -----
@@ -180,22 +193,31 @@ def validate(
     by_name: Any = partial(identify, method=method)
     identified = by_name if isinstance(method, (str, IdentificationMethod)) else method
     joint_of = cache(partial(_joint, identified=identified, plugins=files))  # what several cases share, once
-    validated = []
+    validated, failures = [], Failures()
     with progress_reporter(progress) as report:
         for index, (case, assembly) in enumerate(zip(cases.cases, loaded, strict=True)):
             report("cases", index, len(loaded))
-            validated.append(_validated(case, assembly, joint_of))
+            with failures.of(case.name):
+                validated.append(_validated(case, assembly, joint_of))
         report("cases", len(loaded), len(loaded))
-    return Validation(cases.title, cases.series, tuple(validated))
+    failures.raise_unless(validated)
+    return Validation(cases.title, cases.series, tuple(validated), failures.reasons)
 
 
 def _check_same_points(cases: Cases, assemblies: Sequence[Assembly]) -> None:
     """Raise a MeasurementError if measurements of one assembly were made at different points."""
     for described in {case.assembly for case in cases.cases}:
         of_it = [pair for pair in zip(cases.cases, assemblies, strict=True) if pair[0].assembly == described]
-        frfs = [case.measured.read(compensated=False) for case, _ in of_it]
+        frfs = [_readable(case) for case, _ in of_it]
         if faults := batch_contradictions(of_it[0][1].each_response[0], frfs):
             raise MeasurementError(*faults.values())
+
+
+def _readable(case: Case) -> Frf | None:
+    """Return the measurement of a case, or None where it cannot be read; its validation reports what is wrong."""
+    with Failures().of(case.name):
+        return case.measured.read(compensated=False)
+    return None
 
 
 def _joint(source: JointSource, identified: Identify, plugins: tuple[str | PathLike[str], ...]) -> AnyIdentification:
