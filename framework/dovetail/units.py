@@ -111,9 +111,12 @@ def to_si(value: object, unit: str) -> float:
     """
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         raise UnitError(f"a quantity in {unit} is a number or a text such as '1 {unit}', not {value!r}.")
-    number = _parse_text(value, unit) if isinstance(value, str) else float(value)
+    try:
+        number = _parse_text(value, unit) if isinstance(value, str) else float(value)
+    except OverflowError:  # a whole number of hundreds of digits
+        number = math.inf
     if not math.isfinite(number):
-        raise UnitError(f"{value!r} is not a finite quantity in {unit}.")
+        raise UnitError(f"{value!r:.40} is not a finite quantity in {unit}.")
     return number
 
 
@@ -130,7 +133,7 @@ def to_fraction(value: object) -> float:
     UnitError
         It is not such a fraction.
     """
-    text = str(value).strip()
+    text = str(value).strip()[:_LONGEST_TEXT]
     is_percent = text.endswith("%")
     try:
         number = float(text.removesuffix("%")) / (100.0 if is_percent else 1.0)

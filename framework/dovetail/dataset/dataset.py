@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dovetail.assembly import FRF_TOLERANCE, Assembly, fingerprint, largest_frf_difference
 from dovetail.dataset.metadata import check_attributes, check_metadata, read_metadata
-from dovetail.dataset.storage import ARRAYS, Storage, StoredFrfs, read_array, read_flags
+from dovetail.dataset.storage import ARRAYS, READING_ERRORS, Storage, StoredFrfs, read_array, read_flags
 from dovetail.errors import DatasetError, Fault
 from dovetail.plain_text import html_table
 
@@ -75,7 +75,7 @@ class Dataset:
             self._frfs = self._group[ARRAYS[self.storage][0]]
             self.amplitude = StoredFrfs(self.path, self._frfs, self._written, magnitude=True)
             self.complete = bool(self._written.all())
-        except (OSError, KeyError, ValueError, TypeError) as error:
+        except READING_ERRORS as error:
             raise DatasetError(Fault(str(path), f"this is not a readable dovetail dataset ({error}).")) from error
 
     def __len__(self) -> int:

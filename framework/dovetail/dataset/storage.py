@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dovetail.dataset.metadata import chunk_bytes
 from dovetail.errors import DatasetError, Fault
 
-__all__ = ["ARRAYS", "Storage", "StoredFrfs", "read_array", "read_flags"]
+__all__ = ["ARRAYS", "READING_ERRORS", "Storage", "StoredFrfs", "read_array", "read_flags"]
 
 Storage = Literal["amplitude", "complex"]
 """What is stored of each accelerance: its amplitude (float32), or amplitude and phase (complex64)."""
@@ -23,7 +23,8 @@ ARRAYS: dict[Storage, tuple[str, str]] = {
 }
 """Name and type of the array that holds the FRFs."""
 
-_READING_ERRORS = (OSError, ValueError, RuntimeError, TypeError)
+READING_ERRORS = (OSError, ValueError, RuntimeError, TypeError, ArithmeticError, LookupError, AttributeError)
+"""What Zarr raises for damaged files, and for metadata that contradict each other."""
 
 
 class StoredFrfs:
@@ -76,7 +77,7 @@ class StoredFrfs:
         self._check(chunks)
         try:
             values = np.asarray(self._array[rows])
-        except _READING_ERRORS:
+        except READING_ERRORS:
             self._raise_damage(chunks)
             raise
         return np.abs(values) if self._magnitude else values
@@ -121,7 +122,7 @@ class StoredFrfs:
         for chunk in chunks:
             try:
                 self._array[chunk * self.chunks[0]]
-            except _READING_ERRORS as error:
+            except READING_ERRORS as error:
                 remedy = "Delete this file and go on with --resume: it is computed anew."
                 raise self._fault(chunk, f"its content is damaged ({error})", remedy) from error
 
@@ -148,7 +149,7 @@ def read_array(folder: Path, group: Any, name: str) -> NDArray[Any]:
     try:
         _check_lengths(folder / name, array)
         return np.asarray(array[:])
-    except _READING_ERRORS as error:
+    except READING_ERRORS as error:
         raise DatasetError(Fault(where, f"it is damaged ({error}).", remedy=remedy)) from error
 
 
@@ -163,7 +164,7 @@ def read_flags(folder: Path, group: Any, name: str) -> NDArray[np.bool_]:
     try:
         _check_lengths(folder / name, group[name])
         return np.asarray(group[name][:], dtype=np.bool_)
-    except _READING_ERRORS as error:
+    except READING_ERRORS as error:
         remedy = f"Delete {folder / name / 'c'} and go on with --resume."
         raise DatasetError(Fault(str(folder / name), f"it is damaged ({error}).", remedy=remedy)) from error
 

@@ -126,7 +126,7 @@ class Frf:
             raise MeasurementError(f"{self.label}: a variance is negative or not finite.")
         if self.averages is not None and not 1 <= self.averages <= MOST_AVERAGES:
             raise MeasurementError(
-                f"{self.label}: {self.averages:.3g} averages; it must be at least 1 and at most {MOST_AVERAGES:,}."
+                f"{self.label}: {str(self.averages)[:40]} averages; it must be at least 1 and at most {MOST_AVERAGES:,}."
             )
         limits = (("frequency", self.frequency, HIGHEST_FREQUENCY), ("value", self.values, LARGEST_VALUE))
         for name, array, largest in limits:

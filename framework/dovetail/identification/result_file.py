@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
-from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, AliasChoices, BaseModel, ConfigDict, Field, Json, ValidationError
 
 from dovetail.atomic_files import read_bounded
 from dovetail.errors import DovetailError, Fault, damage_reported
@@ -102,12 +104,41 @@ class _StoredMisspecification(_Stored):
     bands_Hz: tuple[tuple[float, float], ...]  # noqa: N815
 
 
+class _StoredMetrics(_Stored):
+    r2: float | None
+    mae_si: float
+    unit: str
+
+
+class _StoredEvaluation(_Stored):
+    parameters: dict[str, _StoredMetrics] = {}
+
+
+class _StoredDescription(_Stored):
+    joints: dict[str, dict[str, Any]] | None = None
+
+
+class _StoredProvenance(_Stored):
+    """What is read of it again; all else is shown as it is."""
+
+    assembly: str = ""
+    measurement: str = ""
+    measurement_note: str = ""
+    description: Json[_StoredDescription] = _StoredDescription()
+    evaluation: _StoredEvaluation | None = None
+
+
+def _checked(provenance: dict[str, Any]) -> dict[str, Any]:
+    _StoredProvenance.model_validate(provenance)
+    return provenance
+
+
 class _StoredAnswer(_Stored):
     method: str
     parameters: dict[str, IdentifiedParameter]
     known: dict[str, float]
     warnings: tuple[str, ...]
-    provenance: dict[str, Any]
+    provenance: Annotated[dict[str, Any], AfterValidator(_checked)]
 
 
 class _StoredTable(_Stored):
@@ -170,13 +201,27 @@ def load_result(path: str | Path) -> AnyIdentification:
     try:
         if _MODAL.search(content[:_HEAD]):
             modal = _StoredModalIdentification.model_validate_json(content)
-            with damage_reported(str(file), _CONTRADICTION, _ACCEPTED, DovetailError):
+            with _named(file):
                 return _modal(file, modal)
         stored = _StoredIdentification.model_validate_json(content)
     except ValidationError as error:
         raise DovetailError(*_faults(file, error)) from None
-    with damage_reported(str(file), _CONTRADICTION, _ACCEPTED, DovetailError):
+    with _named(file):
         return _identification(file, stored)
+
+
+@contextmanager
+def _named(file: Path) -> Iterator[None]:
+    """Name the file in every error about its content, and report what is contradictory as such."""
+    try:
+        with damage_reported(str(file), _CONTRADICTION, _ACCEPTED, DovetailError):
+            yield
+    except DovetailError as error:
+        faults = [
+            fault if str(file) in fault.where else replace(fault, where=f"{file}  {fault.where}")
+            for fault in error.faults
+        ]
+        raise DovetailError(*faults) from None
 
 
 def _identification(file: Path, stored: _StoredIdentification) -> Identification:

@@ -34,6 +34,9 @@ _ACCEPTED = "frequency_Hz[,damping_ratio or damping_percent][,frequency_sd_Hz][,
 _PERCENT = 0.01
 _MOST_MODES = 10_000
 
+_LEAST = 1e-30
+"""Least frequency [Hz] and least standard deviation; one over it is the largest. Their squares are still numbers."""
+
 
 @dataclass(frozen=True, eq=False)
 class ModalParameters:
@@ -82,10 +85,12 @@ class ModalParameters:
     def _check(self, name: str, array: NDArray[np.float64]) -> None:
         if array.ndim != 1 or array.shape != self.frequency.shape or not array.size:
             raise MeasurementError(f"{self.label}: {name} has the shape {array.shape}, not (n_modes,).")
-        allowed = np.isfinite(array) & ((array >= 0) & (array < 1) if name == "damping_ratio" else array > 0)
-        bad = np.flatnonzero(~allowed)
+        within = (array >= 0) & (array < 1) if name == "damping_ratio" else (array >= _LEAST) & (array <= 1.0 / _LEAST)
+        bad = np.flatnonzero(~within)
         if bad.size:
-            limits = "from 0 to below 1" if name == "damping_ratio" else "positive"
+            limits = (
+                "from 0 to below 1" if name == "damping_ratio" else f"positive, from {_LEAST:g} to {1.0 / _LEAST:g}"
+            )
             raise MeasurementError(
                 f"{self.label}: {name} of mode {bad[0] + 1} is {array[bad[0]]:g}; it must be {limits}."
             )

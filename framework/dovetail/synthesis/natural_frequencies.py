@@ -90,9 +90,15 @@ def _dense_modes(K: NDArray[np.float64], M: NDArray[np.float64]) -> Iterator[tup
     inertia = np.diag(M) > 0
     if not inertia.any():
         return
-    shift = 1e-3 * float(np.median(np.diag(K)[inertia] / np.diag(M)[inertia])) or 1.0
+    with np.errstate(over="ignore", invalid="ignore"):
+        shift = 1e-3 * float(np.median(np.diag(K)[inertia] / np.diag(M)[inertia])) or 1.0
+        shifted = K + shift * M
+    if not np.isfinite(shifted).all():
+        raise DovetailError(
+            "there are no natural frequencies: a stiffness is too large, or a mass too small, to compute with."
+        )
     try:
-        mu, shapes = eigh(M, K + shift * M)
+        mu, shapes = eigh(M, shifted)
     except np.linalg.LinAlgError:
         raise DovetailError(
             "there are no natural frequencies: with these parameters a stiffness or a mass is negative."

@@ -27,6 +27,8 @@ _ENTRY = b"PK\x01\x02"
 """First bytes of each entry in the directory; counted, since the number at the end of the archive may be wrong."""
 _LARGEST_DENSE = 3_000
 """Largest number of DOFs of a full matrix: 72 MB."""
+_LARGEST_ENTRY = 1e100
+"""In SI; sums and products of entries up to it are still numbers."""
 _MOST_DOFS = 2_000_000
 _ASYMMETRY = 1e-6
 """Largest difference of two mirrored entries, over the largest entry; printed matrices are rounded."""
@@ -217,10 +219,11 @@ def sound_matrix(name: str, values: Any, where: str) -> Any:
         raise DovetailError(Fault(where, f"the matrix {name} holds {matrix.dtype} entries.", "real numbers"))
     columns = csc_array(matrix, dtype=np.float64)
     columns.sum_duplicates()
-    bad = np.flatnonzero(~np.isfinite(columns.data))
+    bad = np.flatnonzero(~(np.abs(columns.data) <= _LARGEST_ENTRY))
     if len(bad):
         row, column = _place(columns, int(bad[0]))
-        raise DovetailError(Fault(where, f"the entry ({row}, {column}) of {name} is {columns.data[bad[0]]}."))
+        accepted = f"finite numbers up to {_LARGEST_ENTRY:g}"
+        raise DovetailError(Fault(where, f"the entry ({row}, {column}) of {name} is {columns.data[bad[0]]}.", accepted))
     difference = abs(columns - columns.T).tocsc()
     if difference.nnz and difference.max() > _ASYMMETRY * abs(columns).max():
         row, column = _place(difference, int(np.argmax(difference.data)))

@@ -241,11 +241,12 @@ def _check_quantities(path: Path, header: Header) -> None:
 def _averages(comments: Mapping[str, str]) -> int | None:
     if "averages" not in comments:
         return None
-    text = comments["averages"].lstrip("0")
-    if not (text.isdecimal() and len(text) < 10 and 1 <= int(text) <= MOST_AVERAGES):
+    text = comments["averages"]
+    digits = text.lstrip("0")
+    if not (digits.isdecimal() and len(digits) < 10 and 1 <= int(digits) <= MOST_AVERAGES):
         where = comments["averages stands in"]
         raise MeasurementError(Fault(where, f"{text[:40]!r} is no number of averages.", "a whole number of 1 or more"))
-    return int(text)
+    return int(digits)
 
 
 def _is_header(cells: Sequence[str], chosen: Mapping[str, str]) -> bool:
