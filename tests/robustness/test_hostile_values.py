@@ -14,8 +14,6 @@ import numpy as np
 import pytest
 import yaml
 from hostile_values import PLAIN, arrays_like, outcome, places, refusal, replaced, texts, written
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 import dovetail
@@ -103,9 +101,7 @@ def test_cells_of_a_table(column, small, tmp_path):
         outcome(lambda file=file: dovetail.read_frf(file), "m.csv")
 
 
-@pytest.mark.parametrize(
-    "averages", ["0" * 40 + "5", "9" * 400, "000001000" + "9" * 900, "-3", "1e300", "nan", "1.5"]
-)
+@pytest.mark.parametrize("averages", ["0" * 40 + "5", "9" * 400, "000001000" + "9" * 900, "-3", "1e300", "nan", "1.5"])
 def test_numbers_of_averages(averages, tmp_path):
     text = f"# quantity: accelerance\n# averages: {averages}\nfrequency_Hz,real,imag\n1,2,3\n2,3,4\n"
     file = written(tmp_path / "m.csv", text)
@@ -128,19 +124,14 @@ def test_an_frf_has_limits_however_it_is_made():
             dovetail.Frf(**{**sound, **changed})
 
 
-@settings(max_examples=15, deadline=None, derandomize=True)
-@given(st.data())
-def test_measurements_of_any_size_are_identified_or_refused(small, data):
-    """Powers of ten over the whole range of numbers; whatever is accepted can be fitted or has a cause."""
-    exponents = st.floats(-320, 308)
-    factor = 10.0 ** data.draw(exponents) if data.draw(st.booleans()) else 10.0 ** data.draw(st.floats(-30, 30))
-
+@pytest.mark.parametrize("exponent", [-320, -155, -110, -90, 90, 110, 300])
+def test_measurements_of_any_size_are_identified_or_refused(small, exponent):
     def use():
-        measured = dovetail.Frf(AXIS, factor * small.frf(TRUTH), "accelerance", label="m.csv")
+        measured = dovetail.Frf(AXIS, 10.0**exponent * small.frf(TRUTH), "accelerance", label="m.csv")
         found = dovetail.identify(small, measured, "refined", cause_seconds=0.0)
         assert np.isfinite([parameter.value for parameter in found.parameters.values()]).all()
 
-    outcome(use, "m.csv")
+    assert outcome(use, "m.csv") == ("used" if abs(exponent) < 100 else "refused")
 
 
 def test_values_of_a_description(sdof, tmp_path):

@@ -32,7 +32,7 @@ narrower cannot be seen."""
 HIGHEST_FREQUENCY = 1e12
 """Hz; far above any structure's, and its square times a stiffness is still a number."""
 LARGEST_VALUE = 1e100
-"""In SI; the squares and products of values up to it are still numbers."""
+"""In SI; the squares and products of values up to it are still numbers. One over it is the least largest value."""
 MOST_AVERAGES = 1_000_000
 
 
@@ -126,7 +126,8 @@ class Frf:
             raise MeasurementError(f"{self.label}: a variance is negative or not finite.")
         if self.averages is not None and not 1 <= self.averages <= MOST_AVERAGES:
             raise MeasurementError(
-                f"{self.label}: {str(self.averages)[:40]} averages; it must be at least 1 and at most {MOST_AVERAGES:,}."
+                f"{self.label}: {str(self.averages)[:40]} averages; it must be at least 1 and at most "
+                f"{MOST_AVERAGES:,}."
             )
         limits = (("frequency", self.frequency, HIGHEST_FREQUENCY), ("value", self.values, LARGEST_VALUE))
         for name, array, largest in limits:
@@ -141,6 +142,11 @@ class Frf:
                     f"{self.label}: the {name} of line {beyond[0] + 1} is {np.abs(array[beyond[0]]):.3g}, which no "
                     f"structure has; accepted: up to {largest:g}."
                 )
+        if 0.0 < (largest := self.amplitude.max()) < 1.0 / LARGEST_VALUE:
+            raise MeasurementError(
+                f"{self.label}: the largest value is {largest:.3g}, which no structure has; accepted: from "
+                f"{1.0 / LARGEST_VALUE:g}."
+            )
         falling = np.flatnonzero(np.diff(self.frequency) <= 0)
         if falling.size:
             raise MeasurementError(

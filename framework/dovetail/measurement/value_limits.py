@@ -54,6 +54,13 @@ def check_size(
             problem = f"the {name} is {np.abs(array[beyond[0]]):.3g}, which no structure has{more}."
             remedy = "Correct the unit or the columns, or remove these lines."
             raise MeasurementError(Fault(locate(int(beyond[0])), problem, f"up to {limits[name]:.3g}", remedy))
+    values = arrays["value"]
+    if values is not None and 0.0 < (largest := float(np.abs(values[first:]).max()) * factor) < 1.0 / LARGEST_VALUE:
+        place = locate(first + int(np.argmax(np.abs(values[first:]))))
+        problem = f"the largest value is {largest:.3g} in SI, which no structure has."
+        raise MeasurementError(
+            Fault(place, problem, f"from {1.0 / LARGEST_VALUE:g}", "Correct the unit or the columns.")
+        )
     if averages is not None and not 1 <= averages <= MOST_AVERAGES:
         problem = f"{str(averages)[:40]} is not a number of averages."
         raise MeasurementError(Fault(locate(first), problem, f"1 to {MOST_AVERAGES:,}"))
