@@ -130,7 +130,7 @@ class _Pool:
 
     def answers(self) -> Iterator[tuple[int, tuple[bool, Any] | Fault]]:
         """Wait; yield each task that has ended, with its answer or the reason why its process ended."""
-        running = {worker.connection: worker for worker in self._workers if worker.index >= 0}
+        running: dict[Any, _Worker] = {worker.connection: worker for worker in self._workers if worker.index >= 0}
         running |= {worker.process.sentinel: worker for worker in running.values()}
         for worker in dict.fromkeys(running[ready] for ready in wait(list(running))):
             index, worker.index = worker.index, -1

@@ -16,10 +16,11 @@ from dovetail.cli.warning_notes import warnings_as_notes
 
 def test_an_unknown_sign_with_a_response_of_noise_is_one_note(run, tmp_path, assemblies):
     described = tmp_path / "a.yaml"
-    described.write_text(f"extends: {assemblies / 'sdof.yaml'}\nresponse: {{calibration: {{sign: unknown}}}}\n")
+    text = "frequency: {start: 10 Hz, stop: 300 Hz, step: 10 Hz}\nresponse: {calibration: {sign: unknown}}\n"
+    described.write_text(f"extends: {assemblies / 'sdof.yaml'}\n{text}")
     random = np.random.default_rng(0)
-    noise = random.standard_normal((2, 300))
-    frf = dovetail.Frf(np.arange(1.0, 301.0), noise[0] + 1j * noise[1], "accelerance")
+    noise = random.standard_normal((2, 30))
+    frf = dovetail.Frf(np.arange(10.0, 301.0, 10.0), noise[0] + 1j * noise[1], "accelerance")
     dovetail.write_frf(frf, tmp_path / "noise.csv")
     arguments = [sys.executable, "-m", "dovetail", "identify", str(described), "noise.csv"]
     options = ["--method", "refined", "--cause-seconds", "0"]

@@ -88,7 +88,7 @@ def _is_private(models: Path) -> bool:
 
     A model is trusted as far as whoever wrote it: another user's would give whatever results its author wishes.
     """
-    if os.name != "posix":  # where a user's folder is the user's own
+    if (user := _user()) is None:  # where a user's folder is the user's own
         return True
     try:
         status = models.stat()
@@ -98,13 +98,19 @@ def _is_private(models: Path) -> bool:
     if not stat.S_ISDIR(status.st_mode):
         return True  # which is reported where a model is written
     reason, remedy = "", ""
-    if status.st_uid != os.geteuid():
+    if status.st_uid != user:
         reason, remedy = "the folder belongs to another user", f"Name a folder of your own by {VARIABLE}"
     elif status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
         reason, remedy = "other users can write in the folder", "Remove it, or make it your own by chmod 700"
     if reason:
         note(f"The kept models in {models} are not used: {reason}. {remedy}.")
     return not reason
+
+
+def _user() -> int | None:
+    """Return the id of the user of this process, or None where files have no such owner."""
+    ask = getattr(os, "geteuid", None)
+    return None if ask is None else int(ask())
 
 
 def _kept(folder: Path, assembly: Assembly, plugins: Sequence[Path], otherwise: str) -> Identifier | None:
@@ -116,7 +122,7 @@ def _kept(folder: Path, assembly: Assembly, plugins: Sequence[Path], otherwise: 
         return None
     try:
         model = load_model(folder, plugins=plugins)
-        is_own = os.name != "posix" or os.lstat(folder).st_uid == os.geteuid()
+        is_own = _user() in (None, os.lstat(folder).st_uid)
         if not is_own or model.assembly.description.fingerprint != assembly.description.fingerprint:
             raise BundleError(f"{folder}: this is not the model that was kept for '{assembly.name}'.")
     except BundleError:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dovetail.errors import MeasurementError
+from dovetail.errors import Fault, MeasurementError
 from dovetail.frf.quantity import QUANTITIES, Quantity, conversion, unit_of
 from dovetail.plain_text import html_table, terminal_text
 
@@ -34,12 +34,51 @@ HIGHEST_FREQUENCY = 1e12
 LARGEST_VALUE = 1e100
 """In SI; the squares and products of values up to it are still numbers. One over it is the least largest value."""
 MOST_AVERAGES = 1_000_000
+_CORRECT = "Correct the unit or the columns, or remove these lines."
 
 
 def _frozen(values: ArrayLike, dtype: type[np.generic]) -> NDArray[np.generic]:
     array = np.array(values, dtype=dtype)
     array.flags.writeable = False
     return array
+
+
+def check_size(
+    arrays: Mapping[str, NDArray[np.generic] | None], factor: float, averages: int | None, locate: Callable[[int], str]
+) -> None:
+    """Check that the values of an FRF can be computed with.
+
+    Parameters
+    ----------
+    arrays : mapping of str to (n_freq,) array or None
+        "frequency" [Hz], "value" and "variance" in the file's unit.
+    factor : float
+        Positive; converts the values to SI.
+    averages : int or None
+    locate : callable
+        Returns the place of the line with an index.
+
+    Raises
+    ------
+    MeasurementError
+        A value or a number of averages is too large, or all values are too small.
+    """
+    limit = LARGEST_VALUE / factor
+    limits = {"frequency": HIGHEST_FREQUENCY, "value": limit, "variance": limit**2}
+    for name, array in arrays.items():
+        size = np.empty(0) if array is None else np.abs(array)
+        beyond = np.flatnonzero(size > limits[name])
+        if beyond.size:
+            more = f" ({beyond.size} such lines)" if beyond.size > 1 else ""
+            problem = f"the {name} is {size[beyond[0]]:.3g}, which no structure has{more}."
+            raise MeasurementError(Fault(locate(int(beyond[0])), problem, f"up to {limits[name]:.3g}", _CORRECT))
+        if name == "value" and 0.0 < size.max() * factor < 1.0 / LARGEST_VALUE:
+            problem = f"the largest value is {size.max():.3g}, which no structure has."
+            accepted = f"from {1.0 / LARGEST_VALUE / factor:.3g}"
+            raise MeasurementError(Fault(locate(int(size.argmax())), problem, accepted, _CORRECT))
+    if averages is not None and not 1 <= averages <= MOST_AVERAGES:
+        problem = f"{str(averages)[:40]} is not a number of averages."
+        raise MeasurementError(Fault(locate(0), problem, f"1 to {MOST_AVERAGES:,}"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,29 +163,16 @@ class Frf:
                 )
         if self.variance is not None and not (np.isfinite(self.variance).all() and np.all(self.variance >= 0)):
             raise MeasurementError(f"{self.label}: a variance is negative or not finite.")
-        if self.averages is not None and not 1 <= self.averages <= MOST_AVERAGES:
-            raise MeasurementError(
-                f"{self.label}: {str(self.averages)[:40]} averages; it must be at least 1 and at most "
-                f"{MOST_AVERAGES:,}."
-            )
-        limits = (("frequency", self.frequency, HIGHEST_FREQUENCY), ("value", self.values, LARGEST_VALUE))
-        for name, array, largest in limits:
+        if self.averages is not None and self.averages < 1:
+            raise MeasurementError(f"{self.label}: {self.averages} averages; it must be at least 1.")
+        for name, array in (("frequency", self.frequency), ("value", self.values)):
             bad = np.flatnonzero(~np.isfinite(array))
             if bad.size:
                 raise MeasurementError(
                     f"{self.label}: the {name} of line {bad[0] + 1} is not finite ({bad.size} such lines)."
                 )
-            beyond = np.flatnonzero(np.abs(array) > largest)
-            if beyond.size:
-                raise MeasurementError(
-                    f"{self.label}: the {name} of line {beyond[0] + 1} is {np.abs(array[beyond[0]]):.3g}, which no "
-                    f"structure has; accepted: up to {largest:g}."
-                )
-        if 0.0 < (largest := self.amplitude.max()) < 1.0 / LARGEST_VALUE:
-            raise MeasurementError(
-                f"{self.label}: the largest value is {largest:.3g}, which no structure has; accepted: from "
-                f"{1.0 / LARGEST_VALUE:g}."
-            )
+        arrays = {"frequency": self.frequency, "value": self.values, "variance": self.variance}
+        check_size(arrays, 1.0, self.averages, lambda index: f"{self.label}  line {index + 1}")
         falling = np.flatnonzero(np.diff(self.frequency) <= 0)
         if falling.size:
             raise MeasurementError(

@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError, did_you_mean, listing
-from dovetail.frf import QUANTITIES, Frf, Quantity, unit_of
+from dovetail.frf import QUANTITIES, Frf, Quantity, check_size, unit_of
 from dovetail.measurement.frf_units import UnitMeaning, is_si, meaning_of_unit, read_unit
 from dovetail.measurement.statements import About, Statement, interpret
-from dovetail.measurement.value_limits import check_size
 
 __all__ = [
     "DOF",
@@ -132,8 +131,9 @@ class Recording:
         self._check_axis(first)
         self._check_amplitude(first)
         factor = self.factor if self.has_phase else abs(self.factor)
-        arrays = {"frequency": self.frequency, "value": self.values, "variance": self.variance}
-        check_size(arrays, first, abs(factor), self.averages, self.locate)
+        whole = {"frequency": self.frequency, "value": self.values, "variance": self.variance}
+        used = {name: None if array is None else array[first:] for name, array in whole.items()}
+        check_size(used, abs(factor), self.averages, lambda index: self.locate(first + index))
         return Frf(
             frequency=self.frequency[first:],
             values=np.asarray(self.values[first:] * factor, dtype=np.complex128),
