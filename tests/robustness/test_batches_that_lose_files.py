@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import faulthandler
 import os
 import signal
 import sys
@@ -77,7 +78,7 @@ def test_ctrl_c_ends_a_batch_at_once_and_keeps_what_is_there(sdof, tmp_path):
     began = time.monotonic()
     process.send_signal(signal.SIGINT)
     _, messages = process.communicate(timeout=60)
-    assert time.monotonic() - began < 4.0  # about one second on a machine with nothing else to do
+    assert time.monotonic() - began < 10.0  # one second with nothing else at work; the worker would take ten minutes
     assert process.returncode == 130
     assert summary(tmp_path) == [*GOOD[:2]]
     assert "Interrupted after 2 of 3 measurements." in messages
@@ -183,6 +184,7 @@ def test_a_worker_that_dies_is_replaced_and_its_task_repeated_alone(tmp_path, si
     running.mkdir()
 
     def work(index):
+        faulthandler.disable()
         mark = running / f"{os.getpid()}"
         mark.touch()
         time.sleep(0.02)

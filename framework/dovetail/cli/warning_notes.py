@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TextIO
 
 from dovetail.cli.terminal import note
 
@@ -23,7 +24,14 @@ def warnings_as_notes() -> Iterator[None]:
     """
     printed: set[str] = set()
 
-    def show(message: Warning | str, category: type[Warning], filename: str, lineno: int, *_: object) -> None:
+    def show(
+        message: Warning | str,
+        category: type[Warning],
+        filename: str,
+        lineno: int,
+        _file: TextIO | None = None,
+        _line: str | None = None,
+    ) -> None:
         text = str(message)
         if category is UserWarning and not _is_of_a_library(filename):
             if text not in printed:

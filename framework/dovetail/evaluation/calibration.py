@@ -378,7 +378,9 @@ def _calibration(
 ) -> Calibration:
     order = sorted(done)
     rows: Sequence[_Case] = [done[index] for index in order]
-    columns = {name: np.array([getattr(row, name) for row in rows]) for name in _Case.__dataclass_fields__}
+    columns: dict[str, Any] = {
+        name: np.array([getattr(row, name) for row in rows]) for name in _Case.__dataclass_fields__
+    }
     names = tuple(parameter.name for parameter in assembly.parameters)
     return Calibration(
         setting=setting, names=names, case=np.array(order), wall_seconds=wall_seconds, workers=workers, **columns
