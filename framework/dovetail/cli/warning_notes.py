@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TextIO
+from typing import Any, cast
 
 from dovetail.cli.terminal import note
 
@@ -24,14 +24,7 @@ def warnings_as_notes() -> Iterator[None]:
     """
     printed: set[str] = set()
 
-    def show(
-        message: Warning | str,
-        category: type[Warning],
-        filename: str,
-        lineno: int,
-        _file: TextIO | None = None,
-        _line: str | None = None,
-    ) -> None:
+    def show(message: Warning | str, category: type[Warning], filename: str, lineno: int, *_: object) -> None:
         text = str(message)
         if category is UserWarning and not _is_of_a_library(filename):
             if text not in printed:
@@ -41,7 +34,7 @@ def warnings_as_notes() -> Iterator[None]:
             logging.getLogger(__name__).info("%s:%d: %s: %s", filename, lineno, category.__name__, text)
 
     with warnings.catch_warnings():
-        warnings.showwarning = show
+        warnings.showwarning = cast("Any", show)
         yield
 
 
