@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -191,9 +190,6 @@ def _read_text(archive: Archive, names: Mapping[str, str], field_name: str) -> s
         array = archive.entries[names[field_name]].load()
         if array.size != 1 or array.dtype.kind not in "US":
             raise MeasurementError(Fault(f"{archive.path}  {names[field_name]}", "the array is not one word."))
-        if array.dtype.kind == "U" and array.itemsize and np.any(_code_points(array) > sys.maxunicode):
-            problem = "the text holds a number that is not the code of any character: the file is damaged."
-            raise MeasurementError(Fault(f"{archive.path}  {names[field_name]}", problem, "a text"))
         word = array.reshape(())[()]
         text = word.decode("utf-8", errors="replace") if isinstance(word, bytes) else str(word)
         return text.strip()[:_LONGEST_TEXT]
@@ -203,11 +199,6 @@ def _read_text(archive: Archive, names: Mapping[str, str], field_name: str) -> s
             if key in attributes:
                 return attributes[key].strip()[:_LONGEST_TEXT]
     return ""
-
-
-def _code_points(texts: NDArray[Any]) -> NDArray[np.uint32]:
-    """Return the numbers of all characters of an array of texts; NumPy takes them from the file as they are."""
-    return np.ascontiguousarray(texts.astype(texts.dtype.newbyteorder("="))).reshape(-1).view(np.uint32)
 
 
 def _read_averages(archive: Archive, names: Mapping[str, str]) -> int | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import sys
 import zipfile
 from contextlib import AbstractContextManager
 from functools import partial
@@ -102,7 +103,8 @@ def _load_plain_array(path: Path, archive: zipfile.ZipFile, name: str) -> NDArra
     with archive.open(f"{name}.npy") as stream:
         _check_plain(path, name, *_read_header(path, stream, name))
     with archive.open(f"{name}.npy") as stream:
-        return np.asarray(np.lib.format.read_array(stream, allow_pickle=False))
+        array = np.asarray(np.lib.format.read_array(stream, allow_pickle=False))
+    return _check_texts(path, name, array)
 
 
 def _check_plain(path: Path, name: str, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
@@ -155,8 +157,20 @@ def read_array(path: Path, content: bytes) -> NDArray[Any]:
         if len(content) > LARGEST_ARRAY:
             problem = f"the array has {len(content) / 1e6:.0f} MB."
             raise MeasurementError(Fault(str(path), problem, f"at most {LARGEST_ARRAY // 1_000_000} MB"))
-        array = np.lib.format.read_array(io.BytesIO(content), allow_pickle=False)
-    return np.asarray(array)
+        array = np.asarray(np.lib.format.read_array(io.BytesIO(content), allow_pickle=False))
+    for field in array.dtype.names or ():
+        _check_texts(path, field, array[field])
+    return _check_texts(path, path.name, array)
+
+
+def _check_texts(path: Path, name: str, array: NDArray[Any]) -> NDArray[Any]:
+    """Return an array after the check that its texts hold characters: NumPy takes their codes from the file as is."""
+    if array.dtype.kind == "U" and array.itemsize:
+        native = np.ascontiguousarray(array.astype(array.dtype.newbyteorder("=")))
+        if np.any(native.reshape(-1).view(np.uint32) > sys.maxunicode):
+            problem = "the text holds a number that is not the code of any character: the file is damaged."
+            raise MeasurementError(Fault(f"{path}  {name}", problem, "a text"))
+    return array
 
 
 def archive_of_fields(path: Path, array: NDArray[Any]) -> Archive:
