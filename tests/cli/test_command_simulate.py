@@ -22,7 +22,8 @@ def test_it_prints_parameters_and_natural_frequencies(run, assemblies):
     rows = [line.split() for line in printed]
     assert ["k", "3.000", "MN/m", "0.1", "to", "10", "MN/m"] in rows
     assert ["c", "500.0", "N·s/m", "1", "to", "100", "N·s/m", "outside", "the", "range"] in rows
-    assert printed[-1] == f"{np.sqrt(3e6) / (2 * np.pi):.1f} Hz"
+    assert printed[-2] == f"{np.sqrt(3e6) / (2 * np.pi):.1f} Hz"
+    assert printed[-1] == f"damping ratio {100 * 250 / np.sqrt(3e6):.3g} %"
 
 
 def test_an_end_of_a_range_is_in_it_whatever_its_unit_is(run, assemblies):

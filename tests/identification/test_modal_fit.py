@@ -12,7 +12,7 @@ import pytest
 from scipy.linalg import eig
 
 import dovetail
-from dovetail.synthesis import DampedModes, assembly_matrices, natural_frequencies
+from dovetail.synthesis import DampedModes, assembly_matrices, damped_modes
 
 CHAIN: dict[str, Any] = {
     "dovetail": 1,
@@ -86,16 +86,16 @@ def test_the_poles_are_those_of_the_dense_system_and_so_are_their_derivatives():
         M, K, C, D = (getattr(matrices, name)[np.ix_(active, active)] for name in "MKCD")
         one, zero = np.eye(len(M)), np.zeros_like(M)
         dense = eig(np.block([[zero, one], [-K - 1j * D, -C]]), np.block([[one, zero], [zero, M]]), right=False)
-        ((poles, derivatives),) = damped.at(theta, 5)
-        assert len(poles) >= 4
-        for pole in poles:
+        (poles,) = damped.at(theta, 5)
+        assert len(poles.values) >= 4
+        for pole in poles.values:
             assert min(abs(dense - pole)) < 1e-6 * abs(pole)
         step = 1e-4 * theta["c"][0, 1]
         moved = theta["c"] + step * np.array([[1.0], [-1.0]]) * np.eye(theta["c"].shape[1])[1]
         both = {name: np.repeat(at, 2, axis=0) for name, at in theta.items()} | {"c": moved}
-        (ahead, _), (behind, _) = damped.at(both, 5)
-        slope = (ahead - behind) / (2 * step)
-        np.testing.assert_allclose(derivatives["c"][:, 1], slope, atol=1e-5 * abs(slope).max())
+        ahead, behind = damped.at(both, 5)
+        slope = (ahead.values - behind.values) / (2 * step)
+        np.testing.assert_allclose(poles.derivatives["c"][:, 1], slope, atol=1e-5 * abs(slope).max())
 
 
 def test_a_rigid_joint_has_no_parameters_and_the_derivatives_by_the_others_stay():
@@ -104,13 +104,13 @@ def test_a_rigid_joint_has_no_parameters_and_the_derivatives_by_the_others_stay(
     ends = {"a": {"to": "third", "at": 0}, "b": {"to": "plate", "at": 0}}
     welded["joints"]["weld"] = {"model": "rigid", "connect": ends}
     whole["substructures"]["third"]["masses"][0]["mass"] = "2 kg"
-    (poles, by_joint), (expected, expected_by_joint) = (
+    poles, expected = (
         next(DampedModes(assembly.graph).at(assembly.by_joint(assembly.from_unit(np.full((1, 4), 0.5))), 3))
         for assembly in map(dovetail.load, (welded, whole))
     )
-    np.testing.assert_allclose(poles, expected, rtol=1e-9)
-    np.testing.assert_allclose(by_joint["c"], expected_by_joint["c"], rtol=1e-9)
-    assert by_joint["weld"].shape == (3, 0)
+    np.testing.assert_allclose(poles.values, expected.values, rtol=1e-9)
+    np.testing.assert_allclose(poles.derivatives["c"], expected.derivatives["c"], rtol=1e-9)
+    assert poles.derivatives["weld"].shape == (3, 0)
 
 
 @pytest.mark.parametrize("form", ["laplace", "samples"])
@@ -239,22 +239,22 @@ def test_what_modal_parameters_cannot_have_is_one_error(chain, tmp_path):
 @pytest.mark.parametrize("few", [0, 100])
 def test_rigid_bodies_have_no_poles(few, monkeypatch):
     """Two masses on a spring and a damper in the air, by iteration and from all poles."""
-    monkeypatch.setattr(natural_frequencies, "_FEW_DOFS", few)
+    monkeypatch.setattr(damped_modes, "_FEW_DOFS", few)
     floating = copy.deepcopy(CHAIN)
     del floating["joints"]["a"], floating["joints"]["b"], floating["substructures"]["wall"]
     del floating["substructures"]["first"]
     assembly = dovetail.load(floating)
     theta = assembly.from_unit(np.random.default_rng(0).random((5, 2)))
     mass = 1.0 / (1.0 / 1.0 + 1.0 / 1.5)
-    for (k, c), (poles, _) in zip(theta, DampedModes(assembly.graph).at(assembly.by_joint(theta), 2), strict=True):
+    for (k, c), poles in zip(theta, DampedModes(assembly.graph).at(assembly.by_joint(theta), 2), strict=True):
         decay = c / 2.0 / mass
-        assert poles == pytest.approx([-decay + 1j * np.sqrt(k / mass - decay**2)], rel=1e-9)
+        assert poles.values == pytest.approx([-decay + 1j * np.sqrt(k / mass - decay**2)], rel=1e-9)
 
 
 def test_iteration_finds_the_poles_that_are_found_all_at_once(assemblies, monkeypatch):
     assembly = dovetail.load(assemblies / "bolted_lap_beam.yaml")
     theta = assembly.by_joint(assembly.from_unit(np.random.default_rng(0).random((4, len(assembly.parameters)))))
-    iterated = [poles[:5] for poles, _ in DampedModes(assembly.graph).at(theta, 10)]
-    monkeypatch.setattr(natural_frequencies, "_FEW_DOFS", 1000)
-    at_once = [poles[:5] for poles, _ in DampedModes(assembly.graph).at(theta, 10)]
+    iterated = [poles.values[:5] for poles in DampedModes(assembly.graph).at(theta, 10)]
+    monkeypatch.setattr(damped_modes, "_FEW_DOFS", 1000)
+    at_once = [poles.values[:5] for poles in DampedModes(assembly.graph).at(theta, 10)]
     np.testing.assert_allclose(iterated, at_once, rtol=1e-8)

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail.frf.resonance_peaks import resonance_peaks
-from dovetail.identification.reconstruction import _paired_modes as paired_modes
+from dovetail.frf.resonance_peaks import counterpart, resonance_peaks
 
 FREQUENCY = np.arange(100.0, 9001.0, 2.0)
 NATURAL = np.array([1319.0, 6446.0, 8133.0])
@@ -57,23 +56,6 @@ def test_a_peak_beside_a_line_of_zero_is_placed() -> None:
     assert FREQUENCY[1000] < peak < FREQUENCY[1002]
 
 
-def test_each_peak_goes_to_the_nearest_natural_frequency_only() -> None:
-    modes = paired_modes(np.array([1000.0, 1080.0, 5000.0]), np.array([1075.0, 9000.0]), np.array([900.0, 1078.0]))
-    assert [mode.reconstructed_peak for mode in modes] == [None, 1075.0, None]
-    assert [mode.measured_peak for mode in modes] == [None, 1078.0, None]
-
-
-def test_a_peak_far_away_is_not_a_counterpart() -> None:
-    (mode,) = paired_modes(np.array([1000.0]), np.array([1050.0]), np.array([1250.0]))
-    assert (mode.reconstructed_peak, mode.measured_peak) == (1050.0, None)
-
-
-def test_modes_without_peaks() -> None:
-    (mode,) = paired_modes(np.array([10.0]), np.empty(0), np.array([10.0]))
-    assert (mode.reconstructed_peak, mode.measured_peak) == (None, None)
-    assert paired_modes(np.empty(0), np.array([3.0]), np.array([3.0])) == ()
-
-
 def damped_mode(noise: float, seed: int) -> dovetail.Frf:
     """A mode with 2 % damping on the flank of others: a step with a low peak above the natural frequency."""
     frequency = np.arange(5000.0, 10001.0, 2.0)
@@ -119,8 +101,8 @@ def test_amplitudes_below_ten_standard_deviations_of_the_noise_are_not_distingui
 
 @pytest.mark.parametrize(("distance", "paired"), [(0.14, True), (0.16, False)])
 def test_counterparts_are_within_a_seventh_of_the_frequency(distance: float, paired: bool) -> None:
-    (mode,) = paired_modes(np.array([1000.0]), np.array([1000.0 * (1.0 + distance)]), np.empty(0))
-    assert (mode.reconstructed_peak is not None) is paired
+    other = counterpart(1000.0, np.array([1000.0]), np.array([1000.0 * (1.0 + distance)]))
+    assert (other is not None) is paired
 
 
 @pytest.mark.parametrize("quantity", ["receptance", "mobility", "accelerance"])

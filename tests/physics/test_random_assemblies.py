@@ -10,7 +10,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import tempfile
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 from dense_modes import natural_frequencies
+from dense_poles import damped_poles
 from dense_solve import DenseAssembly, System
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from random_assemblies import Drawn, drawn_assemblies
@@ -84,6 +85,7 @@ class Tally:
     entries: int = 0
     loose: int = 0
     blind: int = 0
+    poles: int = 0
     differences: list[str] = field(default_factory=list)
 
     def hold(self, what: str, computed: np.ndarray, dense: np.ndarray, moved: np.ndarray, size: Any = 0.0) -> None:
@@ -108,10 +110,10 @@ class Tally:
         return bool(objection)
 
 
-def compare(drawn: Drawn, tally: Tally) -> None:
-    """Hold everything that an assembly computes against the dense solve."""
+@contextmanager
+def loaded(drawn: Drawn):
+    """Yield the assembly, its dense counterpart and the positions of nodes, while the description's files are there."""
     dense = DenseAssembly(drawn.description, drawn.archives)
-    tally.assemblies += 1
     with tempfile.TemporaryDirectory() as folder:
         position = {
             (part, label): dense.parts[part].positions[label] for part in drawn.nodes for label in drawn.nodes[part]
@@ -119,6 +121,14 @@ def compare(drawn: Drawn, tally: Tally) -> None:
         description = drawn.written(Path(folder), dense.frequency, position)
         with patch("dovetail.assembly.reader.check_facing"):  # nets of DOFs, whose nodes lie anywhere
             assembly = dovetail.load(description, plugins=UNUSUAL_JOINTS)
+        yield assembly, dense, position
+
+
+def compare(drawn: Drawn, tally: Tally) -> None:
+    """Hold everything that an assembly computes against the dense solve."""
+    tally.assemblies += 1
+    with loaded(drawn) as answers:
+        assembly, dense, position = answers
     if [parameter.name for parameter in assembly.parameters] != dense.parameters:
         tally.differences.append(f"parameters {assembly.parameters}, not {dense.parameters}")
         return
@@ -195,22 +205,29 @@ def hold_receptance(drawn: Drawn, assembly: dovetail.Assembly, dense: DenseAssem
 
 
 def hold_natural_frequencies(drawn: Drawn, assembly: dovetail.Assembly, dense: DenseAssembly, tally: Tally) -> None:
-    """The lowest six elastic ones, with the contacts as they are and rigid."""
+    """The lowest six elastic poles, with the contacts as they are and rigid."""
     theta = drawn.theta[0]
-    no_matrices = "a part or a joint has no matrices" if drawn.tested or dense.depends_on_frequency() else ""
+    no_matrices = "a part has no matrices" if drawn.tested else ""
     if tally.refused("natural frequencies", no_matrices, lambda: assembly.natural_frequencies(theta)):
         return
     for model, rigid in ((assembly, False), (assembly.rigid(), True)):
-        frequencies, moved = natural_frequencies(dense, theta, rigid=rigid)
+        poles, moved = damped_poles(dense, theta, rigid=rigid)
         moved = SETTINGS.rounding * EPS * moved
-        known = moved <= SETTINGS.useless * frequencies  # others may be rigid-body modes as well as elastic ones
-        computed = model.natural_frequencies(theta, count=6)
-        computed = computed[~np.isnan(computed)]
-        computed = computed[computed > 2 * frequencies[~known].max(initial=0.0)]
-        frequencies, moved = (
-            values[known][: max(len(computed), 6 - np.sum(~known))] for values in (frequencies, moved)
-        )
-        tally.hold("natural frequencies", computed, frequencies, moved)
+        known = moved <= SETTINGS.useless * abs(poles)  # others may be of rigid-body modes as well as elastic ones
+        modes = model.modes(theta, count=6)
+        computed = np.array([pole_of(mode) for mode in modes], dtype=complex)
+        computed = computed[abs(computed) > 2 * abs(poles[~known]).max(initial=0.0)]
+        poles, moved = (values[known][: max(len(computed), 6 - np.sum(~known))] for values in (poles, moved))
+        tally.hold("poles", computed, poles, moved)
+        tally.poles += len(poles)
+        frequencies = model.natural_frequencies(theta, count=6)
+        same = np.array([mode.natural_frequency for mode in modes])
+        tally.hold("natural frequencies", frequencies[: len(modes)], same, 0.0)
+
+
+def pole_of(mode) -> complex:
+    zeta = mode.damping_ratio
+    return 2 * np.pi * mode.natural_frequency * (-zeta + 1j * np.sqrt(1 - zeta**2))
 
 
 def check_shares(tally: Tally) -> None:
@@ -241,6 +258,25 @@ def hold(count):
     hold_one()
     assert tally.assemblies >= count
     check_shares(tally)
+
+
+@pytest.mark.slow
+def test_the_poles_of_three_hundred_random_assemblies():
+    tally, failing = Tally(), []
+
+    @seed(300)
+    @settings(QUICK, derandomize=False, max_examples=300)
+    @given(drawn_assemblies())
+    def hold(drawn):
+        before = len(tally.differences)
+        tally.assemblies += 1
+        with loaded(drawn) as (assembly, dense, _):
+            hold_natural_frequencies(drawn, assembly, dense, tally)
+        if len(tally.differences) > before:
+            failing.append((tally.differences[before:], drawn.description, drawn.theta))
+
+    hold()
+    assert (failing, tally.assemblies >= 300, tally.poles > 1000) == ([], True, True)
 
 
 @pytest.mark.slow

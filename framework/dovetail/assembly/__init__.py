@@ -5,12 +5,13 @@ from dovetail.assembly.description import Description, IdentificationSettings, f
 from dovetail.assembly.doubts import find_doubts
 from dovetail.assembly.json_schema import description_schema
 from dovetail.assembly.loading import AssemblySource, as_assembly, load
-from dovetail.assembly.natural_frequencies import natural_in_band
+from dovetail.assembly.natural_frequencies import modes_in_band
 from dovetail.assembly.omissions import find_omissions
 from dovetail.assembly.parameters import ParameterSpace, Theta
 from dovetail.assembly.regression_check import FRF_TOLERANCE, largest_frf_difference
 from dovetail.assembly.sections import AugmentationSection
 from dovetail.assembly.study_section import SearchRange, StudySection
+from dovetail.assembly.vibration_modes import VibrationMode
 
 __all__ = [
     "FRF_TOLERANCE",
@@ -23,6 +24,7 @@ __all__ = [
     "SearchRange",
     "StudySection",
     "Theta",
+    "VibrationMode",
     "as_assembly",
     "description_schema",
     "find_doubts",
@@ -30,5 +32,5 @@ __all__ = [
     "fingerprint",
     "largest_frf_difference",
     "load",
-    "natural_in_band",
+    "modes_in_band",
 ]

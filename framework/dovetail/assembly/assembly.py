@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
+from itertools import repeat
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dovetail.assembly.calibration import entries_at_response, graph_between, graph_of, matrices_without_window
+from dovetail.assembly.calibration import entries_at_response, graph_between, graph_of, without_window
 from dovetail.assembly.description import Description, Response
 from dovetail.assembly.joints import find_point
 from dovetail.assembly.parameters import ParameterSpace, ResponseFrfs, Theta, points_and_pairs
+from dovetail.assembly.vibration_modes import VibrationMode, vibration_modes
 from dovetail.errors import Fault, ParameterError
 from dovetail.frf import Frf
 from dovetail.interfaces import Parameter
 from dovetail.plain_text import html_table
-from dovetail.synthesis import Engine, Graph, InterpolatedEngine, Point, elastic_frequencies
+from dovetail.synthesis import DampedModes, Engine, Graph, InterpolatedEngine, Point, Poles
 
 __all__ = ["Assembly"]
 
@@ -296,7 +298,7 @@ class Assembly:
         return find_point(self.description.substructures, substructure, position, direction)
 
     def natural_frequencies(self, theta: Theta = None, count: int = 3) -> NDArray[np.float64]:
-        """Lowest natural frequencies of the undamped assembly, without its rigid-body modes.
+        """Lowest natural frequencies: magnitudes of the damped poles, without rigid-body and overdamped motions.
 
         Parameters
         ----------
@@ -311,14 +313,33 @@ class Assembly:
         Raises
         ------
         DovetailError
-            A substructure is known by its FRFs only.
+            A substructure is known by its FRFs only, or the structure is not stable.
         """
         batch, single = self._space.batch(theta)
         frequencies = np.full((len(batch), count), np.nan)
-        for row, vector in zip(frequencies, batch, strict=True):
-            modes = elastic_frequencies(matrices_without_window(self.graph, self.by_joint(vector)), count)
-            row[: len(modes)] = modes
+        for row, poles in zip(frequencies, self._poles(batch, count), strict=True):
+            row[: len(poles.values)] = np.abs(poles.values) / (2.0 * np.pi)
         return frequencies[0] if single else frequencies
+
+    def modes(self, theta: Theta = None, count: int = 3) -> tuple[VibrationMode, ...]:
+        """Lowest modes of one parameter vector, as `natural_frequencies`, with damping ratios and shapes.
+
+        Parameters
+        ----------
+        theta : (n_params,) array or mapping of names to values, or None
+        count : int
+        """
+        (poles,) = self._poles(self.vector(theta)[None], count)
+        return tuple(vibration_modes(self.graph, poles))
+
+    @cached_property
+    def _damped(self) -> DampedModes:
+        return DampedModes(self.graph)
+
+    def _poles(self, batch: NDArray[np.float64], count: int) -> Iterator[Poles]:
+        seen = without_window(self.graph, self.by_joint(batch))
+        poles = self._damped.at(seen, count, differentiate=False, must_be_stable=True)
+        return poles if seen else repeat(next(poles), len(batch))
 
     def on(self, frequency: ArrayLike, *further: ArrayLike) -> Assembly:
         """Return the same assembly at other frequencies.

@@ -24,8 +24,8 @@ from dovetail.documents.fault_list import FaultList
 from dovetail.documents.tree import Item, Path, format_value, plain_values
 from dovetail.errors import Fault, ParameterError, did_you_mean, listing
 from dovetail.frf import QUANTITIES, Quantity
-from dovetail.interfaces import JointModel, Parameter, Port, SparseMatrices, StructuralMatrices, SubstructureModel
-from dovetail.synthesis import Attachment, Connection, Graph, assembly_matrices
+from dovetail.interfaces import JointModel, Parameter, Port, StructuralMatrices, SubstructureModel
+from dovetail.synthesis import Attachment, Connection, Graph
 from dovetail.synthesis.joint_evaluation import depends_on_frequency
 from dovetail.units import format_quantity
 
@@ -37,12 +37,12 @@ __all__ = [
     "entries_at_response",
     "graph_between",
     "graph_of",
-    "matrices_without_window",
     "read_calibration",
     "shared_by",
     "unknown_gains",
     "unknown_signs",
     "with_signs",
+    "without_window",
 ]
 
 _MASS = Parameter("mass", "kg", 0.0, 0.05, "linear", "Of the sensor at the response")
@@ -312,10 +312,10 @@ def graph_between(graph: Graph, points: Sequence[tuple[str, int]]) -> Graph:
     return Graph(graph.substructures, connections)
 
 
-def matrices_without_window(
-    graph: Graph, theta: Mapping[str, NDArray[np.float64]]
-) -> StructuralMatrices | SparseMatrices:
-    """Return the matrices of the structure itself, as `assembly_matrices`, without the effect of a window."""
+def without_window(graph: Graph, theta: Mapping[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:
+    """Return the parameters of each joint, (n, n_params), with which the structure itself is seen, without a window."""
     windowed = {name for name, connection in graph.connections.items() if isinstance(connection.model, _Windowed)}
-    rates_of_zero = {name: np.append(theta[name][:-1], 0.0) for name in windowed}
-    return assembly_matrices(graph, {**theta, **rates_of_zero})
+    unseen = {name: theta[name].copy() for name in windowed}
+    for values in unseen.values():
+        values[:, -1] = 0.0
+    return {**theta, **unseen}

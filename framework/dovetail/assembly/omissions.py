@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly.assembly import Assembly
-from dovetail.assembly.calibration import matrices_without_window
+from dovetail.assembly.calibration import without_window
 from dovetail.errors import DovetailError, Fault, PluginError, listing
 from dovetail.interfaces import JointModel, Omission, Parameter, Port, StructuralMatrices, plugin_errors
-from dovetail.synthesis import Connection, elastic_frequencies
+from dovetail.synthesis import Connection, DampedModes, Graph
+from dovetail.synthesis.joint_evaluation import Theta
 
 __all__ = ["find_omissions"]
 
@@ -91,10 +92,9 @@ def _size(assembly: Assembly, connection: Connection, omission: Omission) -> str
     graph = assembly.graph
     name = "what is left out"
     whole = replace(graph, connections={**graph.connections, name: replace(connection, model=added, rigid=False)})
-    theta = {**assembly.by_joint(), name: np.empty(0)}
+    theta = assembly.by_joint(assembly.vector(None)[np.newaxis])
     try:
-        before = np.array(elastic_frequencies(matrices_without_window(graph, theta), _MODES))
-        after = np.array(elastic_frequencies(matrices_without_window(whole, theta), _MODES))
+        before, after = natural_frequencies(graph, theta), natural_frequencies(whole, {**theta, name: np.empty((1, 0))})
     except DovetailError as error:
         return f"How much that changes cannot be computed: {error.faults[0].problem}"
     modes = min(len(before), len(after))
@@ -105,6 +105,12 @@ def _size(assembly: Assembly, connection: Connection, omission: Omission) -> str
         f"In the middle of the ranges the natural frequencies are {_hertz(before[:modes])}; with all of it they would "
         f"be {_hertz(after[:modes])}, up to {100.0 * rise.max():.2g} % higher. Those of the structure lie between."
     )
+
+
+def natural_frequencies(graph: Graph, theta: Theta) -> NDArray[np.float64]:
+    """Return the lowest natural frequencies [Hz] for one parameter vector, (1, n_params) of each joint."""
+    modes = DampedModes(graph).at(without_window(graph, theta), _MODES, differentiate=False, must_be_stable=True)
+    return np.asarray(np.abs(next(modes).values) / (2.0 * np.pi))
 
 
 def _hertz(values: NDArray[np.float64]) -> str:

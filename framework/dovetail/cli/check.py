@@ -67,7 +67,7 @@ def _summary(assembly: Assembly) -> dict[str, Any]:
 
     description, graph = assembly.description, assembly.graph
     frequency = assembly.frequency
-    natural, reason = natural_frequencies(assembly)
+    natural, damping, reason = natural_frequencies(assembly)
     substructures = [
         {
             "name": name,
@@ -95,6 +95,7 @@ def _summary(assembly: Assembly) -> dict[str, Any]:
         "further_responses": [_response(assembly, response) for response in description.responses[1:]],
         "frequency": {"first": float(frequency[0]), "last": float(frequency[-1]), "lines": len(frequency)},
         "natural_frequencies": natural,
+        "damping_ratios": damping,
         "without_natural_frequencies": reason,
         "omissions": list(find_omissions(assembly)),
         "doubts": list(find_doubts(assembly)),
@@ -147,7 +148,8 @@ def _print(assembly: Assembly, summary: dict[str, Any]) -> None:
         heading("Parameters fixed")
         table(["parameter", "value"], [(p["name"], format_quantity(p["value"], p["unit"])) for p in summary["fixed"]])
     heading("Natural frequencies in the middle of the ranges")
-    say_natural_frequencies(summary["natural_frequencies"], summary["without_natural_frequencies"])
+    modes = summary["natural_frequencies"], summary["damping_ratios"]
+    say_natural_frequencies(*modes, summary["without_natural_frequencies"])
     if summary["omissions"]:
         heading("What the model leaves out")
         for omission in summary["omissions"]:

@@ -276,6 +276,7 @@ def _print(result: Identification, truth: Truth | None) -> None:
     modes = [
         (
             row.natural,
+            row.damping,
             *((row.true_natural, row.error) if truth is not None else ("", "")),
             row.reconstructed_peak,
             row.measured_peak,
@@ -283,7 +284,7 @@ def _print(result: Identification, truth: Truth | None) -> None:
         )
         for row in mode_rows(result, truth)
     ]
-    headers = ["identified", "truth", "error [%]", "FRF peak", "measured peak", "difference [%]"]
+    headers = ["identified", "damping [%]", "truth", "error [%]", "FRF peak", "measured peak", "difference [%]"]
     if modes:
         table(headers, modes, numbers=headers)
     else:

@@ -14,16 +14,20 @@ __all__ = ["natural_frequencies", "say_natural_frequencies"]
 _MOST = 10
 
 
-def natural_frequencies(assembly: Assembly, theta: Theta = None) -> tuple[list[float], str]:
-    """Return the natural frequencies [Hz] that commands show, and the reason if there are none."""
-    from dovetail.assembly import natural_in_band
+def natural_frequencies(assembly: Assembly, theta: Theta = None) -> tuple[list[float], list[float], str]:
+    """Return the natural frequencies [Hz] that commands show, their damping ratios, and why there are none."""
+    from dovetail.assembly import modes_in_band
 
-    natural, reason = natural_in_band(assembly, theta, count=_MOST)
-    return natural.tolist(), reason
+    modes, reason = modes_in_band(assembly, theta, count=_MOST)
+    return [mode.natural_frequency for mode in modes], [mode.damping_ratio for mode in modes], reason
 
 
-def say_natural_frequencies(natural: list[float], reason: str) -> None:
-    """Print natural frequencies [Hz] in one line."""
-    from dovetail.report.wording import hertz
+def say_natural_frequencies(natural: list[float], damping: list[float], reason: str) -> None:
+    """Print natural frequencies [Hz] in one line, and damping ratios in the next."""
+    from dovetail.report.wording import hertz, number
 
-    say(f"{', '.join(map(hertz, natural))} Hz" if natural else reason)
+    if not natural:
+        say(reason)
+        return
+    say(f"{', '.join(map(hertz, natural))} Hz")
+    say(f"damping ratio {', '.join(number(100.0 * ratio, 3, padded=False) for ratio in damping)} %")

@@ -56,13 +56,14 @@ def predict(
     values = joint_values(loaded, identified)
     signs = {f"{name}.sign": sign for name, sign in determined_signs(loaded, identified).items()}
     frf = predicted_frf(loaded, identified)
-    natural, reason = natural_frequencies(loaded, values)
+    natural, damping, reason = natural_frequencies(loaded, values)
     amplitudes = None if band is None else predicted_band(loaded, identified)
     bands = {} if band is None or amplitudes is None else {band: _band_text(amplitudes, frf)}
     write_frf_files(frf, files, natural, bands, overwrite=overwrite)
     if as_json:
         caveat = {"believable": identified.believable, "caveat": identified.caveat}
-        print_json({"name": loaded.name, **caveat, "parameters": values | signs, "natural_frequencies": natural})
+        modes = {"natural_frequencies": natural, "damping_ratios": damping}
+        print_json({"name": loaded.name, **caveat, "parameters": values | signs, **modes})
     else:
         from dovetail.identification.posterior import NOT_BELIEVED
 
@@ -74,7 +75,7 @@ def predict(
         if rows:
             table(["parameter", "value", "note"], rows)
         heading(f"Natural frequencies, {doubt}" if doubt else "Natural frequencies")
-        say_natural_frequencies(natural, reason)
+        say_natural_frequencies(natural, damping, reason)
     for file in (*files, *bands):
         note(f"Written: {file}")
     exit_unless_believable(identified)

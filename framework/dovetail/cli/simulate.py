@@ -80,13 +80,16 @@ def simulate(
     frf = loaded.simulate(theta)
     if noise:
         frf = noisy_frf(frf, noise, seed)
-    natural, reason = natural_frequencies(loaded, theta)
+    natural, damping, reason = natural_frequencies(loaded, theta)
     texts = {} if truth_output is None else {truth_output: _truth(loaded, theta, natural, noise)}
     write_frf_files(frf, files, natural, texts, overwrite=overwrite)
     if as_json:
-        print_json({"name": loaded.name, "parameters": theta, "natural_frequencies": natural})
+        print_json(
+            {"name": loaded.name, "parameters": theta, "natural_frequencies": natural, "damping_ratios": damping}
+        )
     else:
-        _print(loaded, theta, natural, reason)
+        _print(loaded, theta)
+        say_natural_frequencies(natural, damping, reason)
     for file in (*files, *texts):
         note(f"Written: {file}")
 
@@ -120,7 +123,7 @@ def _theta(assembly: Assembly, chosen: dict[str, str]) -> dict[str, float]:
     return dict(zip(names, assembly.vector(chosen).tolist(), strict=True))
 
 
-def _print(assembly: Assembly, theta: dict[str, float], natural: list[float], reason: str) -> None:
+def _print(assembly: Assembly, theta: dict[str, float]) -> None:
     from dovetail.identification.parameters import is_in_range
 
     title(assembly.name)
@@ -131,4 +134,3 @@ def _print(assembly: Assembly, theta: dict[str, float], natural: list[float], re
     if rows:
         table(["parameter", "value", "range", "note"], rows)
     heading("Natural frequencies")
-    say_natural_frequencies(natural, reason)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly import Assembly, AssemblySource, as_assembly, natural_in_band
+from dovetail.assembly import Assembly, AssemblySource, as_assembly, modes_in_band
 from dovetail.assembly.description import Place
 from dovetail.dataset import latin_hypercube
 from dovetail.errors import Fault, ParameterError
@@ -174,7 +174,7 @@ def plan(
     _check(assembly, noise, samples)
     candidates = _candidates(assembly, substructures)
     theta = latin_hypercube(assembly, samples, seed)
-    natural, _ = natural_in_band(assembly, count=_MOST_MODES)
+    natural = np.array([mode.natural_frequency for mode in modes_in_band(assembly, count=_MOST_MODES)[0]])
     deviation = noise * assembly.frf(theta).std(axis=1)
     with progress_reporter(progress) as report:
         information = _information_of_each(candidates, theta, deviation, report)

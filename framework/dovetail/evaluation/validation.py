@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from dovetail.assembly import Assembly, load, natural_in_band
+from dovetail.assembly import Assembly, load, modes_in_band
 from dovetail.errors import Fault, MeasurementError, ParameterError
 from dovetail.evaluation.cases import Case, Cases, JointSource
 from dovetail.evaluation.failures import Failures
@@ -78,7 +78,9 @@ class ValidatedCase:
     joint : Identification or None
         The joint that was used.
     natural : tuple of float
-        Natural frequencies [Hz] of the undamped model within the band; none where a part has only FRFs.
+        Natural frequencies [Hz] of the model within the band; none where a part has only FRFs.
+    damping : tuple of float
+        Their damping ratios.
     """
 
     case: Case
@@ -88,6 +90,7 @@ class ValidatedCase:
     peaks: tuple[PeakRow, ...]
     joint: AnyIdentification | None
     natural: tuple[float, ...]
+    damping: tuple[float, ...] = ()
 
     @property
     def believable(self) -> bool:
@@ -143,6 +146,7 @@ class Validation:
                     "believable": result.believable,
                     "peaks": [asdict(row) | {"error": row.error, "shift": row.shift} for row in result.peaks],
                     "natural_frequencies": list(result.natural),
+                    "damping_ratios": list(result.damping),
                     "mean_coherence": result.mean_coherence,
                     "method": None if result.joint is None else result.joint.method,
                     "joint": None if result.joint is None else {n: p.value for n, p in result.joint.parameters.items()},
@@ -248,8 +252,9 @@ def _validated(case: Case, assembly: Assembly, joint_of: Callable[[JointSource],
     check_cover(raw, assembly.frequency)
     predicted = predicted_frf(assembly.on(raw.frequency), known)
     peaks = tuple(_paired(raw, bare, predicted))
-    natural, _ = natural_in_band(assembly, joint_values(assembly, known), count=_MOST_MODES)
-    return ValidatedCase(case, raw, bare, predicted, peaks, joint, tuple(natural.tolist()))
+    modes, _ = modes_in_band(assembly, joint_values(assembly, known), count=_MOST_MODES)
+    natural, damping = (tuple(getattr(mode, name) for mode in modes) for name in ("natural_frequency", "damping_ratio"))
+    return ValidatedCase(case, raw, bare, predicted, peaks, joint, natural, damping)
 
 
 def _paired(raw: Frf, bare: Frf, prediction: Frf) -> Iterator[PeakRow]:

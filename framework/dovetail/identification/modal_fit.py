@@ -57,6 +57,8 @@ class Settings:
     """Highest mode of the model that is computed, over the highest natural frequency of the table."""
     least_damping: float = 1e-4
     """Damping ratio to which relative errors of smaller ones refer."""
+    least_turn: float = 0.5
+    """Imaginary part of a pole over its magnitude below which no table has it: a damping ratio above 0.87."""
     apart: float = 0.1
     """Difference of a coordinate, in standard deviations of the prior, above which two ends are distinct."""
     region: float = 20.0
@@ -116,9 +118,11 @@ class _ModalResiduals:
         count = 2 * len(self.measured.frequency) + _SETTINGS.further_modes
         highest = _SETTINGS.reach * float(self.measured.frequency[-1])
         by_joint = self.assembly.by_joint(theta)
-        for poles, changes in self.modes.at(by_joint, count, highest=highest, differentiate=differentiate):
-            none = np.zeros((len(poles), theta.shape[1]), dtype=np.complex128)
-            yield poles, sum((change @ self._slopes[name].T for name, change in changes.items()), none)
+        options = {"highest": highest, "least_turn": _SETTINGS.least_turn, "differentiate": differentiate}
+        for poles in self.modes.at(by_joint, count, **options):
+            none = np.zeros((len(poles.values), theta.shape[1]), dtype=np.complex128)
+            changes = poles.derivatives.items()
+            yield poles.values, sum((change @ self._slopes[name].T for name, change in changes), none)
 
     def matched(self, poles: NDArray[np.complex128]) -> NDArray[np.intp]:
         """Return the pole of each mode of the table, -1 for none, by the least sum of log distances."""
@@ -196,9 +200,9 @@ def identify_from_modes(
     seed = assembly.description.identification.seed if seed is None else seed
     residuals = _ModalResiduals(assembly, measured, _SETTINGS.rough)
     middle, count = assembly.from_unit(np.full((1, len(assembly.parameters)), 0.5)), len(measured.frequency)
-    ((poles, _),) = residuals.modes.at(assembly.by_joint(middle), count, differentiate=False)
-    if len(poles) < count:
-        problem = f"the table has {count} modes, the model of '{assembly.name}' has {len(poles)}."
+    (poles,) = residuals.modes.at(assembly.by_joint(middle), count, differentiate=False)
+    if len(poles.values) < count:
+        problem = f"the table has {count} modes, the model of '{assembly.name}' has {len(poles.values)}."
         raise MeasurementError(Fault(measured.label, problem, remedy="Leave out those that are no bending modes."))
     ends = _search(residuals, np.random.default_rng([seed, 7]))
     progress("searching", 1, 2)

@@ -14,13 +14,14 @@ from dovetail.assembly import Assembly
 from dovetail.assembly.description import Tie, follow
 from dovetail.errors import DovetailError, Importance, Note, PluginError, by_importance
 from dovetail.frf import LOW_COHERENCE, Frf
-from dovetail.frf.resonance_peaks import PairedPeaks, counterpart
+from dovetail.frf.resonance_peaks import PairedPeaks
 from dovetail.identification.adequacy import Adequacy
 from dovetail.identification.adequacy.resonances import describe_lacking, lacking_resonances
 from dovetail.identification.fitting import Fit, one_per_response
 from dovetail.identification.fitting.merged_lines import MOST_LINES, frf_in_blocks
+from dovetail.identification.mode_pairs import Mode, paired_modes, unpaired_peaks
 from dovetail.identification.parameters import Follower, IdentifiedParameter, is_in_range
-from dovetail.identification.result import AtPoint, Identification, Mode
+from dovetail.identification.result import AtPoint, Identification
 from dovetail.interfaces import Parameter
 from dovetail.units import format_quantity
 
@@ -36,7 +37,7 @@ class Settings:
     most_listed: int = 8
     """Ignored lines that a warning lists."""
     modes: int = 10
-    """Natural frequencies that are computed first, and twice as many while all of them are below the band's end."""
+    """Modes that are computed first, and twice as many while all of them are below the band's end."""
 
 
 _SETTINGS = Settings()
@@ -83,7 +84,7 @@ def reconstruct(
     first = at_points[0]
     band = (float(assembly.frequency[0]), float(assembly.frequency[-1])) if band is None else band
     paired = [PairedPeaks.of(at_point.measured, at_point.frf) for at_point in at_points]
-    modes, without_modes = _modes(assembly, theta, band, paired[0])
+    modes, without_modes = _modes(assembly, theta, band, first)
     result = Identification(
         method=method,
         parameters=identified_parameters(assembly, theta),
@@ -98,6 +99,7 @@ def reconstruct(
         further=at_points[1:],
         adequacy=adequacy and _with_agreement(adequacy, at_points, paired),
         band=band,
+        peaks_without_mode=unpaired_peaks(first.frf, first.measured, modes),
     )
     counts = fitted_lines or [len(at_point.frf.frequency) for at_point in at_points]
     return replace(result, warnings=_warnings(result, without_modes, counts))
@@ -167,49 +169,26 @@ def _ties(assembly: Assembly) -> Iterator[tuple[str, Parameter, Tie]]:
 
 
 def _modes(
-    assembly: Assembly, theta: NDArray[np.float64], band: tuple[float, float], paired: PairedPeaks
+    assembly: Assembly, theta: NDArray[np.float64], band: tuple[float, float], at_point: AtPoint
 ) -> tuple[tuple[Mode, ...], str]:
     """Return the modes within a band and, where there are none, why."""
     try:
-        natural, count = np.zeros(1), _SETTINGS.modes
-        while natural[-1] <= band[1]:  # NaN, where the model has no more, ends it too
-            natural, count = assembly.natural_frequencies(theta, count=count), 2 * count
+        count = _SETTINGS.modes
+        modes = assembly.modes(theta, count)
+        while len(modes) == count and modes[-1].natural_frequency <= band[1]:
+            count *= 2
+            modes = assembly.modes(theta, count)
     except PluginError:
         raise
     except DovetailError as error:
         return (), f"No natural frequencies are given: {error.faults[0].problem}"
     except np.linalg.LinAlgError as error:
         return (), f"No natural frequencies are given: they cannot be computed ({error})."
-    inside = (natural >= band[0]) & (natural <= band[1])
-    if not inside.any():
+    inside = [mode for mode in modes if band[0] <= mode.natural_frequency <= band[1]]
+    if not inside:
         return (), "The identified model has no natural frequency within the assembly's frequencies."
-    return _paired_modes(natural[inside], paired), ""
-
-
-def _paired_modes(natural: NDArray[np.float64], paired: PairedPeaks) -> tuple[Mode, ...]:
-    """Pair each natural frequency with its peak in the reconstructed FRF, and that with its peak in the measured one.
-
-    Parameters
-    ----------
-    natural : (n_modes,) array
-        Natural frequencies of the identified model, Hz.
-    paired : PairedPeaks
-        Of the measured and of the reconstructed FRF.
-
-    Returns
-    -------
-    tuple of Mode
-
-    Notes
-    -----
-    Two frequencies are counterparts if each is the other's nearest and they are close.
-    """
-    modes = []
-    for frequency in natural:
-        peak = counterpart(frequency, natural, paired.modelled)
-        measured_peak = None if peak is None else paired.measured_for(peak)
-        modes.append(Mode(float(frequency), peak, measured_peak))
-    return tuple(modes)
+    response = assembly.description.response
+    return paired_modes(inside, (response.point, response.force_point), at_point.frf, at_point.measured), ""
 
 
 def _warnings(result: Identification, without_modes: str, fitted_lines: Sequence[int]) -> tuple[str, ...]:

@@ -14,6 +14,7 @@ from dovetail.errors import DovetailError, Fault, by_importance
 from dovetail.frf import Frf
 from dovetail.identification.adequacy.adequacy import Adequacy, AtPoint, plain_frf
 from dovetail.identification.fitting.fit import Fit
+from dovetail.identification.mode_pairs import Mode
 from dovetail.identification.parameters import IdentifiedParameter, TableRow, dataframe, inference_data, parameter_table
 from dovetail.identification.posterior.posterior import Posterior
 from dovetail.measurement import ModalParameters
@@ -24,24 +25,6 @@ __all__ = ["AtPoint", "Identification", "MatchedMode", "ModalIdentification", "M
 
 _CAVEAT = "The model does not fit the measurement: do not believe the numbers."
 """At most 80 characters of ASCII, the length of an id line in UFF."""
-
-
-@dataclass(frozen=True)
-class Mode:
-    """A natural frequency of the identified model, with its resonance peaks.
-
-    Parameters
-    ----------
-    natural_frequency : float
-        Hz, of the undamped model.
-    reconstructed_peak, measured_peak : float or None
-        Hz; where the amplitudes of the two accelerances peak, which damping shifts by some per cent from the natural
-        frequency: compare the two. None where there is no clear peak, as at a node of vibration.
-    """
-
-    natural_frequency: float
-    reconstructed_peak: float | None
-    measured_peak: float | None
 
 
 class _Answer:
@@ -165,6 +148,8 @@ class Identification(_Answer):
         The description's first and last frequency [Hz]; None with a result of an earlier version.
     network : mapping of str to float, or None
         The answer of a trained network [SI] by parameter, if one took part.
+    peaks_without_mode : tuple of Mode
+        Measured peaks that belong to no mode, with the reconstructed ones near by; without natural frequencies.
 
     Notes
     -----
@@ -187,6 +172,7 @@ class Identification(_Answer):
     adequacy: Adequacy | None = None
     band: tuple[float, float] | None = None
     network: Mapping[str, float] | None = None
+    peaks_without_mode: tuple[Mode, ...] = ()
 
     def __post_init__(self) -> None:
         """Hand the caveat to what may be used by itself: the reconstructed FRFs too.
@@ -264,6 +250,10 @@ class Identification(_Answer):
             "mean_coherence": self.mean_coherence,
             "poor_bands_Hz": [list(band) for band in self.responses[0].poor_bands],
             "modes": [asdict(mode) for mode in self.modes],
+            "peaks_without_mode": [
+                {"reconstructed_peak": peak.reconstructed_peak, "measured_peak": peak.measured_peak}
+                for peak in self.peaks_without_mode
+            ],
             "warnings": list(self.warnings),
             "interval": None if self.interval is None else {name: list(ends) for name, ends in self.interval.items()},
             "posterior": None if self.posterior is None else self.posterior.to_dict(),

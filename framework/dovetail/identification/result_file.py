@@ -158,9 +158,15 @@ class _StoredModalIdentification(_StoredAnswer):
     posterior: _StoredPosterior
 
 
+class _StoredPeak(_Stored):
+    reconstructed_peak: float | None
+    measured_peak: float
+
+
 class _StoredIdentification(_StoredResponse, _StoredAnswer):
     point: str = ""
     modes: tuple[Mode, ...]
+    peaks_without_mode: tuple[_StoredPeak, ...] = ()
     frequency_Hz: list[float]  # noqa: N815  the unit's own spelling
     band_Hz: tuple[float, float] | None = None  # noqa: N815
     posterior: _StoredPosterior | None = None
@@ -237,6 +243,9 @@ def _identification(file: Path, stored: _StoredIdentification) -> Identification
         frf=first.frf,
         measured=first.measured,
         modes=stored.modes,
+        peaks_without_mode=tuple(
+            Mode(np.nan, peak.reconstructed_peak, peak.measured_peak) for peak in stored.peaks_without_mode
+        ),
         warnings=stored.warnings,
         provenance=stored.provenance,
         posterior=None if stored.posterior is None else _posterior(file, stored.parameters, stored.posterior),

@@ -119,11 +119,12 @@ class ParameterRow:
 class ModeRow:
     """One row of the table of natural frequencies, in Hz and per cent.
 
-    `error` is that of `natural` relative to `true_natural`, `difference` that of the reconstructed peak of the FRF
-    relative to the measured one.
+    `damping` is the damping ratio, `error` is that of `natural` relative to `true_natural`, `difference` that of the
+    reconstructed peak of the FRF relative to the measured one.
     """
 
     natural: str
+    damping: str
     true_natural: str
     error: str
     reconstructed_peak: str
@@ -208,15 +209,20 @@ def known_rows(result: Identification) -> list[tuple[str, str]]:
 
 
 def mode_rows(result: Identification, truth: Truth | None) -> list[ModeRow]:
-    """Return the table of natural frequencies: the identified ones, and true ones without a counterpart."""
+    """Return the table of natural frequencies: the identified ones, and measured peaks and true ones without any."""
     low, high = result.frf.frequency[[0, -1]] if result.band is None else result.band
     inside = np.array([f for f in (truth.natural_frequencies if truth is not None else ()) if low <= f <= high])
     identified = np.array([mode.natural_frequency for mode in result.modes])
     known = identified[np.isfinite(identified)]
     matched = [counterpart(frequency, known, inside, closeness=np.inf) for frequency in identified.tolist()]
     rows = [(mode.natural_frequency, _mode_row(mode, true)) for mode, true in zip(result.modes, matched, strict=True)]
-    missed = [frequency for frequency in inside.tolist() if frequency not in matched]
-    rows += [(true, ModeRow(ABSENT, hertz(true), ABSENT, ABSENT, ABSENT, ABSENT)) for true in missed]
+    missed = inside[~np.isin(inside, [true for true in matched if true is not None])]
+    peaks = np.array([peak.measured_peak for peak in result.peaks_without_mode])
+    for peak, frequency in zip(result.peaks_without_mode, peaks.tolist(), strict=True):
+        true = counterpart(frequency, peaks, missed)
+        missed = missed[missed != true]
+        rows.append((frequency, _mode_row(peak, true)))
+    rows += [(true, _mode_row(Mode(math.nan, None, None), true)) for true in missed.tolist()]
     return [row for _, row in sorted(rows, key=lambda entry: (not np.isfinite(entry[0]), entry[0]))]
 
 
@@ -362,6 +368,7 @@ def _place(row: TableRow, value: float | None) -> float | None:
 def _mode_row(mode: Mode, true: float | None) -> ModeRow:
     return ModeRow(
         natural=hertz(mode.natural_frequency),
+        damping=ABSENT if mode.damping_ratio is None else number(100.0 * mode.damping_ratio, 3),
         true_natural=hertz(true),
         error=_difference(mode.natural_frequency, true),
         reconstructed_peak=hertz(mode.reconstructed_peak),

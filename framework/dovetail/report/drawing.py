@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dovetail.assembly import Assembly, Description
-from dovetail.assembly.calibration import matrices_without_window
 from dovetail.assembly.description import Place
 from dovetail.errors import DovetailError, Fault, PluginError, listing
-from dovetail.interfaces import DIRECTIONS, StructuralMatrices, SubstructureModel, plugin_errors
+from dovetail.interfaces import SubstructureModel, plugin_errors
 from dovetail.plain_text import terminal_text
 from dovetail.report.figures import INK, LINES, WIDTH, new_figure, set_title, style_axes
-from dovetail.synthesis import Attachment, elastic_shapes
+from dovetail.synthesis import Attachment
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -197,26 +196,28 @@ def mode_shapes(assembly: Assembly, theta: ArrayLike, count: int) -> list[dict[s
     Returns
     -------
     list of dict
-        ``frequency`` [Hz], and for each part that moves its ``name``, the nodes' positions ``along`` the common axis
-        [mm] and their motion ``across`` it, of which the largest is 1. Empty if the assembly has no dense matrices.
+        ``frequency`` [Hz] and ``damping`` ratio, and for each part that moves its ``name``, the nodes' positions
+        ``along`` the common axis [mm] and their motion ``across`` it, of which the largest is 1: that of the moment at
+        which the nodes move most. Empty if a part has no matrices.
     """
     try:
-        matrices = matrices_without_window(assembly.graph, assembly.by_joint(theta))
-        modes = elastic_shapes(matrices, count) if isinstance(matrices, StructuralMatrices) else []
+        modes = assembly.modes(theta, count)
     except DovetailError:
         return []
     drawn, shapes = _parts(assembly.description), []
-    for frequency, shape in modes:
-        moved = np.append(shape, 0.0)  # what is held has the number -1
-        numbers = {name: assembly.graph.substructure_dofs(name)[:: len(DIRECTIONS)] for name in drawn}
-        across = {name: moved[of_part] for name, of_part in numbers.items() if (of_part >= 0).any()}
+    for mode in modes:
+        moved = np.concatenate([shape[:, 0] for shape in mode.shapes.values()])
+        turn = np.exp(-0.5j * np.angle(np.sum(moved**2)))
+        across = {name: (turn * shape[:, 0]).real for name, shape in mode.shapes.items() if name in drawn}
+        across = {name: values for name, values in across.items() if not drawn[name].model.grounded}
         largest = max((values[np.argmax(np.abs(values))] for values in across.values()), key=abs)
         scaled = {name: np.round(values / (largest or 1.0), 4) for name, values in across.items()}
         parts = [
             {"name": name, "along": np.round(drawn[name].at(), 2).tolist(), "across": values.tolist()}
             for name, values in scaled.items()
         ]
-        shapes.append({"frequency": round(float(frequency), 2), "parts": parts})
+        frequency, damping = round(mode.natural_frequency, 2), round(mode.damping_ratio, 6)
+        shapes.append({"frequency": frequency, "damping": damping, "parts": parts})
     return shapes
 
 

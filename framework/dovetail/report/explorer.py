@@ -15,7 +15,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from dovetail.assembly import Assembly, natural_in_band
+from dovetail.assembly import Assembly, VibrationMode, modes_in_band
 from dovetail.errors import DovetailError, Fault, ParameterError
 from dovetail.frf import Frf, coherence_with_model
 from dovetail.identification import Identification, identify
@@ -145,8 +145,10 @@ class Explorer:
 
     def _natural(self, theta: NDArray[np.float64]) -> list[float]:
         """Return the natural frequencies [Hz] within the band, to two decimals."""
-        natural, _ = natural_in_band(self._assembly, theta, count=_MODES)
-        return [round(frequency, 2) for frequency in natural.tolist()]
+        return [round(mode.natural_frequency, 2) for mode in self._in_band(theta)]
+
+    def _in_band(self, theta: NDArray[np.float64]) -> tuple[VibrationMode, ...]:
+        return modes_in_band(self._assembly, theta, count=_MODES)[0]
 
     def fit(self, values: Sequence[Any], locked: Sequence[str], progress: Progress = silent) -> dict[str, Any]:
         """Fit to the measured FRFs, starting from parameter values [SI], with a Gaussian for the intervals.
@@ -245,6 +247,7 @@ class Explorer:
                     for parameter, value in zip(self._assembly.parameters, theta.tolist(), strict=True)
                 },
                 "natural_frequencies_Hz": self._natural(theta),
+                "damping_ratios": [mode.damping_ratio for mode in self._in_band(theta)],
             }
         return (json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
 

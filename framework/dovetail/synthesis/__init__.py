@@ -1,10 +1,10 @@
 """Frequency-domain substructure synthesis (FDSS)."""
 
 from dovetail.synthesis.coupled_system import Point
+from dovetail.synthesis.damped_modes import DampedModes, Poles
 from dovetail.synthesis.engine import Engine
 from dovetail.synthesis.graph import Attachment, Connection, Graph
 from dovetail.synthesis.interpolation import InterpolatedEngine
-from dovetail.synthesis.natural_frequencies import DampedModes, elastic_frequencies, elastic_shapes
 from dovetail.synthesis.reference import LiteralSynthesis, assembly_matrices, direct_receptance
 
 __all__ = [
@@ -16,8 +16,7 @@ __all__ = [
     "InterpolatedEngine",
     "LiteralSynthesis",
     "Point",
+    "Poles",
     "assembly_matrices",
     "direct_receptance",
-    "elastic_frequencies",
-    "elastic_shapes",
 ]

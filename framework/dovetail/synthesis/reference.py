@@ -48,10 +48,10 @@ def assembly_matrices(
     """
     components, count = _substructures(graph)
     for name, connection in graph.connections.items():
-        if depends_on_frequency(connection.model):
-            raise DovetailError(f"joint '{name}' depends on frequency, so the assembly has no matrices.")
         if theta is None:
             continue
+        if depends_on_frequency(connection.model):
+            raise DovetailError(f"joint '{name}' depends on frequency, so the assembly has no matrices.")
         batch = joint_matrices(name, connection.model, theta[name][None, :]).sets[0]
         single = StructuralMatrices(batch.M[0], batch.K[0], batch.C[0], batch.D[0])
         components.append((single, graph.joint_dofs(name)))

@@ -20,7 +20,13 @@ from dovetail.errors import DovetailError
 from dovetail.interfaces import SparseMatrices
 from dovetail.parallel import cores
 
-__all__ = ["PartitionedMatrices", "ReducedCondensation", "condense_on_basis", "relative_difference"]
+__all__ = [
+    "PartitionedMatrices",
+    "ReducedCondensation",
+    "condense_on_basis",
+    "extended_basis",
+    "relative_difference",
+]
 
 
 @dataclass(frozen=True)
@@ -218,6 +224,30 @@ def condense_on_basis(
     return ReducedCondensation(stiffness, error, projection.size, len(exact_lines))
 
 
+def extended_basis(
+    basis: NDArray[np.float64], vectors: NDArray[np.float64], independence: float
+) -> NDArray[np.float64]:
+    """Return an orthonormal basis (d, m) extended by the components outside it of some vectors (d, k).
+
+    Parameters
+    ----------
+    basis, vectors : arrays
+    independence : float
+        Smallest such component, relative to the vector's length, that is added.
+    """
+    for vector in vectors.T:
+        length = float(np.linalg.norm(vector))
+        if not length:
+            continue
+        new = vector / length
+        for _ in range(2):
+            new = new - basis @ (basis.T @ new)
+        norm = float(np.linalg.norm(new))
+        if norm > independence:
+            basis = np.column_stack([basis, new / norm])
+    return basis
+
+
 def relative_difference(approximation: NDArray[np.complex128], truth: NDArray[np.complex128]) -> NDArray[np.float64]:
     """Return the largest difference of two boundary stiffnesses (n_freq, n, n) at each frequency, (n_freq,).
 
@@ -255,16 +285,7 @@ class _Projection:
 
     def add(self, vectors: NDArray[np.float64]) -> None:
         """Extend the basis by the independent components of some vectors (n_inner, k)."""
-        for vector in (vectors / self._scale[:, None]).T:
-            length = float(np.linalg.norm(vector))
-            if not length:
-                continue
-            new = vector / length
-            for _ in range(2):
-                new = new - self._basis @ (self._basis.T @ new)
-            norm = float(np.linalg.norm(new))
-            if norm > SETTINGS.independence:
-                self._basis = np.column_stack([self._basis, new / norm])
+        self._basis = extended_basis(self._basis, vectors / self._scale[:, None], SETTINGS.independence)
 
     def condense(self, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return the boundary dynamic stiffness (n_freq, n, n), condensed on the basis."""

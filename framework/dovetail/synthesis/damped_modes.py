@@ -1,0 +1,393 @@
+"""Natural frequencies, damping ratios and shapes of an assembly: its damped poles, and their derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import islice
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_array, issparse
+
+from dovetail.errors import DovetailError
+from dovetail.interfaces import JointModel, SparseMatrices
+from dovetail.synthesis.frequency_laws import ContinuedStiffness
+from dovetail.synthesis.graph import Graph
+from dovetail.synthesis.joint_evaluation import (
+    Theta,
+    depends_on_frequency,
+    joint_jacobian,
+    joint_matrices,
+    joint_stiffness,
+    joint_stiffness_jacobian,
+    sample_count,
+)
+from dovetail.synthesis.natural_frequencies import dense_modes, dofs_with_inertia, lowest_modes
+from dovetail.synthesis.pole_search import LEAST_TURN, Pencil, Wanted, all_poles, few_poles, placed, searched
+from dovetail.synthesis.reference import assembly_matrices
+
+__all__ = ["DampedModes", "Poles"]
+
+_FEW_DOFS = 16
+"""Number of DOFs up to which computing all poles takes less time than iterating from the undamped modes."""
+_DENSE_DOFS = 120
+"""Number of DOFs up to which all poles are computed if the iteration does not find them; that takes 0.2 s."""
+_SWEPT_DOFS = 24
+"""The same, where joints depend on frequency and all poles are computed at each frequency of a sweep."""
+_SPARSE_DOFS = 300
+"""Number of DOFs up to which sparse matrices are made dense."""
+_CONVERGED = 1e-6
+"""Relative change of a pole in the last step; convergence is cubic, so that another step would change nothing."""
+_MOST_ITERATIONS = 12
+_DIFFERENCE = 1e-8
+"""Error of derivatives by differences, up to which they are smooth functions of frequency."""
+_NEGATIVE = 1e-8
+"""Eigenvalue of the stiffness, with a diagonal of ones, below which it is negative; rounding gives 1e-15."""
+_MOST_ENTRIES = 2**20
+"""Entries of the matrices of all parameter vectors that are computed at once."""
+_NEAR = 0.25
+"""Distance of a pole from that without damping, over the distance to the nearest other one, up to which the two belong
+to each other. If all do, no pole lies between them."""
+_FURTHER = 6
+"""Undamped modes beyond twice the wanted ones from which the search for poles starts."""
+_FIRST, _ROUNDS, _LOWEST = 100.0, 8, 1e-3
+"""Frequency [Hz] at which the search for the first mode with frequency-dependent joints starts, how often it is
+computed with the stiffness that they have at its frequency, and the lowest of these."""
+_BELOW, _ABOVE, _HIGHEST = 20.0, 20.0, 1e6
+"""Ratios of the undamped modes' frequencies to the ends of the sweep, and a frequency [Hz] that it reaches at least if
+it does not find enough poles: a joint may have a mass within its dynamic stiffness."""
+_MOST_COLUMNS = 60
+"""Number of DOFs of viscous dampers up to which the response to their forces is in the first basis."""
+
+
+@dataclass(frozen=True, eq=False)
+class Poles:
+    """Poles of one parameter vector, by increasing magnitude, and what belongs to each.
+
+    Parameters
+    ----------
+    values : (k,) complex array
+        1/s, with positive imaginary parts; none of overdamped motions.
+    shapes : (k, d) complex array
+        x^T (dZ/ds) x = 1, so that the receptance between two DOFs has the residue x_o x_i at the pole. The DOFs are
+        those of the graph, then the inner ones of substructures.
+    derivatives : dict of str to (k, n_params) array
+        By all parameters of each joint.
+    """
+
+    values: NDArray[np.complex128]
+    shapes: NDArray[np.complex128]
+    derivatives: Mapping[str, NDArray[np.complex128]]
+
+
+class DampedModes:
+    """Poles s of an assembly, where its dynamic stiffness Z(s) = s^2 M + s C + K + iD is singular.
+
+    Parameters
+    ----------
+    graph : Graph
+
+    Raises
+    ------
+    DovetailError
+        A substructure is known by its FRFs only.
+
+    Notes
+    -----
+    A joint that depends on frequency adds its own dynamic stiffness, continued from real frequencies to f = s / 2 pi i.
+    Structural damping is the constant iD, so that a spring k (1 + i eta) with a mass m has s^2 = -k (1 + i eta) / m: a
+    natural frequency of sqrt(k / m) (1 + eta^2)^(1/4) and a damping ratio of eta / 2 for small eta.
+
+    Of few DOFs, all poles of all parameter vectors are computed at once. Of more, Rayleigh quotient iteration starts
+    from each undamped mode; if a pole is far from there, all poles are computed, or for large and sparse matrices on a
+    basis that grows until they are accurate. Derivatives are -x^T (dZ/dp) x / x^T (dZ/ds) x.
+    """
+
+    def __init__(self, graph: Graph) -> None:
+        models = {name: connection.model for name, connection in graph.connections.items()}
+        for name, model in models.items():
+            if depends_on_frequency(model) and model.kind == "substructure":
+                raise DovetailError(f"substructure '{name}' has no matrices, so the assembly has none either.")
+        fixed = assembly_matrices(graph, None)
+        size = fixed.M.shape[0]
+        self._sparse = isinstance(fixed, SparseMatrices) and size > _SPARSE_DOFS
+        every = [getattr(fixed, name) for name in "MKCD"]
+        if isinstance(fixed, SparseMatrices) and not self._sparse:
+            every = [matrix.toarray() for matrix in every]
+        self._fixed: Any = every if self._sparse else np.stack(every)
+        self._joints = [(name, model, self._rows(graph.joint_dofs(name), size)) for name, model in models.items()]
+        self._moving: tuple[NDArray[np.bool_], NDArray[np.intp]] | None = None
+
+    def _rows(self, numbers: NDArray[np.intp], size: int) -> Any:
+        """Return which of all DOFs each of a joint is, (j, d) zeros and ones."""
+        if not self._sparse:
+            return (numbers[:, None] == np.arange(size)).astype(np.float64)
+        moving = np.flatnonzero(numbers >= 0)
+        return csc_array((np.ones(len(moving)), (moving, numbers[moving])), shape=(len(numbers), size))
+
+    def at(
+        self,
+        theta: Theta,
+        count: int,
+        *,
+        highest: float = np.inf,
+        least_turn: float = LEAST_TURN,
+        differentiate: bool = True,
+        must_be_stable: bool = False,
+    ) -> Iterator[Poles]:
+        """Yield the poles of the lowest elastic modes for each parameter vector.
+
+        Parameters
+        ----------
+        theta : mapping of str to (n, n_params) array
+            All parameters of each joint, by the joint's name.
+        count : int
+        highest : float
+            Hz; of the modes above it, only the first is computed.
+        least_turn : float
+            Imaginary part of a pole over its magnitude below which it is overdamped.
+        differentiate : bool
+            Whether derivatives are computed.
+        must_be_stable : bool
+            Whether an assembly of few DOFs with a negative stiffness is refused, as one of many always is.
+
+        Raises
+        ------
+        DovetailError
+            The assembly is not stable, or a joint's dynamic stiffness is not a smooth function of frequency.
+        """
+        wanted = Wanted(count, highest, least_turn)
+        rows = 1 if self._sparse else max(1, _MOST_ENTRIES // max(1, self._fixed[0].size))
+        for first in range(0, sample_count(theta), rows):
+            chunk = {name: vectors[first : first + rows] for name, vectors in theta.items()}
+            matrices, by_joint = self._matrices(chunk), self._derivatives(chunk) if differentiate else {}
+            if must_be_stable and not self._sparse and len(self._fixed[0]) <= _FEW_DOFS:
+                _check_stiffness(matrices[1])
+            for row, (s, X) in enumerate(self._modes(matrices, chunk, wanted)):
+                M, _, C, _ = (matrix[row] for matrix in matrices)
+                slopes = np.sum(X * ((C @ X.T).T + 2.0 * s[:, np.newaxis] * (M @ X.T).T), axis=1)
+                for _, (L, stiffness) in self._laws(chunk, row):
+                    x = (L @ X.T).T
+                    slopes += [form @ stiffness.at(pole)[1] @ form for pole, form in zip(s, x, strict=True)]
+                X = X / np.sqrt(slopes[:, np.newaxis].astype(np.complex128))
+                derivatives = {
+                    name: -self._change(name, s, (L @ X.T).T, changes, chunk, row)
+                    for name, (L, changes) in by_joint.items()
+                }
+                yield Poles(s, X, derivatives)
+
+    def _change(self, name: str, s: Any, x: Any, changes: Any, theta: Theta, row: int) -> NDArray[np.complex128]:
+        """Return x^T (dZ/dp) x of a joint for each pole and each parameter, (k, n_params)."""
+        if changes is not None:
+            m, k, c, eta = np.einsum("ni,apij,nj->anp", x, changes[:, :, row], x)
+            return np.asarray(k + 1j * eta + s[:, np.newaxis] * (c + s[:, np.newaxis] * m))
+        model = next(model for joint, model, _ in self._joints if joint == name)
+        vector = theta[name][row : row + 1]
+
+        def evaluate(frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
+            return np.stack([d[0] for d in joint_stiffness_jacobian(name, model, frequency, vector)], axis=1)
+
+        label = f"the derivative of the dynamic stiffness of joint '{name}'"
+        continued = ContinuedStiffness(evaluate, label, _DIFFERENCE)
+        slopes = [np.einsum("i,pij,j->p", form, continued.at(pole)[0], form) for pole, form in zip(s, x, strict=True)]
+        return np.array(slopes, dtype=np.complex128).reshape(len(s), len(model.parameters))
+
+    def _laws(self, theta: Theta, row: int) -> Iterator[tuple[str, tuple[Any, ContinuedStiffness]]]:
+        """Yield each frequency-dependent joint's name, DOFs and dynamic stiffness for one parameter vector."""
+        for name, model, L in self._joints:
+            if depends_on_frequency(model):
+                stiffness = partial(_stiffness_of, name, model, theta[name][row : row + 1])
+                yield name, (L, ContinuedStiffness(stiffness, f"the dynamic stiffness of joint '{name}'"))
+
+    def _matrices(self, theta: Theta) -> Any:
+        """Return M, K, C and D of the assembly for each parameter vector, (4, n, d, d) or four lists of sparse ones."""
+        count = sample_count(theta)
+        matrices = [[matrix] for matrix in self._fixed] if self._sparse else np.repeat(self._fixed[:, None], count, 1)
+        for name, model, L in self._joints:
+            if depends_on_frequency(model):
+                continue
+            of_joint = joint_matrices(name, model, theta[name]).sets[0]
+            for matrix, kind in zip(matrices, "MKCD", strict=True):
+                if self._sparse:
+                    matrix[0] = matrix[0] + L.T @ csc_array(getattr(of_joint, kind)[0]) @ L
+                else:
+                    matrix += L.T @ getattr(of_joint, kind) @ L
+        return matrices
+
+    def _derivatives(self, theta: Theta) -> dict[str, tuple[Any, NDArray[np.float64] | None]]:
+        """Return each joint's DOFs, rows (j, d), and the derivatives (4, n_params, n, j, j) of its matrices, if any."""
+        derivatives: dict[str, tuple[Any, NDArray[np.float64] | None]] = {}
+        for name, model, L in self._joints:
+            if depends_on_frequency(model):
+                derivatives[name] = L, None
+                continue
+            sets = joint_jacobian(name, model, theta[name]).sets if model.parameters else ()
+            changes = np.array([[getattr(change, kind) for change in sets] for kind in "MKCD"])
+            derivatives[name] = L, changes.reshape(4, len(sets), sample_count(theta), *L.shape[:1] * 2)
+        return derivatives
+
+    def _modes(self, matrices: Any, theta: Theta, wanted: Wanted) -> Iterator[tuple[Any, Any]]:
+        """Yield poles (k,) and shapes (k, d) for each parameter vector."""
+        laws = any(depends_on_frequency(model) for _, model, _ in self._joints)
+        if self._sparse or laws:
+            for row in range(len(matrices[0])):
+                yield self._alone([matrix[row] for matrix in matrices], theta, row, wanted)
+            return
+        pattern, few = (matrices != 0).any(axis=0), matrices.shape[-1] <= _FEW_DOFS
+        together = few and (pattern == pattern[:1]).all()
+        for rows in [slice(None)] if together else [slice(row, row + 1) for row in range(len(pattern))]:
+            inertia = np.diagonal(matrices[0, rows], axis1=1, axis2=2)
+            _check_mass(inertia)
+            active = self._active(pattern[rows][0], inertia[0])
+            M, K, C, D = matrices[:, rows][..., active[:, np.newaxis], active]
+            modes = all_poles if few else _lowest_poles
+            for poles, shapes in modes(K + 1j * D, C, M, wanted) if len(active) else [_NONE] * len(M):
+                yield poles, _on_all(shapes, active, matrices.shape[-1])
+
+    def _alone(self, MKCD: Any, theta: Theta, row: int, wanted: Wanted) -> tuple[Any, Any]:
+        """Return poles and shapes of one parameter vector, if matrices are sparse or joints depend on frequency."""
+        laws = [law for _, law in self._laws(theta, row)]
+        M, K, C, D = MKCD
+        _check_mass(M.diagonal())
+        joined = abs(M) + abs(K) + abs(C) + abs(D)
+        for L, stiffness in laws:
+            joined = joined + placed(L, np.abs(stiffness.at(2j * np.pi * _FIRST)[0]))
+        active = dofs_with_inertia(joined != 0, M.diagonal())
+        if not len(active):
+            return _NONE[0], np.empty((0, M.shape[0]))
+        M, K, C, D = (matrix[active][:, active] for matrix in MKCD)
+        pencil = Pencil(K + 1j * D, C, M, [(L[:, active], stiffness) for L, stiffness in laws])
+        poles, shapes = _searched(pencil, wanted)
+        return poles, _on_all(shapes, active, MKCD[0].shape[0])
+
+    def _active(self, pattern: NDArray[np.bool_], inertia: NDArray[np.float64]) -> NDArray[np.intp]:
+        """Return the DOFs that move, from the previous call if the same entries are zero."""
+        if self._moving is None or not np.array_equal(self._moving[0], pattern):
+            self._moving = pattern, dofs_with_inertia(pattern, inertia)
+        return self._moving[1]
+
+
+_NONE = np.empty(0, dtype=np.complex128), np.empty((0, 0), dtype=np.complex128)
+
+
+def _stiffness_of(
+    name: str, model: JointModel, vector: NDArray[np.float64], frequency: NDArray[np.float64]
+) -> NDArray[np.complex128]:
+    return joint_stiffness(name, model, frequency, vector)[0]
+
+
+def _check_mass(inertia: NDArray[np.float64]) -> None:
+    if (inertia < 0).any():
+        raise DovetailError("there are no natural frequencies: with these parameters a mass is negative.")
+
+
+def _check_stiffness(K: NDArray[np.float64]) -> None:
+    """Refuse negative stiffness in matrices (n, d, d)."""
+    scale = np.sqrt(np.abs(np.diagonal(K, axis1=1, axis2=2)))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    if (np.linalg.eigvalsh(K / (scale[:, :, np.newaxis] * scale[:, np.newaxis])) < -_NEGATIVE).any():
+        raise DovetailError("there are no natural frequencies: with these parameters a stiffness is negative.")
+
+
+def _on_all(shapes: NDArray[np.complex128], active: NDArray[np.intp], size: int) -> NDArray[np.complex128]:
+    X = np.zeros((len(shapes), size), dtype=np.complex128)
+    X[:, active] = shapes
+    return X
+
+
+def _lowest_poles(A: Any, C: Any, M: Any, wanted: Wanted) -> Iterator[tuple[Any, Any]]:
+    """Yield the same as `all_poles`, where iteration from each mode of the undamped assembly finds as many poles."""
+    for stiffness, damping, mass in zip(A, C, M, strict=True):
+        undamped = list(islice(dense_modes(stiffness.real, mass), wanted.count + 1))
+        frequencies = np.array([frequency for frequency, _ in undamped])
+        starts = np.asarray(2j * np.pi * frequencies)
+        number = len(wanted.lowest(starts))
+        X = np.array([x for _, x in undamped[:number]], dtype=np.complex128).reshape(number, len(mass))
+        poles, shapes = _refined(stiffness, damping, mass, starts[:number], X)
+        apart = np.diff(frequencies, prepend=0.0, append=np.inf)
+        nearest = 2.0 * np.pi * np.minimum(apart[:-1], apart[1:])[:number]
+        if (np.abs(poles - starts[:number]) < _NEAR * nearest).all():
+            order = wanted.lowest(poles)
+            yield poles[order], shapes[order]
+        else:
+            yield _searched(Pencil(stiffness, damping, mass), wanted)
+
+
+def _refined(A: Any, C: Any, M: Any, s: Any, X: Any) -> tuple[Any, Any]:
+    """Return the poles and shapes from Rayleigh quotient iteration; NaN where it does not converge."""
+    s, X, going = s.copy(), X.copy(), np.arange(len(s))
+    for _ in range(_MOST_ITERATIONS):
+        at, x = s[going, None], X[going]
+        Ax, Cx, Mx = x @ A, x @ C, x @ M
+        turned = Cx + 2.0 * at * Mx
+        change = np.sum(x * (Ax + at * (Cx + at * Mx)), axis=1) / np.sum(x * turned, axis=1)
+        s[going] -= change
+        unconverged = np.abs(change) > _CONVERGED * np.abs(s[going])
+        going, turned = going[unconverged], turned[unconverged]
+        try:
+            solved = [np.linalg.solve(A + z * (C + z * M), b) for z, b in zip(s[going], turned, strict=True)]
+        except np.linalg.LinAlgError:  # exactly at a pole, or no pole at all
+            break
+        if not solved:
+            break
+        X[going] = np.array(solved) / np.linalg.norm(solved, axis=1, keepdims=True)
+    s[going] = np.nan
+    return s, X
+
+
+def _searched(pencil: Pencil, wanted: Wanted) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    """Return all wanted poles and shapes, whatever the damping."""
+    size = pencil.M.shape[0]
+    if not pencil.joints and not issparse(pencil.M) and size <= _DENSE_DOFS:
+        return few_poles(pencil, wanted)
+    modes = _UndampedModes(pencil, 2 * min(wanted.count, size) + _FURTHER)
+    if pencil.joints:
+        wanted = replace(wanted, sweep=modes.sweep)
+        if not issparse(pencil.M) and size <= _SWEPT_DOFS:
+            return few_poles(pencil, wanted)
+    forces = [L.T.toarray() if issparse(L) else L.T for L, _ in pencil.joints]
+    damped = np.flatnonzero(abs(pencil.C).sum(axis=0))
+    if len(damped) <= _MOST_COLUMNS:
+        forces.append((np.arange(size)[:, np.newaxis] == damped).astype(np.float64))
+    responses = [modes.solve(force) for force in forces]
+    return searched(pencil, wanted, np.concatenate([modes.shapes, *responses], axis=1), modes.solve)
+
+
+class _UndampedModes:
+    """Lowest modes without damping, with the stiffness that frequency-dependent joints have at the first elastic one.
+
+    Parameters
+    ----------
+    pencil : Pencil
+    count : int
+        With rigid-body modes.
+
+    Attributes
+    ----------
+    shapes : (d, k) array
+    solve : callable
+        Returns (K + z^2 M)^-1 of loads (d, n), with a small z.
+    sweep : (float, float)
+        Hz; between which the poles lie.
+    """
+
+    def __init__(self, pencil: Pencil, count: int) -> None:
+        frequency, frequencies = _FIRST, None
+        for _ in range(_ROUNDS if pencil.joints else 1):
+            K = pencil.stiffness(frequency)
+            try:
+                frequencies, self.shapes, self.solve = lowest_modes(K, pencil.M, count)
+            except DovetailError:  # beyond a resonance within a joint its dynamic stiffness is negative
+                if frequencies is not None:
+                    break
+                if frequency < _LOWEST or not pencil.joints:
+                    raise
+                frequency /= 10.0
+                continue
+            elastic = frequencies[frequencies > 0.0]
+            frequency = float(min(elastic, default=frequency))
+        assert frequencies is not None
+        self.sweep = frequency / _BELOW, max(_HIGHEST, _ABOVE * float(max(frequencies, default=0.0)))
