@@ -118,8 +118,8 @@ class _ModalResiduals:
         count = 2 * len(self.measured.frequency) + _SETTINGS.further_modes
         highest = _SETTINGS.reach * float(self.measured.frequency[-1])
         by_joint = self.assembly.by_joint(theta)
-        options = {"highest": highest, "least_turn": _SETTINGS.least_turn, "differentiate": differentiate}
-        for poles in self.modes.at(by_joint, count, **options):
+        turn = _SETTINGS.least_turn
+        for poles in self.modes.at(by_joint, count, highest=highest, least_turn=turn, differentiate=differentiate):
             none = np.zeros((len(poles.values), theta.shape[1]), dtype=np.complex128)
             changes = poles.derivatives.items()
             yield poles.values, sum((change @ self._slopes[name].T for name, change in changes), none)

@@ -33,8 +33,12 @@ __all__ = ["DampedModes", "Poles"]
 
 _FEW_DOFS = 16
 """Number of DOFs up to which computing all poles takes less time than iterating from the undamped modes."""
-_DENSE_DOFS = 120
-"""Number of DOFs up to which all poles are computed if the iteration does not find them; that takes 0.2 s."""
+_BASIS_DOFS, _DENSE_DOFS = 40, 120
+"""Numbers of DOFs up to which all poles are computed if the iteration does not find them, and if neither does one from
+the poles on a basis; with 120 that takes 0.2 s."""
+_ROUGH = 0.1
+"""Estimated relative error of the poles from a basis at which the iteration starts from them, and how far it may lead,
+over the distance to the nearest other pole."""
 _SWEPT_DOFS = 24
 """The same, where joints depend on frequency and all poles are computed at each frequency of a sweep."""
 _SPARSE_DOFS = 300
@@ -48,7 +52,7 @@ _NEGATIVE = 1e-8
 """Eigenvalue of the stiffness, with a diagonal of ones, below which it is negative; rounding gives 1e-15."""
 _MOST_ENTRIES = 2**20
 """Entries of the matrices of all parameter vectors that are computed at once."""
-_NEAR = 0.25
+_NEAR = 0.5
 """Distance of a pole from that without damping, over the distance to the nearest other one, up to which the two belong
 to each other. If all do, no pole lies between them."""
 _FURTHER = 6
@@ -276,7 +280,7 @@ _NONE = np.empty(0, dtype=np.complex128), np.empty((0, 0), dtype=np.complex128)
 def _stiffness_of(
     name: str, model: JointModel, vector: NDArray[np.float64], frequency: NDArray[np.float64]
 ) -> NDArray[np.complex128]:
-    return joint_stiffness(name, model, frequency, vector)[0]
+    return np.asarray(joint_stiffness(name, model, frequency, vector)[0])
 
 
 def _check_mass(inertia: NDArray[np.float64]) -> None:
@@ -319,13 +323,13 @@ def _lowest_poles(A: Any, C: Any, M: Any, wanted: Wanted) -> Iterator[tuple[Any,
 def _refined(A: Any, C: Any, M: Any, s: Any, X: Any) -> tuple[Any, Any]:
     """Return the poles and shapes from Rayleigh quotient iteration; NaN where it does not converge."""
     s, X, going = s.copy(), X.copy(), np.arange(len(s))
-    for _ in range(_MOST_ITERATIONS):
+    for iteration in range(_MOST_ITERATIONS):
         at, x = s[going, None], X[going]
         Ax, Cx, Mx = x @ A, x @ C, x @ M
         turned = Cx + 2.0 * at * Mx
         change = np.sum(x * (Ax + at * (Cx + at * Mx)), axis=1) / np.sum(x * turned, axis=1)
         s[going] -= change
-        unconverged = np.abs(change) > _CONVERGED * np.abs(s[going])
+        unconverged = (np.abs(change) > _CONVERGED * np.abs(s[going])) | (iteration == 0)  # a start has no change
         going, turned = going[unconverged], turned[unconverged]
         try:
             solved = [np.linalg.solve(A + z * (C + z * M), b) for z, b in zip(s[going], turned, strict=True)]
@@ -341,7 +345,7 @@ def _refined(A: Any, C: Any, M: Any, s: Any, X: Any) -> tuple[Any, Any]:
 def _searched(pencil: Pencil, wanted: Wanted) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
     """Return all wanted poles and shapes, whatever the damping."""
     size = pencil.M.shape[0]
-    if not pencil.joints and not issparse(pencil.M) and size <= _DENSE_DOFS:
+    if not pencil.joints and not issparse(pencil.M) and size <= _BASIS_DOFS:
         return few_poles(pencil, wanted)
     modes = _UndampedModes(pencil, 2 * min(wanted.count, size) + _FURTHER)
     if pencil.joints:
@@ -353,7 +357,17 @@ def _searched(pencil: Pencil, wanted: Wanted) -> tuple[NDArray[np.complex128], N
     if len(damped) <= _MOST_COLUMNS:
         forces.append((np.arange(size)[:, np.newaxis] == damped).astype(np.float64))
     responses = [modes.solve(force) for force in forces]
-    return searched(pencil, wanted, np.concatenate([modes.shapes, *responses], axis=1), modes.solve)
+    vectors = np.concatenate([modes.shapes, *responses], axis=1)
+    if not pencil.joints and not issparse(pencil.M):
+        starts, X = searched(pencil, wanted, vectors, modes.solve, _ROUGH)
+        poles, shapes = _refined(pencil.A, pencil.C, pencil.M, starts, X)
+        apart = np.abs(starts[:, np.newaxis] - starts) + np.diag(np.full(len(starts), np.inf))
+        if (np.abs(poles - starts) < _ROUGH * apart.min(axis=1, initial=np.inf)).all():
+            order = wanted.lowest(poles)
+            return poles[order], shapes[order]
+        if size <= _DENSE_DOFS:
+            return few_poles(pencil, wanted)
+    return searched(pencil, wanted, vectors, modes.solve)
 
 
 class _UndampedModes:

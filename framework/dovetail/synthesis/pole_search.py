@@ -129,7 +129,8 @@ class Pencil:
     def projected(self, V: NDArray[np.float64]) -> Pencil:
         """Return the pencil in the coordinates of a basis (d, m)."""
         joints = [(L @ V, stiffness) for L, stiffness in self.joints]
-        return Pencil(*(V.T @ (matrix @ V) for matrix in (self.A, self.C, self.M)), joints)
+        A, C, M = (V.T @ (matrix @ V) for matrix in (self.A, self.C, self.M))
+        return Pencil(A, C, M, joints)
 
 
 def all_poles(A: Any, C: Any, M: Any, wanted: Wanted) -> Iterator[tuple[Any, Any]]:
@@ -170,14 +171,14 @@ def _rayleigh(A: Any, C: Any, M: Any, s: Any, X: Any) -> Any:
 def iterated(pencil: Pencil, s: complex, x: NDArray[np.complex128]) -> tuple[complex, NDArray[np.complex128]]:
     """Return a pole and its shape by Rayleigh quotient iteration; NaN where it does not converge."""
     start = abs(s)
-    for _ in range(_MOST_ITERATIONS):
+    for iteration in range(_MOST_ITERATIONS):
         Z, slope = pencil.at(s)
         turned = slope @ x
         change = (x @ (Z @ x)) / (x @ turned)
         s = s - change
         if not start / _FARTHEST < abs(s) < start * _FARTHEST:
             break
-        if abs(change) <= _CONVERGED * abs(s):
+        if iteration and abs(change) <= _CONVERGED * abs(s):
             return s, x
         Z, _ = pencil.at(s)
         try:
@@ -192,13 +193,17 @@ def few_poles(pencil: Pencil, wanted: Wanted) -> tuple[NDArray[np.complex128], N
     """Return poles and shapes (k, d) of a pencil of few DOFs, by increasing magnitude."""
     if pencil.joints:
         return _swept(pencil, wanted)
-    stack = (matrix[np.newaxis] for matrix in (pencil.A, pencil.C, pencil.M))
-    ((poles, shapes),) = all_poles(*stack, wanted)
+    A, C, M = (matrix[np.newaxis] for matrix in (pencil.A, pencil.C, pencil.M))
+    ((poles, shapes),) = all_poles(A, C, M, wanted)
     return poles, shapes
 
 
 def searched(
-    pencil: Pencil, wanted: Wanted, vectors: NDArray[np.float64], solve: Callable[[Any], Any]
+    pencil: Pencil,
+    wanted: Wanted,
+    vectors: NDArray[np.float64],
+    solve: Callable[[Any], Any],
+    accurate: float = _ACCURATE,
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
     """Return the same of a pencil of many DOFs, on a basis that grows until the poles are accurate.
 
@@ -211,6 +216,8 @@ def searched(
     solve : callable
         Approximate solution (d, k) of Z x = loads (d, k) near the poles, by which residuals extend the basis
         (Davidson's method).
+    accurate : float
+        Estimated relative error of the poles at which the basis is large enough.
 
     Raises
     ------
@@ -234,7 +241,7 @@ def searched(
             residual = Z @ x
             answer = solve(np.stack([residual.real, residual.imag], axis=1))
             error = abs(residual @ (answer @ np.array([1.0, 1j]))) / abs(s * (x @ (slope @ x)))
-            if not error <= _ACCURATE:
+            if not error <= accurate:
                 added.append(answer / scale)
         size = basis.shape[1]
         if added:
