@@ -22,6 +22,7 @@ from dovetail.synthesis.joint_evaluation import (
     joint_matrices,
     joint_stiffness,
 )
+from dovetail.synthesis.relative_coordinates import in_coordinates, relative_coordinates, stiff_springs
 
 __all__ = ["CoupledSystem", "Point", "condense"]
 
@@ -139,8 +140,10 @@ class CoupledSystem:
         local = np.flatnonzero(np.isin(numbers, self.active))
         return local, np.searchsorted(self.active, numbers[local])
 
-    def dynamic_stiffness(self, theta: Theta, lines: NDArray[np.intp] | slice) -> NDArray[np.complex128]:
-        """Return Z of the active DOFs at some lines.
+    def dynamic_stiffness(
+        self, theta: Theta, lines: NDArray[np.intp] | slice
+    ) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
+        """Return T^T Z T of the active DOFs at some lines, and T, with coordinates relative across stiff springs.
 
         Parameters
         ----------
@@ -151,7 +154,9 @@ class CoupledSystem:
 
         Returns
         -------
-        (n_lines, d, d) complex array
+        stiffness : (n_lines, d, d) complex array
+        T : (d, d) array
+            Zeros and ones; see `relative_coordinates`.
 
         Raises
         ------
@@ -163,12 +168,19 @@ class CoupledSystem:
         for boundary in self.condensed.values():
             local, indices = self.locate(boundary.numbers)
             _scatter(system, indices, boundary.dense(lines)[:, local[:, None], local])
+        joints = []
         for name, connection in self.graph.connections.items():
             local, indices = self.locate(self.graph.joint_dofs(name))
             Z = joint_stiffness(name, connection.model, frequency, theta[name])[0]
             self._require(name, Z, theta[name])
-            _scatter(system, indices, Z[:, local[:, None], local])
-        return system
+            joints.append((indices, Z[:, local[:, None], local]))
+        springs = [spring for indices, Z in joints for spring in stiff_springs(Z[len(Z) // 2], indices)]
+        T = relative_coordinates(size, springs)
+        if springs:
+            system = T.T @ system @ T
+        for indices, Z in joints:
+            system += in_coordinates(Z, T[indices])
+        return system, T
 
     def _require(self, name: str, Z: NDArray[np.complex128], theta: NDArray[np.float64]) -> None:
         """Raise `UnplannedEntries` if a joint's dynamic stiffness has entries that are not planned for."""

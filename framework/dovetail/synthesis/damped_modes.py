@@ -28,6 +28,7 @@ from dovetail.synthesis.joint_evaluation import (
 from dovetail.synthesis.natural_frequencies import dense_modes, dofs_with_inertia, lowest_modes
 from dovetail.synthesis.pole_search import LEAST_TURN, Pencil, Wanted, all_poles, few_poles, placed, searched
 from dovetail.synthesis.reference import assembly_matrices
+from dovetail.synthesis.relative_coordinates import in_coordinates, relative_coordinates, stiff_springs
 
 __all__ = ["DampedModes", "Poles"]
 
@@ -63,6 +64,8 @@ computed with the stiffness that they have at its frequency, and the lowest of t
 _BELOW, _ABOVE, _HIGHEST = 20.0, 20.0, 1e6
 """Ratios of the undamped modes' frequencies to the ends of the sweep, and a frequency [Hz] that it reaches at least if
 it does not find enough poles: a joint may have a mass within its dynamic stiffness."""
+_STIFF = 1e9
+"""Ratio of the stiffest joint to the softest stiffness above which the latter would lose more than nine digits."""
 _MOST_COLUMNS = 60
 """Number of DOFs of viscous dampers up to which the response to their forces is in the first basis."""
 
@@ -240,6 +243,18 @@ class DampedModes:
             for row in range(len(matrices[0])):
                 yield self._alone([matrix[row] for matrix in matrices], theta, row, wanted)
             return
+        if matrices.shape[-1] <= _DENSE_DOFS and (stiff := self._is_stiff(theta)).any():
+            for row, relative in enumerate(stiff):
+                alone = {name: vectors[row : row + 1] for name, vectors in theta.items()}
+                if relative:
+                    yield self._relative(alone, wanted)
+                else:
+                    yield next(self._of_matrices(self._matrices(alone), wanted))
+            return
+        yield from self._of_matrices(matrices, wanted)
+
+    def _of_matrices(self, matrices: NDArray[np.float64], wanted: Wanted) -> Iterator[tuple[Any, Any]]:
+        """Yield poles (k,) and shapes (k, d) for each row of dense matrices (4, n, d, d)."""
         pattern, few = (matrices != 0).any(axis=0), matrices.shape[-1] <= _FEW_DOFS
         together = few and (pattern == pattern[:1]).all()
         for rows in [slice(None)] if together else [slice(row, row + 1) for row in range(len(pattern))]:
@@ -250,6 +265,41 @@ class DampedModes:
             modes = all_poles if few else _lowest_poles
             for poles, shapes in modes(K + 1j * D, C, M, wanted) if len(active) else [_NONE] * len(M):
                 yield poles, _on_all(shapes, active, matrices.shape[-1])
+
+    def _is_stiff(self, theta: Theta) -> NDArray[np.bool_]:
+        """Return for which parameter vectors the stiffest joint takes too many digits from the softest stiffness."""
+        fixed = np.diagonal(self._fixed[1])
+        stiffest = np.zeros(sample_count(theta))
+        softest = np.full(len(stiffest), min(fixed[fixed > 0.0], default=np.inf))
+        for name, model, _ in self._joints:
+            own = np.diagonal(joint_matrices(name, model, theta[name]).sets[0].K, axis1=1, axis2=2)
+            stiffest = np.maximum(stiffest, own.max(axis=1, initial=0.0))
+            softest = np.minimum(softest, np.where(own > 0.0, own, np.inf).min(axis=1, initial=np.inf))
+        return np.asarray(stiffest > _STIFF * softest)
+
+    def _relative(self, theta: Theta, wanted: Wanted) -> tuple[Any, Any]:
+        """Return poles and shapes of one parameter vector, in coordinates relative to one another across springs."""
+        matrices = {name: joint_matrices(name, model, theta[name]).sets[0] for name, model, _ in self._joints}
+        size = self._fixed.shape[-1]
+        numbers = {name: np.where(L.any(axis=1), L.argmax(axis=1), -1) for name, _, L in self._joints}
+        springs = [spring for name, own in matrices.items() for spring in stiff_springs(own.K[0], numbers[name])]
+        T = relative_coordinates(size, springs)
+        MKCD = T.T @ self._fixed @ T
+        for name, own in matrices.items():
+            rows = np.append(T, np.zeros((1, size)), axis=0)[numbers[name]]
+            MKCD += np.stack([in_coordinates(getattr(own, kind), rows)[0] for kind in "MKCD"])
+        _check_mass(np.diagonal(MKCD[0]))
+        active = dofs_with_inertia((MKCD != 0).any(axis=0), np.diagonal(MKCD[0]))
+        if not len(active):
+            return _NONE[0], np.empty((0, size))
+        M, K, C, D = MKCD[:, active[:, np.newaxis], active]
+        inertia, stiffness = np.diagonal(M), np.diagonal(K)
+        both = (inertia > 0.0) & (stiffness > 0.0)
+        lowest = min(stiffness[both] / inertia[both], default=1.0)
+        scale = 1.0 / np.sqrt(np.where(stiffness > 0.0, stiffness, np.where(inertia > 0.0, lowest * inertia, 1.0)))
+        A, C, M = (matrix * scale[:, np.newaxis] * scale for matrix in (K + 1j * D, C, M))
+        poles, shapes = few_poles(Pencil(A, C, M), wanted)
+        return poles, _on_all(shapes * scale, active, size) @ T.T
 
     def _alone(self, MKCD: Any, theta: Theta, row: int, wanted: Wanted) -> tuple[Any, Any]:
         """Return poles and shapes of one parameter vector, if matrices are sparse or joints depend on frequency."""

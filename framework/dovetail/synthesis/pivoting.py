@@ -12,6 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from dovetail.errors import DovetailError
 from dovetail.synthesis.coupled_system import CoupledSystem, Point
 from dovetail.synthesis.joint_evaluation import Theta, joint_stiffness_jacobian
+from dovetail.synthesis.relative_coordinates import in_coordinates
 
 __all__ = ["PivotedSolver"]
 
@@ -50,18 +51,21 @@ class PivotedSolver:
         columns = [self.system.index(point) for point in inputs]
         at_once = max(1, int(_DENSE_BYTES / (16 * len(self.system.active) ** 2)))
         blocks = [lines[first : first + at_once] for first in range(0, len(lines), at_once)]
-        return np.concatenate([self._motion(theta, block, columns)[:, rows] for block in blocks])
+        motions = [self._motion(theta, block, columns) for block in blocks]
+        return np.concatenate([T[rows] @ motion for motion, T in motions])
 
-    def _motion(self, theta: Theta, lines: NDArray[np.intp], forces: Sequence[int]) -> NDArray[np.complex128]:
-        """Return the motion (n_lines, d, n) under a unit force at each of n active DOFs.
+    def _motion(
+        self, theta: Theta, lines: NDArray[np.intp], forces: Sequence[int]
+    ) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
+        """Return the motion (n_lines, d, n) under a unit force at each of n active DOFs, and T of its coordinates.
 
-        DOFs that these parameters do not connect with a force do not move.
+        The motion of the DOFs is T times that of the coordinates. Those that these parameters do not connect with a
+        force do not move.
         """
-        Z = self.system.dynamic_stiffness(theta, lines)
+        Z, T = self.system.dynamic_stiffness(theta, lines)
+        loads = T[list(forces)].T
         _, group = connected_components((Z != 0).any(axis=0), directed=False)
-        reached = np.flatnonzero(np.isin(group, group[list(forces)]))
-        loads = np.zeros((len(self.system.active), len(forces)))
-        loads[forces, range(len(forces))] = 1.0
+        reached = np.flatnonzero(np.isin(group, group[loads.any(axis=1)]))
         motion = np.zeros((len(Z), *loads.shape), dtype=np.complex128)
         connected = Z[:, reached[:, None], reached]
         try:
@@ -70,7 +74,7 @@ class PivotedSolver:
             singular = self.system.frequency[lines][np.linalg.slogdet(connected)[0] == 0]
             where = f" at {singular[0]:g} Hz" if len(singular) else ""
             raise DovetailError(f"the assembly resonates without damping{where}: it has no FRF there.") from error
-        return motion
+        return motion, T
 
     def frfs(self, theta: Theta, lines: NDArray[np.intp]) -> NDArray[np.complex128]:
         """Return the receptance (n_pairs, n_lines) of each pair."""
@@ -80,21 +84,22 @@ class PivotedSolver:
     def derivatives(self, theta: Theta, lines: NDArray[np.intp]) -> NDArray[np.complex128]:
         """Return the derivatives (n_pairs, n_jacobian, n_lines) of each pair's receptance, by adjoint sensitivity."""
         used = list(dict.fromkeys(point for pair in self.pairs for point in pair))
-        motion = self._motion(theta, lines, [self.system.index(self.system.points[point]) for point in used])
+        motion, T = self._motion(theta, lines, [self.system.index(self.system.points[point]) for point in used])
         frequency = self.system.frequency[lines]
         derivatives: list[list[NDArray[np.complex128]]] = []
         for name, columns in self.jacobian_columns.items():
             if columns:
                 local, indices = self.system.locate(self.system.graph.joint_dofs(name))
                 model = self.system.graph.connections[name].model
-                x_joint = {point: motion[:, indices, at] for at, point in enumerate(used)}
-                by_column = {
-                    column: [
-                        -np.einsum("fi,fij,fj->f", x_joint[output], dZ[0][:, local[:, None], local], x_joint[force])
-                        for output, force in self.pairs
-                    ]
+                x = {point: motion[:, :, at] for at, point in enumerate(used)}
+                changes = {
+                    column: in_coordinates(dZ[0][:, local[:, None], local], T[indices])
                     for column, dZ in enumerate(joint_stiffness_jacobian(name, model, frequency, theta[name]))
                     if column in columns
+                }
+                by_column = {
+                    column: [-np.einsum("fi,fij,fj->f", x[output], dZ, x[force]) for output, force in self.pairs]
+                    for column, dZ in changes.items()
                 }
                 derivatives.extend(by_column[column] for column in columns)
         shape = len(derivatives), len(self.pairs), len(lines)
