@@ -13,6 +13,7 @@ from dovetail.assembly.placement import placement_doubts
 from dovetail.documents.validation import number_unit
 from dovetail.errors import DovetailError, Fault, PluginError
 from dovetail.interfaces import Parameter, plugin_errors
+from dovetail.synthesis.lost_digits import lost_digits
 from dovetail.units import format_quantity
 
 __all__ = ["find_doubts", "numbers_within"]
@@ -43,8 +44,8 @@ def find_doubts(assembly: Assembly) -> tuple[str, ...]:
     -------
     tuple of str
         Moduli, densities and lengths far from any material's or structure's; wide ranges on a linear scale; a band
-        without a natural frequency; parts in odd places, or without positions to compare; and what a substructure
-        says of itself (`SubstructureModel.doubts`).
+        without a natural frequency; parts in odd places, or without positions to compare; digits that rounding takes;
+        and what a substructure says of itself (`SubstructureModel.doubts`).
     """
     doubts = [
         f"substructures.{name}.{problem}"
@@ -61,6 +62,7 @@ def find_doubts(assembly: Assembly) -> tuple[str, ...]:
                 raise PluginError(Fault(f"substructure '{name}' ({part.name})", problem, "a list of sentences"))
             doubts += [f"substructures.{name}: {problem}" for problem in problems]
     doubts += placement_doubts(assembly)
+    doubts += _of_rounding(assembly)
     return (*doubts, *_of_band(assembly))
 
 
@@ -102,6 +104,17 @@ def _of_range(parameter: Parameter) -> Iterator[str]:
             f"{parameter.name}: on a linear scale nine tenths of the range {ends} lie in its highest decade. Was "
             "'scale: log' meant?"
         )
+
+
+def _of_rounding(assembly: Assembly) -> tuple[str, ...]:
+    """Return what rounding takes from the FRF in the middle of the ranges."""
+    middle = assembly.from_unit(np.full((1, len(assembly.parameters)), 0.5))
+    try:
+        return lost_digits(assembly.engine, assembly.by_joint(middle))
+    except PluginError:
+        raise
+    except DovetailError:  # said where the FRF is computed
+        return ()
 
 
 def _of_band(assembly: Assembly) -> Iterator[str]:

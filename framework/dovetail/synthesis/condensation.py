@@ -79,7 +79,7 @@ class BoundaryStiffness:
 
 
 def boundary_stiffness(
-    substructure: SubstructureModel, dofs: Sequence[int], frequency: NDArray[np.float64]
+    substructure: SubstructureModel, dofs: Sequence[int], frequency: NDArray[np.float64], draw: int | None = None
 ) -> BoundaryStiffness:
     """Condense a substructure to some of its DOFs.
 
@@ -90,6 +90,8 @@ def boundary_stiffness(
         The n boundary DOFs to keep.
     frequency : (n_freq,) array
         Hz.
+    draw : int, optional
+        Dense matrices are disturbed by as much as rounding does, differently with each number.
 
     Returns
     -------
@@ -110,6 +112,8 @@ def boundary_stiffness(
     matrices = substructure_matrices(substructure)
     if matrices is None:
         return BoundaryStiffness.of(inverted_receptance(substructure, dofs, frequency))
+    if draw is not None and isinstance(matrices, StructuralMatrices):
+        matrices = _disturbed(matrices, draw)
     if isinstance(matrices, StructuralMatrices) and _is_quickly_eliminated(matrices):
         return _condense_symbolically(matrices, dofs, frequency)
     if isinstance(matrices, StructuralMatrices):
@@ -122,6 +126,18 @@ def boundary_stiffness(
     if tolerance > 0:
         return BoundaryStiffness.of(condense_on_basis(partitioned, frequency, float(tolerance)).stiffness)
     return BoundaryStiffness.of(partitioned.condense(frequency))
+
+
+def _disturbed(matrices: StructuralMatrices, draw: int) -> StructuralMatrices:
+    """Change each entry by at most one unit of its last digit, equal ones alike: so do equal elements of a mesh.
+
+    A draw is a whole number, by which the changes differ.
+    """
+    changed = []
+    for matrix in (matrices.M, matrices.K):
+        part, _ = np.modf(1e6 * (draw + 1.0) * np.abs(np.frexp(matrix)[0]))
+        changed.append(matrix * (1.0 + np.finfo(np.float64).eps * (2.0 * part - 1.0)))
+    return StructuralMatrices(changed[0], changed[1], matrices.C, matrices.D)
 
 
 def _is_quickly_eliminated(matrices: StructuralMatrices) -> bool:

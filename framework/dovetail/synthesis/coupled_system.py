@@ -30,7 +30,9 @@ Point = tuple[str, int]
 """A DOF: the name of a substructure, and the index of the DOF there."""
 
 
-def condense(graph: Graph, frequency: NDArray[np.float64], points: Sequence[Point]) -> dict[str, BoundaryStiffness]:
+def condense(
+    graph: Graph, frequency: NDArray[np.float64], points: Sequence[Point], disturbed: Mapping[str, int] | None = None
+) -> dict[str, BoundaryStiffness]:
     """Condense every substructure to the DOFs that joints and points need.
 
     Parameters
@@ -39,6 +41,8 @@ def condense(graph: Graph, frequency: NDArray[np.float64], points: Sequence[Poin
     frequency : (n_freq,) array
         Hz, positive.
     points : sequence of Point
+    disturbed : mapping of str to int, optional
+        Substructures whose dense matrices are disturbed by as much as rounding does, and the number of the draw.
 
     Returns
     -------
@@ -57,7 +61,8 @@ def condense(graph: Graph, frequency: NDArray[np.float64], points: Sequence[Poin
         if dofs and not substructure.grounded:
             numbers = graph.substructure_dofs(name)[dofs]
             with plugin_errors(substructure, f"substructure '{name}' ({substructure.name})"):
-                condensed[name] = boundary_stiffness(substructure, dofs, frequency).numbered(numbers)
+                draw = None if disturbed is None else disturbed.get(name)
+                condensed[name] = boundary_stiffness(substructure, dofs, frequency, draw).numbered(numbers)
     return condensed
 
 
@@ -140,7 +145,13 @@ class CoupledSystem:
         local = np.flatnonzero(np.isin(numbers, self.active))
         return local, np.searchsorted(self.active, numbers[local])
 
-    def dynamic_stiffness(
+    def dynamic_stiffness(self, theta: Theta, lines: NDArray[np.intp] | slice) -> NDArray[np.complex128]:
+        """Return Z (n_lines, d, d) of the active DOFs at some lines; see `in_relative_coordinates`."""
+        Z, T = self.in_relative_coordinates(theta, lines)
+        back = np.linalg.inv(T)
+        return np.asarray(back.T @ Z @ back)
+
+    def in_relative_coordinates(
         self, theta: Theta, lines: NDArray[np.intp] | slice
     ) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
         """Return T^T Z T of the active DOFs at some lines, and T, with coordinates relative across stiff springs.
@@ -168,13 +179,16 @@ class CoupledSystem:
         for boundary in self.condensed.values():
             local, indices = self.locate(boundary.numbers)
             _scatter(system, indices, boundary.dense(lines)[:, local[:, None], local])
-        joints = []
+        joints, springs = [], []
+        others = np.diagonal(system[len(system) // 2])
         for name, connection in self.graph.connections.items():
             local, indices = self.locate(self.graph.joint_dofs(name))
             Z = joint_stiffness(name, connection.model, frequency, theta[name])[0]
             self._require(name, Z, theta[name])
             joints.append((indices, Z[:, local[:, None], local]))
-        springs = [spring for indices, Z in joints for spring in stiff_springs(Z[len(Z) // 2], indices)]
+            numbers = np.full(len(Z[0]), -1)
+            numbers[local] = indices
+            springs += stiff_springs(Z[len(Z) // 2], numbers, others)
         T = relative_coordinates(size, springs)
         if springs:
             system = T.T @ system @ T

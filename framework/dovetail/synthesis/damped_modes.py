@@ -282,7 +282,10 @@ class DampedModes:
         matrices = {name: joint_matrices(name, model, theta[name]).sets[0] for name, model, _ in self._joints}
         size = self._fixed.shape[-1]
         numbers = {name: np.where(L.any(axis=1), L.argmax(axis=1), -1) for name, _, L in self._joints}
-        springs = [spring for name, own in matrices.items() for spring in stiff_springs(own.K[0], numbers[name])]
+        others = np.diagonal(self._fixed[1])
+        springs = [
+            spring for name, own in matrices.items() for spring in stiff_springs(own.K[0], numbers[name], others)
+        ]
         T = relative_coordinates(size, springs)
         MKCD = T.T @ self._fixed @ T
         for name, own in matrices.items():

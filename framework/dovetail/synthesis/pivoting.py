@@ -62,7 +62,7 @@ class PivotedSolver:
         The motion of the DOFs is T times that of the coordinates. Those that these parameters do not connect with a
         force do not move.
         """
-        Z, T = self.system.dynamic_stiffness(theta, lines)
+        Z, T = self.system.in_relative_coordinates(theta, lines)
         loads = T[list(forces)].T
         _, group = connected_components((Z != 0).any(axis=0), directed=False)
         reached = np.flatnonzero(np.isin(group, group[loads.any(axis=1)]))

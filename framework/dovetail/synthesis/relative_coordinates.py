@@ -16,24 +16,30 @@ from numpy.typing import NDArray
 __all__ = ["in_coordinates", "relative_coordinates", "stiff_springs"]
 
 _PART = 1e-3
-"""Part of a diagonal entry that its spring need not explain: what is softer by less loses only three digits."""
+"""Part of a spring's stiffness above which anything else keeps all but three digits beside it."""
 
 
-def stiff_springs(stiffness: NDArray[Any], numbers: NDArray[np.intp]) -> Iterator[tuple[float, int, int]]:
-    """Yield size and DOFs of the springs that dominate the diagonal entries of a joint's matrix.
+def stiff_springs(
+    stiffness: NDArray[Any], numbers: NDArray[np.intp], others: NDArray[np.float64]
+) -> Iterator[tuple[float, int, int]]:
+    """Yield size and DOFs of the springs of a joint that hide other stiffness.
 
     Parameters
     ----------
     stiffness : (j, j) array
+        The joint's.
     numbers : (j,) array
         The number of each of the joint's DOFs; negative where it does not move.
+    others : (d,) array
+        Diagonal entries of what is not a joint, such as the inertia of masses; the joint's inner DOFs have none.
     """
-    size = np.abs(stiffness)
+    size, softness = np.abs(stiffness), np.append(np.where(others != 0.0, np.abs(others), np.inf), np.inf)
     for one, other in zip(*np.triu_indices(len(size), 1), strict=True):
         near = [abs(stiffness[dof, dof] + stiffness[one, other]) <= _PART * size[dof, dof] for dof in (one, other)]
-        moving = numbers[one] >= 0 and numbers[other] >= 0 and numbers[one] != numbers[other]
-        if moving and size[one, other] > 0.0 and any(near):
-            yield float(size[one, other]), int(numbers[one]), int(numbers[other])
+        ends = max(int(numbers[one]), -1), max(int(numbers[other]), -1)
+        hides = size[one, other] * _PART > min(softness[ends[0]], softness[ends[1]])
+        if ends[0] != ends[1] and hides and any(near):
+            yield float(size[one, other]), *ends
 
 
 def relative_coordinates(size: int, springs: Iterable[tuple[float, int, int]]) -> NDArray[np.float64]:
@@ -44,7 +50,7 @@ def relative_coordinates(size: int, springs: Iterable[tuple[float, int, int]]) -
     size : int
         Number of DOFs.
     springs : iterable of (float, int, int)
-        Size and DOFs of each.
+        Size and DOFs of each; -1 for what does not move, to which displacements then are relative.
 
     Returns
     -------
@@ -52,8 +58,8 @@ def relative_coordinates(size: int, springs: Iterable[tuple[float, int, int]]) -
         Zeros and ones. Each row has a one for its DOF, and for those on the way to the one that its group is relative
         to.
     """
-    neighbours: list[list[int]] = [[] for _ in range(size)]
-    group = list(range(size))
+    neighbours: list[list[int]] = [[] for _ in range(size + 1)]
+    group = list(range(size + 1))
 
     def root(dof: int) -> int:
         while group[dof] != dof:
@@ -61,13 +67,13 @@ def relative_coordinates(size: int, springs: Iterable[tuple[float, int, int]]) -
         return dof
 
     for _, one, other in sorted(springs, reverse=True):
-        if root(one) != root(other):
-            group[root(one)] = root(other)
-            neighbours[one].append(other)
-            neighbours[other].append(one)
-    T = np.eye(size)
-    seen = [False] * size
-    for first in range(size):
+        if root(one % (size + 1)) != root(other % (size + 1)):
+            group[root(one % (size + 1))] = root(other % (size + 1))
+            neighbours[one].append(other % (size + 1))
+            neighbours[other].append(one % (size + 1))
+    T = np.eye(size + 1, size)
+    seen = [False] * (size + 1)
+    for first in (size, *range(size)):
         waiting: Sequence[int] = [] if seen[first] else [first]
         seen[first] = True
         while waiting:
@@ -77,7 +83,7 @@ def relative_coordinates(size: int, springs: Iterable[tuple[float, int, int]]) -
                 seen[other] = True
                 T[other] += T[dof]
             waiting = [*rest, *below]
-    return T
+    return T[:size]
 
 
 def in_coordinates(Z: NDArray[Any], rows: NDArray[np.float64]) -> NDArray[Any]:
