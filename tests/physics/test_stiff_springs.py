@@ -117,7 +117,7 @@ def test_masses_that_a_stiff_spring_makes_one_have_their_common_resonance(stiff)
     assert mode.natural_frequency == pytest.approx(expected, rel=1e-8)
 
 
-@pytest.mark.parametrize("stiff", [1e14, 1e17, 1e20, 1e22])
+@pytest.mark.parametrize("stiff", [1e16, 1e18, 1e20, 1e22])
 def test_beams_that_a_stiff_layer_joins_move_as_one_beam(stiff):
     material = {"young": 2e11, "density": 7800.0, "loss_factor": 0.01}
     beam = {"model": "timoshenko_beam", "material": material}

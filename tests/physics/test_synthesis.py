@@ -76,8 +76,11 @@ def test_transfer_receptance_equals_the_direct_solve(collet, torque_20):
 
 
 def test_natural_frequencies_at_both_torques(collet, torque_20, torque_100):
-    np.testing.assert_allclose(collet.natural_frequencies(torque_20), [1319.0, 6446.0, 8133.0], atol=0.5)
-    np.testing.assert_allclose(collet.natural_frequencies(torque_100), [1339.0, 6734.0, 8311.0], atol=0.5)
+    """Those of the publication are without the joint's dampers."""
+    for torque, expected in ((torque_20, [1319.0, 6446.0, 8133.0]), (torque_100, [1339.0, 6734.0, 8311.0])):
+        undamped = torque.copy()
+        undamped[[6, 7, 10, 11]] = 0.0
+        np.testing.assert_allclose(collet.natural_frequencies(undamped), expected, atol=0.5)
 
 
 def test_frf_peaks_stand_at_the_natural_frequencies_where_damping_is_light(collet, torque_20):
@@ -220,7 +223,8 @@ def test_several_joints_are_identified_together_under_their_full_names():
     Z = B.T @ np.diag(k) @ B + 1j * omega[:, None, None] * (B.T @ B * 10.0) - omega[:, None, None] ** 2 * np.eye(4)
     expected = 1j * omega * np.linalg.inv(Z)[:, 3, 3]
     np.testing.assert_allclose(assembly.frf(k), expected, rtol=1e-10)
-    modes = np.sqrt(np.linalg.eigvalsh(B.T @ np.diag(k) @ B)) / (2 * np.pi)
+    state = np.block([[np.zeros((4, 4)), np.eye(4)], [-B.T @ np.diag(k) @ B, -B.T @ B * 10.0]])
+    modes = np.sort(np.abs(np.linalg.eigvals(state)))[::2] / (2 * np.pi)
     np.testing.assert_allclose(assembly.natural_frequencies(k, count=4), modes, rtol=1e-10)
 
 

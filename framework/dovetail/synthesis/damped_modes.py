@@ -28,7 +28,13 @@ from dovetail.synthesis.joint_evaluation import (
 from dovetail.synthesis.natural_frequencies import dense_modes, dofs_with_inertia, lowest_modes
 from dovetail.synthesis.pole_search import LEAST_TURN, Pencil, Wanted, all_poles, few_poles, placed, searched
 from dovetail.synthesis.reference import assembly_matrices
-from dovetail.synthesis.relative_coordinates import in_coordinates, relative_coordinates, stiff_springs
+from dovetail.synthesis.relative_coordinates import (
+    in_coordinates,
+    relative_coordinates,
+    rounded,
+    stiff_springs,
+    warn_of_lost_digits,
+)
 
 __all__ = ["DampedModes", "Poles"]
 
@@ -66,6 +72,8 @@ _BELOW, _ABOVE, _HIGHEST = 20.0, 20.0, 1e6
 it does not find enough poles: a joint may have a mass within its dynamic stiffness."""
 _STIFF = 1e9
 """Ratio of the stiffest joint to the softest stiffness above which the latter would lose more than nine digits."""
+_SEVERAL = 30.0
+"""Strain energy over that of rounding in joints below which a mode is a rigid-body mode."""
 _MOST_COLUMNS = 60
 """Number of DOFs of viscous dampers up to which the response to their forces is in the first basis."""
 
@@ -282,7 +290,7 @@ class DampedModes:
         matrices = {name: joint_matrices(name, model, theta[name]).sets[0] for name, model, _ in self._joints}
         size = self._fixed.shape[-1]
         numbers = {name: np.where(L.any(axis=1), L.argmax(axis=1), -1) for name, _, L in self._joints}
-        others = np.diagonal(self._fixed[1])
+        others = np.full(size, np.finfo(np.float64).tiny)  # every spring may hide another
         springs = [
             spring for name, own in matrices.items() for spring in stiff_springs(own.K[0], numbers[name], others)
         ]
@@ -301,8 +309,17 @@ class DampedModes:
         lowest = min(stiffness[both] / inertia[both], default=1.0)
         scale = 1.0 / np.sqrt(np.where(stiffness > 0.0, stiffness, np.where(inertia > 0.0, lowest * inertia, 1.0)))
         A, C, M = (matrix * scale[:, np.newaxis] * scale for matrix in (K + 1j * D, C, M))
-        poles, shapes = few_poles(Pencil(A, C, M), wanted)
-        return poles, _on_all(shapes * scale, active, size) @ T.T
+        poles, shapes = few_poles(Pencil(A, C, M), replace(wanted, count=wanted.count + _FURTHER))
+        X = _on_all(shapes * scale, active, size) @ T.T
+        strain = np.sum(shapes.conj() * (shapes @ A.real), axis=1).real
+        noise = np.zeros(len(X))
+        for name, _, L in self._joints:
+            noise += np.abs(X @ L.T) ** 2 @ rounded(matrices[name].K[0])
+        elastic = np.flatnonzero(strain > _SEVERAL * noise)
+        kept = elastic[wanted.lowest(poles[elastic])]
+        for pole, lost in zip(poles[kept], noise[kept] / strain[kept], strict=True):
+            warn_of_lost_digits(f"the natural frequency {abs(pole) / (2.0 * np.pi):.4g} Hz", float(lost))
+        return poles[kept], X[kept]
 
     def _alone(self, MKCD: Any, theta: Theta, row: int, wanted: Wanted) -> tuple[Any, Any]:
         """Return poles and shapes of one parameter vector, if matrices are sparse or joints depend on frequency."""
@@ -346,7 +363,9 @@ def _check_stiffness(K: NDArray[np.float64]) -> None:
     scale = np.sqrt(np.abs(np.diagonal(K, axis1=1, axis2=2)))
     scale = np.where(scale > 0.0, scale, 1.0)
     if (np.linalg.eigvalsh(K / (scale[:, :, np.newaxis] * scale[:, np.newaxis])) < -_NEGATIVE).any():
-        raise DovetailError("there are no natural frequencies: with these parameters a stiffness is negative.")
+        raise DovetailError(
+            "there are no natural frequencies: with these parameters a stiffness or a mass is negative."
+        )
 
 
 def _on_all(shapes: NDArray[np.complex128], active: NDArray[np.intp], size: int) -> NDArray[np.complex128]:

@@ -22,6 +22,8 @@ _RIGID_BODY_MODES = 6
 _STRAIN_FLOOR = 1e-13
 """Strain energy of a mode, over the largest possible one with its amplitudes, below which it is a rigid-body mode.
 Rounding gives a hundredth of this; a beam of 2500 elements in its first bending mode has twice as much."""
+_SINGULAR = 1e-9
+"""Part of the diagonal that is added where massless DOFs are connected by dampers alone."""
 _SHIFT_FLOOR = 1e-14
 """Squared frequency [1/s^2], over the shift, below which it is rounding. A mass that nothing holds has only the strain
 of rounding errors in its shape, which relative to its amplitudes may be as large as that of an elastic mode."""
@@ -110,7 +112,9 @@ def lowest_modes(
     else:
         shapes, shift = _dense_shapes(K, M)
         shapes = shapes[:, :count]
-        solve = partial(cho_solve, cho_factor(K + shift * M))
+        shifted = K + shift * M
+        diagonal = np.diag(shifted)
+        solve = partial(cho_solve, cho_factor(shifted + _SINGULAR * np.diag(np.where(diagonal > 0.0, diagonal, 1.0))))
     return np.array(list(_frequencies(K, M, shapes, _SHIFT_FLOOR * shift))), shapes, solve
 
 
@@ -132,9 +136,12 @@ def _dense_shapes(K: NDArray[np.float64], M: NDArray[np.float64]) -> tuple[NDArr
     try:
         mu, shapes = eigh(M, shifted)
     except np.linalg.LinAlgError:
-        raise DovetailError(
-            "there are no natural frequencies: with these parameters a stiffness or a mass is negative."
-        ) from None
+        diagonal = np.diag(shifted)
+        scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+        if (diagonal < 0.0).any() or np.linalg.eigvalsh(shifted * scale[:, np.newaxis] * scale)[0] < -_SINGULAR:
+            problem = "with these parameters a stiffness or a mass is negative."
+            raise DovetailError(f"there are no natural frequencies: {problem}") from None
+        mu, shapes = eigh(M, shifted + _SINGULAR * np.diag(1.0 / scale**2))  # DOFs that only dampers connect
     return shapes[:, mu > mu[-1] * 1e-14][:, ::-1], shift
 
 

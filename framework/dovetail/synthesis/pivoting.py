@@ -11,8 +11,8 @@ from scipy.sparse.csgraph import connected_components
 
 from dovetail.errors import DovetailError
 from dovetail.synthesis.coupled_system import CoupledSystem, Point
-from dovetail.synthesis.joint_evaluation import Theta, joint_stiffness_jacobian
-from dovetail.synthesis.relative_coordinates import in_coordinates
+from dovetail.synthesis.joint_evaluation import Theta, joint_stiffness, joint_stiffness_jacobian
+from dovetail.synthesis.relative_coordinates import in_coordinates, rounded, warn_of_lost_digits
 
 __all__ = ["PivotedSolver"]
 
@@ -79,7 +79,24 @@ class PivotedSolver:
     def frfs(self, theta: Theta, lines: NDArray[np.intp]) -> NDArray[np.complex128]:
         """Return the receptance (n_pairs, n_lines) of each pair."""
         outputs, inputs = ([self.system.points[pair[end]] for pair in self.pairs] for end in (0, 1))
-        return np.diagonal(self.receptance(theta, lines, outputs, inputs), axis1=1, axis2=2).T
+        frfs = np.diagonal(self.receptance(theta, lines, outputs, inputs), axis1=1, axis2=2).T
+        self._warn(theta, lines, frfs)
+        return frfs
+
+    def _warn(self, theta: Theta, lines: NDArray[np.intp], frfs: NDArray[np.complex128]) -> None:
+        """Warn where rounding in the matrices of joints changes a drive-point FRF (n_pairs, n_lines)."""
+        system = self.system
+        for name, connection in system.graph.connections.items():
+            local, indices = system.locate(system.graph.joint_dofs(name))
+            at = system.frequency[lines[:1]]
+            noise = rounded(joint_stiffness(name, connection.model, at, theta[name])[0, 0])[local]
+            for (output, force), frf in zip(self.pairs, frfs, strict=True):
+                if output != force or not noise.any():
+                    continue
+                motion, T = self._motion(theta, lines, [system.index(system.points[output])])
+                relative = (np.abs((T @ motion)[:, indices, 0]) ** 2 @ noise) / np.abs(frf)
+                worst = int(np.argmax(relative))
+                warn_of_lost_digits(f"the FRF at {system.frequency[lines[worst]]:g} Hz", float(relative[worst]))
 
     def derivatives(self, theta: Theta, lines: NDArray[np.intp]) -> NDArray[np.complex128]:
         """Return the derivatives (n_pairs, n_jacobian, n_lines) of each pair's receptance, by adjoint sensitivity."""

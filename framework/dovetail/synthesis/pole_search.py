@@ -22,6 +22,8 @@ LEAST_TURN = 0.02
 structural damping the poles of an overdamped motion are not exactly real: a loss factor of 0.05 gives 0.0125."""
 _STRAIN_FLOOR = 1e-13
 """As for undamped modes; see `natural_frequencies`."""
+_DOUBTFUL = 1e-9
+"""The same, below which a shape may be that of a rigid-body mode with errors of the eigenvector."""
 _CONVERGED = 1e-6
 """Relative change of a pole in the last step; convergence is cubic, so that another step would change nothing."""
 _MOST_ITERATIONS = 12
@@ -154,11 +156,11 @@ def all_poles(A: Any, C: Any, M: Any, wanted: Wanted) -> Iterator[tuple[Any, Any
         yield np.where(np.abs(quotient - s) < 1e-3 * np.abs(s), quotient, s), X
 
 
-def _deforms(K: Any, X: NDArray[np.complex128]) -> NDArray[np.bool_]:
+def _deforms(K: Any, X: NDArray[np.complex128], floor: float = _STRAIN_FLOOR) -> NDArray[np.bool_]:
     """Return which shapes (k, d) deform the structure; others are rigid-body modes."""
     strain = np.sum(X.conj() * (K @ X.T).T, axis=1).real
     largest = np.sum(np.abs(X) * (abs(K) @ np.abs(X).T).T, axis=1)
-    return np.asarray(strain > _STRAIN_FLOOR * largest)
+    return np.asarray(strain > floor * largest)
 
 
 def _rayleigh(A: Any, C: Any, M: Any, s: Any, X: Any) -> Any:
@@ -194,8 +196,16 @@ def few_poles(pencil: Pencil, wanted: Wanted) -> tuple[NDArray[np.complex128], N
     if pencil.joints:
         return _swept(pencil, wanted)
     A, C, M = (matrix[np.newaxis] for matrix in (pencil.A, pencil.C, pencil.M))
-    ((poles, shapes),) = all_poles(A, C, M, wanted)
-    return poles, shapes
+    ((poles, shapes),) = all_poles(A, C, M, replace(wanted, count=wanted.count + _RIGID_BODY_MODES))
+    elastic = np.ones(len(poles), dtype=np.bool_)
+    for index in np.flatnonzero(~_deforms(pencil.A.real, shapes, _DOUBTFUL)):  # iteration finds which are rigid
+        s, x = iterated(pencil, poles[index], shapes[index])
+        elastic[index] = np.isfinite(s) and bool(_deforms(pencil.A.real, x[np.newaxis])[0])
+        if elastic[index]:
+            poles[index], shapes[index] = s, x
+    poles, shapes = poles[elastic], shapes[elastic]
+    order = wanted.lowest(poles)
+    return poles[order], shapes[order]
 
 
 def searched(

@@ -7,13 +7,17 @@ entry, and the entries of everything else are sums without it, since k - k - k +
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["in_coordinates", "relative_coordinates", "stiff_springs"]
+__all__ = ["in_coordinates", "relative_coordinates", "rounded", "stiff_springs", "warn_of_lost_digits"]
+
+_NOTICED = 1e-6
+"""Relative error from which lost digits are reported."""
 
 _PART = 1e-3
 """Part of a spring's stiffness above which anything else keeps all but three digits beside it."""
@@ -40,6 +44,24 @@ def stiff_springs(
         hides = size[one, other] * _PART > min(softness[ends[0]], softness[ends[1]])
         if ends[0] != ends[1] and hides and any(near):
             yield float(size[one, other]), *ends
+
+
+def rounded(stiffness: NDArray[Any]) -> NDArray[np.float64]:
+    """Return the rounding (j,) of the diagonal entries of a joint's matrix that are sums of stiff and soft stiffness.
+
+    It is zero for rows of springs alone, whose entries cancel exactly.
+    """
+    size = np.abs(stiffness)
+    springs = size.sum(axis=1) == 2.0 * np.diagonal(size)
+    return np.where(springs, 0.0, np.finfo(np.float64).eps * np.diagonal(size))
+
+
+def warn_of_lost_digits(what: str, relative: float) -> None:
+    """Warn if rounding in joints changes something by more than a millionth of it."""
+    if relative > _NOTICED:
+        digits = max(0, int(-np.log10(min(relative, 1.0))))
+        message = f"a joint is so stiff that rounding in its matrices leaves {digits} digits of {what}."
+        warnings.warn(f"{message} Take less stiffness, or a rigid joint.", stacklevel=2)
 
 
 def relative_coordinates(size: int, springs: Iterable[tuple[float, int, int]]) -> NDArray[np.float64]:
