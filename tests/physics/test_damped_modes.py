@@ -11,7 +11,7 @@ from masses_in_a_row import Viscoelastic, chain
 
 import dovetail
 from dovetail.errors import DovetailError
-from dovetail.synthesis import DampedModes, damped_modes
+from dovetail.synthesis import DampedModes, natural_frequencies
 from dovetail.synthesis.frequency_laws import ContinuedStiffness
 from dovetail.synthesis.pole_search import Pencil, Wanted, few_poles
 
@@ -126,9 +126,9 @@ def random_chain(seed: int, size: int) -> Pencil:
 @pytest.mark.parametrize("seed", range(6))
 def test_a_growing_basis_finds_the_poles_that_are_found_all_at_once(seed, sparse, monkeypatch):
     dense = random_chain(seed, 100)
-    monkeypatch.setattr(damped_modes, "_DENSE_DOFS", 10)
+    monkeypatch.setattr(natural_frequencies, "_BASIS_DOFS", 10)
     pencil = Pencil(*map(sp.csc_array, (dense.A, dense.C, dense.M))) if sparse else dense
-    poles, shapes = damped_modes._searched(pencil, Wanted(8))
+    poles, shapes = natural_frequencies.searched_poles(pencil, Wanted(8))
     np.testing.assert_allclose(poles, few_poles(dense, Wanted(8))[0], rtol=1e-9)
     assert shapes.shape == (8, 100)
 

@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property, partial
-from itertools import repeat
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dovetail.assembly.calibration import entries_at_response, graph_between, graph_of, without_window
+from dovetail.assembly.calibration import entries_at_response, graph_between, graph_of
 from dovetail.assembly.description import Description, Response
 from dovetail.assembly.joints import find_point
 from dovetail.assembly.parameters import ParameterSpace, ResponseFrfs, Theta, points_and_pairs
-from dovetail.assembly.vibration_modes import VibrationMode, vibration_modes
+from dovetail.assembly.vibration_modes import SeenPoles, VibrationMode, natural
 from dovetail.errors import Fault, ParameterError
 from dovetail.frf import Frf
 from dovetail.interfaces import Parameter
 from dovetail.plain_text import html_table
-from dovetail.synthesis import DampedModes, Engine, Graph, InterpolatedEngine, Point, Poles
+from dovetail.synthesis import Engine, Graph, InterpolatedEngine, Point
 
 __all__ = ["Assembly"]
 
@@ -298,48 +297,23 @@ class Assembly:
         return find_point(self.description.substructures, substructure, position, direction)
 
     def natural_frequencies(self, theta: Theta = None, count: int = 3) -> NDArray[np.float64]:
-        """Lowest natural frequencies: magnitudes of the damped poles, without rigid-body and overdamped motions.
+        """Lowest natural frequencies (count,) or (n, count) [Hz] of the damped assembly; NaN where it has fewer.
 
-        Parameters
-        ----------
-        theta : as in `frf`
-        count : int
-
-        Returns
-        -------
-        (count,) or (n, count) array
-            Hz; NaN where the model has fewer elastic modes.
-
-        Raises
-        ------
-        DovetailError
-            A substructure is known by its FRFs only, or the structure is not stable.
+        They are the magnitudes of its poles, without those of rigid-body and overdamped motions. A DovetailError is
+        raised where a substructure is known by its FRFs only, or the structure is not stable.
         """
         batch, single = self._space.batch(theta)
-        frequencies = np.full((len(batch), count), np.nan)
-        for row, poles in zip(frequencies, self._poles(batch, count), strict=True):
-            row[: len(poles.values)] = np.abs(poles.values) / (2.0 * np.pi)
+        poles = self._poles.at(self.by_joint(batch), len(batch), count)
+        frequencies = np.stack([np.append(found, np.full(count - len(found), np.nan)) for found in map(natural, poles)])
         return frequencies[0] if single else frequencies
 
     def modes(self, theta: Theta = None, count: int = 3) -> tuple[VibrationMode, ...]:
-        """Lowest modes of one parameter vector, as `natural_frequencies`, with damping ratios and shapes.
-
-        Parameters
-        ----------
-        theta : (n_params,) array or mapping of names to values, or None
-        count : int
-        """
-        (poles,) = self._poles(self.vector(theta)[None], count)
-        return tuple(vibration_modes(self.graph, poles))
+        """Lowest modes of one parameter vector, as `natural_frequencies`, with damping ratios and shapes."""
+        return self._poles.modes(self.by_joint(self.vector(theta)[None]), count)
 
     @cached_property
-    def _damped(self) -> DampedModes:
-        return DampedModes(self.graph)
-
-    def _poles(self, batch: NDArray[np.float64], count: int) -> Iterator[Poles]:
-        seen = without_window(self.graph, self.by_joint(batch))
-        poles = self._damped.at(seen, count, differentiate=False, must_be_stable=True)
-        return poles if seen else repeat(next(poles), len(batch))
+    def _poles(self) -> SeenPoles:
+        return SeenPoles(self.graph)
 
     def on(self, frequency: ArrayLike, *further: ArrayLike) -> Assembly:
         """Return the same assembly at other frequencies.

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import repeat
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.assembly.calibration import without_window
 from dovetail.interfaces import DIRECTIONS
-from dovetail.synthesis import Graph, Point, Poles
+from dovetail.synthesis import DampedModes, Graph, Point, Poles
+from dovetail.synthesis.joint_evaluation import Theta
 
-__all__ = ["VibrationMode", "vibration_modes"]
+__all__ = ["SeenPoles", "VibrationMode", "natural"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,10 +57,35 @@ class VibrationMode:
         return float(abs(residue) / max(distance, np.finfo(np.float64).tiny))
 
 
-def vibration_modes(graph: Graph, poles: Poles) -> Iterator[VibrationMode]:
-    """Yield the modes of some poles of a graph."""
-    numbers = {name: graph.substructure_dofs(name) for name in graph.substructures}
-    for s, shape in zip(poles.values.tolist(), poles.shapes, strict=True):
-        moved = np.append(shape, 0.0)  # what is held has the number -1
-        shapes = {name: moved[dofs].reshape(-1, len(DIRECTIONS)) for name, dofs in numbers.items()}
-        yield VibrationMode(abs(s) / (2.0 * np.pi), -s.real / abs(s), shapes)
+class SeenPoles:
+    """Poles of the structure itself, without the effect of a window through which it is seen.
+
+    Parameters
+    ----------
+    graph : Graph
+    """
+
+    def __init__(self, graph: Graph) -> None:
+        self._graph, self._modes = graph, DampedModes(graph)
+
+    def at(self, theta: Theta, vectors: int, count: int) -> Iterator[Poles]:
+        """Return the poles of the `count` lowest modes for each of some parameter vectors, by joint."""
+        seen = without_window(self._graph, theta)
+        poles = self._modes.at(seen, count, differentiate=False, must_be_stable=True)
+        return poles if seen else repeat(next(poles), vectors)
+
+    def modes(self, theta: Theta, count: int) -> tuple[VibrationMode, ...]:
+        """Return the `count` lowest modes for one parameter vector, by joint."""
+        (poles,) = self.at(theta, 1, count)
+        numbers = {name: self._graph.substructure_dofs(name) for name in self._graph.substructures}
+        modes = []
+        for s, shape in zip(poles.values.tolist(), poles.shapes, strict=True):
+            moved = np.append(shape, 0.0)  # what is held has the number -1
+            shapes = {name: moved[dofs].reshape(-1, len(DIRECTIONS)) for name, dofs in numbers.items()}
+            modes.append(VibrationMode(abs(s) / (2.0 * np.pi), -s.real / abs(s), shapes))
+        return tuple(modes)
+
+
+def natural(poles: Poles) -> NDArray[np.float64]:
+    """Return the natural frequencies [Hz] of poles."""
+    return np.asarray(np.abs(poles.values) / (2.0 * np.pi))

@@ -68,7 +68,7 @@ def paired_modes(
     """
     paired = PairedPeaks.of(measured, reconstructed)
     receptance = reconstructed.to("receptance")
-    own: dict[int, float] = {}
+    peak_of: dict[int, float] = {}
     for peak in paired.modelled.tolist():
         near = [i for i, mode in enumerate(modes) if abs(mode.natural_frequency - peak) <= _CLOSENESS * peak]
         if not near:
@@ -77,11 +77,13 @@ def paired_modes(
         amplitude = receptance.amplitude[np.argmin(np.abs(receptance.frequency - peak))]
         largest = near[int(np.argmax(parts))]
         natural = modes[largest].natural_frequency
-        if max(parts) >= _LEAST_SHARE * amplitude and not abs(own.get(largest, np.inf) - natural) < abs(peak - natural):
-            own[largest] = peak
-    counterparts = {peak: paired.measured_for(peak) for peak in own.values()}
+        if max(parts) >= _LEAST_SHARE * amplitude and not abs(peak_of.get(largest, np.inf) - natural) < abs(
+            peak - natural
+        ):
+            peak_of[largest] = peak
+    counterparts = {peak: paired.measured_for(peak) for peak in peak_of.values()}
     return tuple(
-        Mode(mode.natural_frequency, own.get(i), counterparts.get(own.get(i, np.nan)), mode.damping_ratio)
+        Mode(mode.natural_frequency, peak_of.get(i), counterparts.get(peak_of.get(i, np.nan)), mode.damping_ratio)
         for i, mode in enumerate(modes)
     )
 

@@ -179,7 +179,8 @@ class CoupledSystem:
         for boundary in self.condensed.values():
             local, indices = self.locate(boundary.numbers)
             _scatter(system, indices, boundary.dense(lines)[:, local[:, None], local])
-        joints, springs = [], []
+        joints: list[tuple[NDArray[np.intp], NDArray[np.complex128]]] = []
+        springs: list[tuple[float, int, int]] = []
         others = np.diagonal(system[len(system) // 2])
         for name, connection in self.graph.connections.items():
             local, indices = self.locate(self.graph.joint_dofs(name))

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import islice
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_array, issparse
+from scipy.sparse import csc_array
 
 from dovetail.errors import DovetailError
 from dovetail.interfaces import JointModel, SparseMatrices
@@ -25,8 +24,8 @@ from dovetail.synthesis.joint_evaluation import (
     joint_stiffness_jacobian,
     sample_count,
 )
-from dovetail.synthesis.natural_frequencies import dense_modes, dofs_with_inertia, lowest_modes
-from dovetail.synthesis.pole_search import LEAST_TURN, Pencil, Wanted, all_poles, few_poles, placed, searched
+from dovetail.synthesis.natural_frequencies import dofs_with_inertia, lowest_poles, searched_poles
+from dovetail.synthesis.pole_search import LEAST_TURN, Pencil, Wanted, all_poles, few_poles, placed
 from dovetail.synthesis.reference import assembly_matrices
 from dovetail.synthesis.relative_coordinates import (
     in_coordinates,
@@ -40,42 +39,22 @@ __all__ = ["DampedModes", "Poles"]
 
 _FEW_DOFS = 16
 """Number of DOFs up to which computing all poles takes less time than iterating from the undamped modes."""
-_BASIS_DOFS, _DENSE_DOFS = 40, 120
-"""Numbers of DOFs up to which all poles are computed if the iteration does not find them, and if neither does one from
-the poles on a basis; with 120 that takes 0.2 s."""
-_ROUGH = 0.1
-"""Estimated relative error of the poles from a basis at which the iteration starts from them, and how far it may lead,
-over the distance to the nearest other pole."""
-_SWEPT_DOFS = 24
-"""The same, where joints depend on frequency and all poles are computed at each frequency of a sweep."""
 _SPARSE_DOFS = 300
 """Number of DOFs up to which sparse matrices are made dense."""
-_CONVERGED = 1e-6
-"""Relative change of a pole in the last step; convergence is cubic, so that another step would change nothing."""
-_MOST_ITERATIONS = 12
 _DIFFERENCE = 1e-8
 """Error of derivatives by differences, up to which they are smooth functions of frequency."""
 _NEGATIVE = 1e-8
 """Eigenvalue of the stiffness, with a diagonal of ones, below which it is negative; rounding gives 1e-15."""
 _MOST_ENTRIES = 2**20
 """Entries of the matrices of all parameter vectors that are computed at once."""
-_NEAR = 0.5
-"""Distance of a pole from that without damping, over the distance to the nearest other one, up to which the two belong
-to each other. If all do, no pole lies between them."""
-_FURTHER = 6
-"""Undamped modes beyond twice the wanted ones from which the search for poles starts."""
-_FIRST, _ROUNDS, _LOWEST = 100.0, 8, 1e-3
-"""Frequency [Hz] at which the search for the first mode with frequency-dependent joints starts, how often it is
-computed with the stiffness that they have at its frequency, and the lowest of these."""
-_BELOW, _ABOVE, _HIGHEST = 20.0, 20.0, 1e6
-"""Ratios of the undamped modes' frequencies to the ends of the sweep, and a frequency [Hz] that it reaches at least if
-it does not find enough poles: a joint may have a mass within its dynamic stiffness."""
+_ANY = 100.0
+"""Frequency [Hz] at which a joint shows which of its DOFs it connects."""
+_STIFF_DOFS, _RIGID_BODY_MODES = 120, 6
+"""Number of DOFs up to which digits beside stiff joints are kept, and of rigid-body modes that are computed with it."""
 _STIFF = 1e9
 """Ratio of the stiffest joint to the softest stiffness above which the latter would lose more than nine digits."""
 _SEVERAL = 30.0
 """Strain energy over that of rounding in joints below which a mode is a rigid-body mode."""
-_MOST_COLUMNS = 60
-"""Number of DOFs of viscous dampers up to which the response to their forces is in the first basis."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,7 +230,7 @@ class DampedModes:
             for row in range(len(matrices[0])):
                 yield self._alone([matrix[row] for matrix in matrices], theta, row, wanted)
             return
-        if matrices.shape[-1] <= _DENSE_DOFS and (stiff := self._is_stiff(theta)).any():
+        if matrices.shape[-1] <= _STIFF_DOFS and (stiff := self._is_stiff(theta)).any():
             for row, relative in enumerate(stiff):
                 alone = {name: vectors[row : row + 1] for name, vectors in theta.items()}
                 if relative:
@@ -270,7 +249,7 @@ class DampedModes:
             _check_mass(inertia)
             active = self._active(pattern[rows][0], inertia[0])
             M, K, C, D = matrices[:, rows][..., active[:, np.newaxis], active]
-            modes = all_poles if few else _lowest_poles
+            modes = all_poles if few else lowest_poles
             for poles, shapes in modes(K + 1j * D, C, M, wanted) if len(active) else [_NONE] * len(M):
                 yield poles, _on_all(shapes, active, matrices.shape[-1])
 
@@ -292,13 +271,15 @@ class DampedModes:
         numbers = {name: np.where(L.any(axis=1), L.argmax(axis=1), -1) for name, _, L in self._joints}
         others = np.full(size, np.finfo(np.float64).tiny)  # every spring may hide another
         springs = [
-            spring for name, own in matrices.items() for spring in stiff_springs(own.K[0], numbers[name], others)
+            spring
+            for name, matrix_set in matrices.items()
+            for spring in stiff_springs(matrix_set.K[0], numbers[name], others)
         ]
         T = relative_coordinates(size, springs)
         MKCD = T.T @ self._fixed @ T
-        for name, own in matrices.items():
+        for name, matrix_set in matrices.items():
             rows = np.append(T, np.zeros((1, size)), axis=0)[numbers[name]]
-            MKCD += np.stack([in_coordinates(getattr(own, kind), rows)[0] for kind in "MKCD"])
+            MKCD += np.stack([in_coordinates(getattr(matrix_set, kind), rows)[0] for kind in "MKCD"])
         _check_mass(np.diagonal(MKCD[0]))
         active = dofs_with_inertia((MKCD != 0).any(axis=0), np.diagonal(MKCD[0]))
         if not len(active):
@@ -309,7 +290,7 @@ class DampedModes:
         lowest = min(stiffness[both] / inertia[both], default=1.0)
         scale = 1.0 / np.sqrt(np.where(stiffness > 0.0, stiffness, np.where(inertia > 0.0, lowest * inertia, 1.0)))
         A, C, M = (matrix * scale[:, np.newaxis] * scale for matrix in (K + 1j * D, C, M))
-        poles, shapes = few_poles(Pencil(A, C, M), replace(wanted, count=wanted.count + _FURTHER))
+        poles, shapes = few_poles(Pencil(A, C, M), replace(wanted, count=wanted.count + _RIGID_BODY_MODES))
         X = _on_all(shapes * scale, active, size) @ T.T
         strain = np.sum(shapes.conj() * (shapes @ A.real), axis=1).real
         noise = np.zeros(len(X))
@@ -328,13 +309,13 @@ class DampedModes:
         _check_mass(M.diagonal())
         joined = abs(M) + abs(K) + abs(C) + abs(D)
         for L, stiffness in laws:
-            joined = joined + placed(L, np.abs(stiffness.at(2j * np.pi * _FIRST)[0]))
+            joined = joined + placed(L, np.abs(stiffness.at(2j * np.pi * _ANY)[0]))
         active = dofs_with_inertia(joined != 0, M.diagonal())
         if not len(active):
             return _NONE[0], np.empty((0, M.shape[0]))
         M, K, C, D = (matrix[active][:, active] for matrix in MKCD)
         pencil = Pencil(K + 1j * D, C, M, [(L[:, active], stiffness) for L, stiffness in laws])
-        poles, shapes = _searched(pencil, wanted)
+        poles, shapes = searched_poles(pencil, wanted)
         return poles, _on_all(shapes, active, MKCD[0].shape[0])
 
     def _active(self, pattern: NDArray[np.bool_], inertia: NDArray[np.float64]) -> NDArray[np.intp]:
@@ -372,108 +353,3 @@ def _on_all(shapes: NDArray[np.complex128], active: NDArray[np.intp], size: int)
     X = np.zeros((len(shapes), size), dtype=np.complex128)
     X[:, active] = shapes
     return X
-
-
-def _lowest_poles(A: Any, C: Any, M: Any, wanted: Wanted) -> Iterator[tuple[Any, Any]]:
-    """Yield the same as `all_poles`, where iteration from each mode of the undamped assembly finds as many poles."""
-    for stiffness, damping, mass in zip(A, C, M, strict=True):
-        undamped = list(islice(dense_modes(stiffness.real, mass), wanted.count + 1))
-        frequencies = np.array([frequency for frequency, _ in undamped])
-        starts = np.asarray(2j * np.pi * frequencies)
-        number = len(wanted.lowest(starts))
-        X = np.array([x for _, x in undamped[:number]], dtype=np.complex128).reshape(number, len(mass))
-        poles, shapes = _refined(stiffness, damping, mass, starts[:number], X)
-        apart = np.diff(frequencies, prepend=0.0, append=np.inf)
-        nearest = 2.0 * np.pi * np.minimum(apart[:-1], apart[1:])[:number]
-        if (np.abs(poles - starts[:number]) < _NEAR * nearest).all():
-            order = wanted.lowest(poles)
-            yield poles[order], shapes[order]
-        else:
-            yield _searched(Pencil(stiffness, damping, mass), wanted)
-
-
-def _refined(A: Any, C: Any, M: Any, s: Any, X: Any) -> tuple[Any, Any]:
-    """Return the poles and shapes from Rayleigh quotient iteration; NaN where it does not converge."""
-    s, X, going = s.copy(), X.copy(), np.arange(len(s))
-    for iteration in range(_MOST_ITERATIONS):
-        at, x = s[going, None], X[going]
-        Ax, Cx, Mx = x @ A, x @ C, x @ M
-        turned = Cx + 2.0 * at * Mx
-        change = np.sum(x * (Ax + at * (Cx + at * Mx)), axis=1) / np.sum(x * turned, axis=1)
-        s[going] -= change
-        unconverged = (np.abs(change) > _CONVERGED * np.abs(s[going])) | (iteration == 0)  # a start has no change
-        going, turned = going[unconverged], turned[unconverged]
-        try:
-            solved = [np.linalg.solve(A + z * (C + z * M), b) for z, b in zip(s[going], turned, strict=True)]
-        except np.linalg.LinAlgError:  # exactly at a pole, or no pole at all
-            break
-        if not solved:
-            break
-        X[going] = np.array(solved) / np.linalg.norm(solved, axis=1, keepdims=True)
-    s[going] = np.nan
-    return s, X
-
-
-def _searched(pencil: Pencil, wanted: Wanted) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """Return all wanted poles and shapes, whatever the damping."""
-    size = pencil.M.shape[0]
-    if not pencil.joints and not issparse(pencil.M) and size <= _BASIS_DOFS:
-        return few_poles(pencil, wanted)
-    modes = _UndampedModes(pencil, 2 * min(wanted.count, size) + _FURTHER)
-    if pencil.joints:
-        wanted = replace(wanted, sweep=modes.sweep)
-        if not issparse(pencil.M) and size <= _SWEPT_DOFS:
-            return few_poles(pencil, wanted)
-    forces = [L.T.toarray() if issparse(L) else L.T for L, _ in pencil.joints]
-    damped = np.flatnonzero(abs(pencil.C).sum(axis=0))
-    if len(damped) <= _MOST_COLUMNS:
-        forces.append((np.arange(size)[:, np.newaxis] == damped).astype(np.float64))
-    responses = [modes.solve(force) for force in forces]
-    vectors = np.concatenate([modes.shapes, *responses], axis=1)
-    if not pencil.joints and not issparse(pencil.M):
-        starts, X = searched(pencil, wanted, vectors, modes.solve, _ROUGH)
-        poles, shapes = _refined(pencil.A, pencil.C, pencil.M, starts, X)
-        apart = np.abs(starts[:, np.newaxis] - starts) + np.diag(np.full(len(starts), np.inf))
-        if (np.abs(poles - starts) < _ROUGH * apart.min(axis=1, initial=np.inf)).all():
-            order = wanted.lowest(poles)
-            return poles[order], shapes[order]
-        if size <= _DENSE_DOFS:
-            return few_poles(pencil, wanted)
-    return searched(pencil, wanted, vectors, modes.solve)
-
-
-class _UndampedModes:
-    """Lowest modes without damping, with the stiffness that frequency-dependent joints have at the first elastic one.
-
-    Parameters
-    ----------
-    pencil : Pencil
-    count : int
-        With rigid-body modes.
-
-    Attributes
-    ----------
-    shapes : (d, k) array
-    solve : callable
-        Returns (K + z^2 M)^-1 of loads (d, n), with a small z.
-    sweep : (float, float)
-        Hz; between which the poles lie.
-    """
-
-    def __init__(self, pencil: Pencil, count: int) -> None:
-        frequency, frequencies = _FIRST, None
-        for _ in range(_ROUNDS if pencil.joints else 1):
-            K = pencil.stiffness(frequency)
-            try:
-                frequencies, self.shapes, self.solve = lowest_modes(K, pencil.M, count)
-            except DovetailError:  # beyond a resonance within a joint its dynamic stiffness is negative
-                if frequencies is not None:
-                    break
-                if frequency < _LOWEST or not pencil.joints:
-                    raise
-                frequency /= 10.0
-                continue
-            elastic = frequencies[frequencies > 0.0]
-            frequency = float(min(elastic, default=frequency))
-        assert frequencies is not None
-        self.sweep = frequency / _BELOW, max(_HIGHEST, _ABOVE * float(max(frequencies, default=0.0)))

@@ -1,8 +1,9 @@
-"""Natural frequencies of the undamped assembly, from dense or from sparse matrices."""
+"""Undamped modes, from dense or from sparse matrices, and the search for damped poles that starts from them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 from itertools import islice
 from typing import Any
@@ -15,9 +16,34 @@ from scipy.sparse.csgraph import connected_components
 
 from dovetail.errors import DovetailError
 from dovetail.interfaces import SparseMatrices, StructuralMatrices
+from dovetail.synthesis.pole_search import Pencil, Wanted, few_poles, searched
 
-__all__ = ["dense_modes", "dofs_with_inertia", "elastic_frequencies", "lowest_modes"]
+__all__ = ["dense_modes", "dofs_with_inertia", "elastic_frequencies", "lowest_modes", "lowest_poles", "searched_poles"]
 
+_BASIS_DOFS, _DENSE_DOFS = 40, 120
+"""Numbers of DOFs up to which all poles are computed if the iteration does not find them, and if neither does one from
+the poles on a basis; with 120 that takes 0.2 s."""
+_ROUGH = 0.1
+"""Estimated relative error of the poles from a basis at which the iteration starts from them, and how far it may lead,
+over the distance to the nearest other pole."""
+_SWEPT_DOFS = 24
+"""The same, where joints depend on frequency and all poles are computed at each frequency of a sweep."""
+_CONVERGED = 1e-6
+"""Relative change of a pole in the last step; convergence is cubic, so that another step would change nothing."""
+_MOST_ITERATIONS = 12
+_NEAR = 0.5
+"""Distance of a pole from that without damping, over the distance to the nearest other one, up to which the two belong
+to each other. If all do, no pole lies between them."""
+_FURTHER = 6
+"""Undamped modes beyond twice the wanted ones from which the search for poles starts."""
+_FIRST, _ROUNDS, _LOWEST = 100.0, 8, 1e-3
+"""Frequency [Hz] at which the search for the first mode with frequency-dependent joints starts, how often it is
+computed with the stiffness that they have at its frequency, and the lowest of these."""
+_BELOW, _ABOVE, _HIGHEST = 20.0, 20.0, 1e6
+"""Ratios of the undamped modes' frequencies to the ends of the sweep, and a frequency [Hz] that it reaches at least if
+it does not find enough poles: a joint may have a mass within its dynamic stiffness."""
+_MOST_COLUMNS = 60
+"""Number of DOFs of viscous dampers up to which the response to their forces is in the first basis."""
 _RIGID_BODY_MODES = 6
 _STRAIN_FLOOR = 1e-13
 """Strain energy of a mode, over the largest possible one with its amplitudes, below which it is a rigid-body mode.
@@ -201,3 +227,108 @@ def _frequencies(K: Any, M: Any, shapes: NDArray[np.float64], least: float) -> I
         strain, mass = shape @ K @ shape, shape @ M @ shape
         elastic = strain > least * mass and strain > _STRAIN_FLOOR * (abs(shape) @ stiffness @ abs(shape))
         yield np.sqrt(strain / mass) / (2.0 * np.pi) if elastic else 0.0
+
+
+def lowest_poles(A: Any, C: Any, M: Any, wanted: Wanted) -> Iterator[tuple[Any, Any]]:
+    """Yield the same as `all_poles`, where iteration from each mode of the undamped assembly finds as many poles."""
+    for stiffness, damping, mass in zip(A, C, M, strict=True):
+        undamped = list(islice(dense_modes(stiffness.real, mass), wanted.count + 1))
+        frequencies = np.array([frequency for frequency, _ in undamped])
+        starts = np.asarray(2j * np.pi * frequencies)
+        number = len(wanted.lowest(starts))
+        X = np.array([x for _, x in undamped[:number]], dtype=np.complex128).reshape(number, len(mass))
+        poles, shapes = _refined(stiffness, damping, mass, starts[:number], X)
+        apart = np.diff(frequencies, prepend=0.0, append=np.inf)
+        nearest = 2.0 * np.pi * np.minimum(apart[:-1], apart[1:])[:number]
+        if (np.abs(poles - starts[:number]) < _NEAR * nearest).all():
+            order = wanted.lowest(poles)
+            yield poles[order], shapes[order]
+        else:
+            yield searched_poles(Pencil(stiffness, damping, mass), wanted)
+
+
+def _refined(A: Any, C: Any, M: Any, s: Any, X: Any) -> tuple[Any, Any]:
+    """Return the poles and shapes from Rayleigh quotient iteration; NaN where it does not converge."""
+    s, X, going = s.copy(), X.copy(), np.arange(len(s))
+    for iteration in range(_MOST_ITERATIONS):
+        at, x = s[going, None], X[going]
+        Ax, Cx, Mx = x @ A, x @ C, x @ M
+        turned = Cx + 2.0 * at * Mx
+        change = np.sum(x * (Ax + at * (Cx + at * Mx)), axis=1) / np.sum(x * turned, axis=1)
+        s[going] -= change
+        unconverged = (np.abs(change) > _CONVERGED * np.abs(s[going])) | (iteration == 0)  # a start has no change
+        going, turned = going[unconverged], turned[unconverged]
+        try:
+            solved = [np.linalg.solve(A + z * (C + z * M), b) for z, b in zip(s[going], turned, strict=True)]
+        except np.linalg.LinAlgError:  # exactly at a pole, or no pole at all
+            break
+        if not solved:
+            break
+        X[going] = np.array(solved) / np.linalg.norm(solved, axis=1, keepdims=True)
+    s[going] = np.nan
+    return s, X
+
+
+def searched_poles(pencil: Pencil, wanted: Wanted) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    """Return all wanted poles and shapes, whatever the damping."""
+    size = pencil.M.shape[0]
+    if not pencil.joints and not issparse(pencil.M) and size <= _BASIS_DOFS:
+        return few_poles(pencil, wanted)
+    modes = _UndampedModes(pencil, 2 * min(wanted.count, size) + _FURTHER)
+    if pencil.joints:
+        wanted = replace(wanted, sweep=modes.sweep)
+        if not issparse(pencil.M) and size <= _SWEPT_DOFS:
+            return few_poles(pencil, wanted)
+    forces = [L.T.toarray() if issparse(L) else L.T for L, _ in pencil.joints]
+    damped = np.flatnonzero(abs(pencil.C).sum(axis=0))
+    if len(damped) <= _MOST_COLUMNS:
+        forces.append((np.arange(size)[:, np.newaxis] == damped).astype(np.float64))
+    responses = [modes.solve(force) for force in forces]
+    vectors = np.concatenate([modes.shapes, *responses], axis=1)
+    if not pencil.joints and not issparse(pencil.M):
+        starts, X = searched(pencil, wanted, vectors, modes.solve, _ROUGH)
+        poles, shapes = _refined(pencil.A, pencil.C, pencil.M, starts, X)
+        apart = np.abs(starts[:, np.newaxis] - starts) + np.diag(np.full(len(starts), np.inf))
+        if (np.abs(poles - starts) < _ROUGH * apart.min(axis=1, initial=np.inf)).all():
+            order = wanted.lowest(poles)
+            return poles[order], shapes[order]
+        if size <= _DENSE_DOFS:
+            return few_poles(pencil, wanted)
+    return searched(pencil, wanted, vectors, modes.solve)
+
+
+class _UndampedModes:
+    """Lowest modes without damping, with the stiffness that frequency-dependent joints have at the first elastic one.
+
+    Parameters
+    ----------
+    pencil : Pencil
+    count : int
+        With rigid-body modes.
+
+    Attributes
+    ----------
+    shapes : (d, k) array
+    solve : callable
+        Returns (K + z^2 M)^-1 of loads (d, n), with a small z.
+    sweep : (float, float)
+        Hz; between which the poles lie.
+    """
+
+    def __init__(self, pencil: Pencil, count: int) -> None:
+        frequency, frequencies = _FIRST, None
+        for _ in range(_ROUNDS if pencil.joints else 1):
+            K = pencil.stiffness(frequency)
+            try:
+                frequencies, self.shapes, self.solve = lowest_modes(K, pencil.M, count)
+            except DovetailError:  # beyond a resonance within a joint its dynamic stiffness is negative
+                if frequencies is not None:
+                    break
+                if frequency < _LOWEST or not pencil.joints:
+                    raise
+                frequency /= 10.0
+                continue
+            elastic = frequencies[frequencies > 0.0]
+            frequency = float(min(elastic, default=frequency))
+        assert frequencies is not None
+        self.sweep = frequency / _BELOW, max(_HIGHEST, _ABOVE * float(max(frequencies, default=0.0)))
