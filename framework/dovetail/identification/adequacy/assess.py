@@ -15,9 +15,21 @@ from dovetail.assembly.calibration import unknown_gains
 from dovetail.errors import Fault, ParameterError, listing
 from dovetail.frf import Frf
 from dovetail.frf.resonance_peaks import counterpart, resonance_peaks
-from dovetail.identification.adequacy.adequacy import NOTHING_LEFT, Adequacy, word_for
+from dovetail.identification.adequacy.adequacy import (
+    NOTHING_LEFT,
+    Adequacy,
+    AdequacyWord,
+    errors_in_intervals,
+    word_for,
+)
 from dovetail.identification.adequacy.causes import find_causes
-from dovetail.identification.adequacy.model_error_size import FitWithError, estimate_model_error, fit_with_error
+from dovetail.identification.adequacy.model_error_size import (
+    FitWithError,
+    estimate_model_error,
+    fit_with_error,
+    judge_with_error,
+)
+from dovetail.identification.adequacy.single_resonance import separate_errors
 from dovetail.identification.adequacy.trials import MOST_GIVEN_OUT, power_given_out
 from dovetail.identification.fitting import Fit
 from dovetail.identification.fitting.fit import bounds_reached
@@ -28,7 +40,7 @@ from dovetail.identification.fitting.search_lines import missed_resonances
 from dovetail.identification.fitting.whiteness import find_deviating_bands, has_size_of_noise, is_white
 from dovetail.identification.posterior import typical_model_error
 from dovetail.identification.posterior.model_error import ModelError, fit_resonances
-from dovetail.interfaces import Progress, logged
+from dovetail.interfaces import Progress, logged, silent
 
 __all__ = ["assess", "check_limits"]
 
@@ -60,6 +72,8 @@ class Settings:
     """Part of a gain that parameters leave as a residual above which they do not make up for it."""
     independent: float = 1e-6
     """Ratio of singular values below which parameters have the same effect."""
+    phase: float = 0.02
+    """Error of the phase [rad] that is worth a sentence."""
     exceeds: float = 2.0
     """Ratio of the error that the measurement shows to the one allowed above which this is reported."""
 
@@ -114,7 +128,7 @@ def assess(
         The given fit if it is to the noise and no error is allowed.
     """
     model, target = ModelFrfs.of(assembly), Observations.of(assembly, measured)
-    remarks = tuple(_remarks(assembly, target, fit))
+    remarks = tuple(_remarks(assembly, target, fit, None))
     noise = is_noise(assembly, target, fit)
     if noise and target.residual_count(fit.used) <= len(fit.theta):
         return Adequacy("not judged", allowed=model_error, reasons=(NOTHING_LEFT, *remarks)), fit
@@ -122,45 +136,88 @@ def assess(
         return Adequacy("to the noise", allowed=model_error, reasons=remarks), fit
     progress("model error", 0, 1)
     with logged(__name__, "errors of the model"):
-        estimated = None if noise else estimate_model_error(model, target, fit, progress)
+        found = None if noise else find_errors(assembly, target, fit, progress)
         allowed = None if model_error is None else typical_model_error(model_error)
-        used = estimated if allowed is None else fit_with_error(model, target, fit, allowed)
+        used = fit_with_error(model, target, fit, allowed) if allowed is not None else found and found.fit
     assert used is not None
     at_bounds = bounds_reached(assembly, used.fraction)
     theta = assembly.from_unit(used.fraction)
     refitted = replace(fit, theta=theta, information=used.information, at_bounds=at_bounds)
-    if estimated is None:
+    if found is None:
         return Adequacy("to the noise", allowed=model_error, reasons=remarks), refitted
-    size = estimated.size.at_least(
-        ModelError(
-            _distance_of_lost_peaks(target, estimated.values), magnitude=_typical_ratio(target, estimated.values)
-        )
-    )
+    estimated = found.fit
+    remarks = tuple(_remarks(assembly, target, refitted, found.in_intervals if found.phases else None))
     began = time.monotonic()
     with logged(__name__, "causes of the misfit"):
         causes = find_causes(assembly, measured, refitted, seconds=cause_seconds, progress=progress)
     late = [_LATE] if 0.0 < cause_seconds < time.monotonic() - began else []
     given_out = power_given_out(assembly, target, fit.variance)
     adequacy = Adequacy(
-        "does not fit" if given_out > MOST_GIVEN_OUT else word_for(size),
-        size,
+        "does not fit" if given_out > MOST_GIVEN_OUT else found.word,
+        found.size,
         model_error,
+        in_intervals=found.in_intervals,
         causes=causes,
-        reasons=(*_reasons(target, fit, estimated, model_error, given_out), *remarks, *late),
+        reasons=(*_reasons(target, fit, found, model_error, given_out), *remarks, *late),
         bands=_bands(target, fit, estimated.values),
     )
     return adequacy, refitted
 
 
-def _remarks(assembly: Assembly, target: Observations, fit: Fit) -> Iterator[str]:
+@dataclass(frozen=True, eq=False)
+class FoundErrors:
+    """The errors of a model that a measurement shows.
+
+    Parameters
+    ----------
+    word : str
+    size : ModelError
+        NaN for each kind that the measurement does not determine.
+    in_intervals : ModelError
+        What intervals allow for.
+    fit : FitWithError
+    phases : tuple of float
+        By which the measurement at each response is ahead of the model [rad], if that is known.
+    """
+
+    word: AdequacyWord
+    size: ModelError
+    in_intervals: ModelError
+    fit: FitWithError
+    phases: tuple[float, ...] = ()
+
+
+def find_errors(assembly: Assembly, target: Observations, fit: Fit, progress: Progress = silent) -> FoundErrors:
+    """Return the errors of a model whose fit does not reach the noise."""
+    model = ModelFrfs.of(assembly)
+    separated = separate_errors(assembly, target, fit)
+    if separated is not None:
+        there = replace(fit, theta=separated.theta)
+        judged = judge_with_error(model, target, there, separated.in_intervals)
+        return FoundErrors(word_for(separated.size), separated.size, judged.size, judged, separated.phases)
+    estimated = estimate_model_error(model, target, fit, progress)
+    least = ModelError(
+        _distance_of_lost_peaks(target, estimated.values), magnitude=_typical_ratio(target, estimated.values)
+    )
+    size = estimated.size.at_least(least)
+    unknown = {
+        kind: np.nan for kind in estimated.unknown if getattr(size, kind) > _SETTINGS.exceeds * getattr(least, kind)
+    }
+    return FoundErrors(word_for(size), replace(size, **unknown), errors_in_intervals(size), estimated)
+
+
+def _remarks(assembly: Assembly, target: Observations, fit: Fit, in_intervals: ModelError | None) -> Iterator[str]:
     """Yield what a measurement cannot show, however well the model fits, as sentences."""
     if max(target.counts) < _SETTINGS.fewest_lines:
         yield "So few lines show no resonance: intervals allow for no error of natural frequencies or damping."
     followers = _followers_of_gain(assembly, fit.theta) if target.residual_count(fit.used) > len(fit.theta) else []
     if followers:
+        shown = "no interval shows it"
+        if in_intervals is not None:
+            shown = f"the intervals allow for {100.0 * in_intervals.magnitude:.2g} % of it (a standard deviation)"
         yield (
             f"The measurement does not tell its own gain: if that is wrong, {listing(followers)} are wrong by as much, "
-            "and no interval shows it. State a mass or a stiffness that is known, or measure with a known mass added."
+            f"and {shown}. State a mass or a stiffness that is known, or measure with a known mass added."
         )
 
 
@@ -208,7 +265,7 @@ def _distance_of_lost_peaks(target: Observations, values: NDArray[np.complex128]
 
 
 def _reasons(
-    target: Observations, fit: Fit, estimated: FitWithError, allowed: float | None, given_out: float
+    target: Observations, fit: Fit, found: FoundErrors, allowed: float | None, given_out: float
 ) -> Iterator[str]:
     """Yield further remarks on a measurement and on a fit that does not reach its noise, as sentences."""
     if given_out > MOST_GIVEN_OUT:
@@ -216,14 +273,26 @@ def _reasons(
             f"As measured, the structure gives out {100.0 * given_out:.0f} % of the power where it is driven, which no "
             "passive structure does: a sign or a phase is wrong."
         )
-    needed = estimated.size.natural_frequency
+    needed = found.size.natural_frequency
     if allowed is not None and needed > _SETTINGS.exceeds * allowed:
         yield (
             f"The measurement shows errors of natural frequencies of {100.0 * needed:.2g} %, more than the "
             f"{100.0 * allowed:.2g} % that are allowed."
         )
-    yield from _missed_resonances(target, fit, estimated)
+    for label, phase in zip(_places(target), found.phases, strict=False):
+        if abs(phase) > _SETTINGS.phase:
+            which = "ahead of" if phase > 0.0 else "behind"
+            yield (
+                f"The measured phase{label} is {np.degrees(abs(phase)):.2g} degrees {which} the model's on all lines: "
+                "a channel is turned, or the response is delayed."
+            )
+    yield from _missed_resonances(target, fit, found.fit)
     yield f"Of {fit.starts} searches {fit.agreeing} ended in the same fit, none in a better one."
+
+
+def _places(target: Observations) -> list[str]:
+    """Return words for each measurement if there are several."""
+    return [f" of measurement {n}" if len(target.frfs) > 1 else "" for n in range(1, len(target.frfs) + 1)]
 
 
 def _missed_resonances(target: Observations, fit: Fit, estimated: FitWithError) -> Iterator[str]:

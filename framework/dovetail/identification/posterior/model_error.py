@@ -1,7 +1,7 @@
 """Effects of small errors of a model on its FRFs: resonances that are misplaced, too high or too broad.
 
 The FRFs of one structure are split into resonances and a background (`fit_resonances`). From these follows the change
-of the FRFs by one standard deviation of each error of the model (`error_shapes`).
+of the FRFs by one standard deviation of each error of the model (`error_shapes.py`).
 """
 
 from __future__ import annotations
@@ -24,9 +24,7 @@ __all__ = [
     "TYPICAL",
     "ModelError",
     "Resonances",
-    "error_shapes",
     "fit_resonances",
-    "hat_functions",
     "typical_model_error",
 ]
 
@@ -50,18 +48,6 @@ class Settings:
     """Typical error of phases [rad], over that of natural frequencies."""
     largest: float = 0.3
     """Largest typical error of damping, magnitude and phase, however wrong natural frequencies are."""
-    individual_magnitude: float = 0.3
-    """Independent error of each resonance's magnitude and phase, over the error shared with its neighbours."""
-    individual: float = 0.6
-    """Independent error of each natural frequency, over the error shared with its neighbours. With hat functions, whose
-    squares are 2/3 on average, the root mean square over all resonances is the size of the error."""
-    moved: tuple[float, ...] = (-3.0, -2.0, -1.0, 1.0, 2.0, 3.0)
-    """Displacements of resonances, in sizes of the error, at which the effect beyond the linear term is computed. It
-    shows in a peak far above the noise that is misplaced or too broad."""
-    damped: tuple[float, float] = (0.1, 2.0)
-    """Error of damping above which this effect is computed, and the largest change of its logarithm for that."""
-    hat_functions: int = 6
-    """Number of hat functions over the frequency axis: resonances nearer than a fifth of it have similar errors."""
     tolerance: float = 1e-6
     """Relative error of the rational function whose poles are the resonances."""
     most_terms: int = 60
@@ -96,6 +82,13 @@ class ModelError:
     quantities : float
         Of each quantity of a known part, given as the relative error of natural frequencies that changes the FRFs as
         much. Intervals allow for it; no measurement shows it.
+    background : float
+        Of a smooth addition to each FRF, as by resonances outside the band, relative to the median amplitude. It is
+        estimated for a single resonance only; magnitude and phase are then wrong by the same amount on all lines.
+
+    Notes
+    -----
+    A size that a measurement does not determine is NaN in what is reported, never in what intervals allow for.
     """
 
     natural_frequency: float
@@ -104,6 +97,7 @@ class ModelError:
     phase: float = 0.0
     other: float = 0.0
     quantities: float = 0.0
+    background: float = 0.0
 
     def times(self, factor: float) -> ModelError:
         """Return a copy in which the errors that have a shape are larger by a factor."""
@@ -114,24 +108,43 @@ class ModelError:
         return ModelError(**{name: max(size, getattr(least, name)) for name, size in asdict(self).items()})
 
     def within(self, limit: ModelError) -> bool:
-        """Return whether no size is larger than that of another error."""
-        return all(size <= getattr(limit, name) for name, size in asdict(self).items())
+        """Return whether no size that is known is larger than that of another error."""
+        return not any(size > getattr(limit, name) for name, size in asdict(self).items())
+
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """Names of the kinds of errors whose size the measurement does not determine."""
+        return tuple(name for name, size in asdict(self).items() if np.isnan(size))
 
     def describe(self) -> str:
-        """Return the sizes in words."""
-        words = [f"natural frequencies are off by {100.0 * self.natural_frequency:.2g} %"]
-        if self.damping > 0.0:  # nothing is known of it where no damping was measured
-            words.append(f"damping by {_percent_or_factor(self.damping)}")
-        if self.magnitude > 0.0 or self.phase > 0.0:  # nothing is known of them where there is no FRF
-            words.append(f"amplitudes by {_percent_or_factor(self.magnitude)}")
-            words.append(f"phases by {_degrees(self.phase)} degrees")
+        """Return the sizes in words; those that are 0 or unknown are left out."""
+        words = []
+        if self.natural_frequency > 0.0:
+            words.append(f"natural frequencies are off by {100.0 * self.natural_frequency:.2g} %")
+        for name, size in (("damping", self.damping), ("amplitudes", self.magnitude)):
+            if size > 0.0:  # nothing is known of damping where none was measured, nor of amplitudes without an FRF
+                words.append(f"{name} {_off(words, name)}by {_percent_or_factor(size)}")
+        if self.phase > 0.0 or (self.magnitude > 0.0 and self.phase == 0.0):
+            words.append(f"phases {_off(words, 'phases')}by {_degrees(self.phase)} degrees")
+        if self.background > 0.0:
+            words.append(
+                f"a smooth background that the model lacks is {_percent_or_factor(self.background)} of the FRF"
+            )
         if self.other > 0.0:
-            words.append(f"and what none of these explains is {_percent_or_factor(self.other)} of the FRF")
+            rest = "what none of these explains" if words else "what no single error explains"
+            words.append(f"{'and ' if words else ''}{rest} is {_percent_or_factor(self.other)} of the FRF")
         return ", ".join(words)
 
-    def to_dict(self) -> dict[str, float]:
-        """Return the sizes by their names."""
-        return asdict(self)
+    def to_dict(self) -> dict[str, float | None]:
+        """Return the sizes by their names; None for those that are unknown."""
+        return {name: None if np.isnan(size) else size for name, size in asdict(self).items()}
+
+
+def _off(before: list[str], name: str) -> str:
+    """Return the verb of the first error in a sentence."""
+    if before:
+        return ""
+    return "is off " if name == "damping" else "are off "
 
 
 def _degrees(phase: float) -> str:
@@ -144,7 +157,7 @@ def _percent_or_factor(size: float) -> str:
     return f"{100.0 * size:.2g} %" if size < 1.0 else f"a factor of {np.exp(size):.2g}"
 
 
-KINDS = tuple(field.name for field in fields(ModelError) if field.name not in ("other", "quantities"))
+KINDS = tuple(field.name for field in fields(ModelError) if field.name not in ("other", "quantities", "background"))
 """Names of the errors that have a shape."""
 
 
@@ -307,86 +320,3 @@ def _residues(
     target = np.concatenate([mobility.real, mobility.imag])
     coefficients = np.linalg.lstsq(columns / lengths, target, rcond=1e-12)[0] / lengths
     return np.asarray(coefficients[: len(poles)] + 1j * coefficients[len(poles) : 2 * len(poles)])
-
-
-def error_shapes(
-    frfs: Sequence[Frf], values: Sequence[NDArray[np.complex128]], size: ModelError
-) -> dict[str, NDArray[np.complex128]]:
-    """Return the changes of one structure's FRFs by one standard deviation of each error, by the kind of error.
-
-    Parameters
-    ----------
-    frfs, values
-        As in `fit_resonances`.
-    size : ModelError
-
-    Returns
-    -------
-    dict of str to (n_errors, n_lines) complex array
-        The lines of all responses, concatenated. Errors of natural frequencies and damping belong to the structure and
-        are shared by all responses; those of magnitude and phase are separate for each response. "higher" is the effect
-        of a misplaced or too broad resonance beyond the linear term.
-
-    Notes
-    -----
-    Neighbouring resonances have mostly the same error: those of natural frequencies and of the FRF's magnitude and
-    phase vary smoothly over the frequency axis, as six hat functions. In addition, each resonance has an independent
-    error, which also moves the antiresonances.
-    """
-    axes = [frf.frequency for frf in frfs]
-    counts = [len(frequency) for frequency in axes]
-    if not any(size.to_dict().values()):
-        return {kind: np.zeros((0, sum(counts)), dtype=np.complex128) for kind in KINDS}
-    band = float(min(axis[0] for axis in axes)), float(max(axis[-1] for axis in axes))
-    resonances, hats = fit_resonances(frfs, values), [hat_functions(frequency, band) for frequency in axes]
-    level, alone = size.natural_frequency, _SETTINGS.individual * size.natural_frequency
-    displaced, together = resonances.displaced(level), hat_functions(resonances.poles.real, band)
-    of_response = zip(hats, values, resonances.terms, strict=True)
-    shapes = [np.concatenate([hat * frf, _SETTINGS.individual_magnitude * terms]) for hat, frf, terms in of_response]
-    scaled = np.concatenate([_in_response(shape, index, counts) for index, shape in enumerate(shapes)])
-    higher = _higher(resonances, size)
-    return {
-        "natural_frequency": np.concatenate([together @ displaced, resonances.displaced(alone)]),
-        "damping": size.damping * resonances.damped,
-        "magnitude": size.magnitude * scaled,
-        "phase": 1j * size.phase * scaled,
-        "higher": np.concatenate([higher, 1j * higher]),
-    }
-
-
-def _higher(resonances: Resonances, size: ModelError) -> NDArray[np.complex128]:
-    """Return the nonlinear changes of the FRFs (n, n_lines) by errors of natural frequencies and damping.
-
-    Their weights give the covariance under normally distributed errors, by quadrature.
-    """
-    moved, (least, most) = np.array(_SETTINGS.moved), _SETTINGS.damped
-    density = np.exp(-(moved**2) / 2.0)
-    weight = np.sqrt(density / (1.0 + density.sum()))  # 1 for those that are not moved
-    shapes = []
-    for part, sizes in zip(weight.tolist(), moved.tolist(), strict=True):
-        shapes.append(part * resonances.displaced_beyond(sizes * size.natural_frequency))
-        if size.damping >= least:
-            shapes.append(part * resonances.damped_beyond(float(np.clip(sizes * size.damping, -most, most))))
-    return np.concatenate(shapes)
-
-
-def _in_response(errors: NDArray[np.complex128], index: int, counts: Sequence[int]) -> NDArray[np.complex128]:
-    """Pad errors (n, n_freq) of one response with zeros for the lines of the others: (n, n_lines)."""
-    return np.pad(errors, ((0, 0), (sum(counts[:index]), sum(counts[index + 1 :]))))
-
-
-def hat_functions(frequency: NDArray[np.float64], band: tuple[float, float]) -> NDArray[np.float64]:
-    """Return six hat functions (6, n_freq), each 1 at one of six evenly spaced frequencies and 0 at the others.
-
-    Parameters
-    ----------
-    frequency : (n_freq,) array
-        Hz.
-    band : (float, float)
-        Hz; the first and the last of the six.
-    """
-    low, high = band
-    if low == high:  # a single line, at the first of the six
-        return np.outer(np.eye(_SETTINGS.hat_functions)[0], np.ones(len(frequency)))
-    peaks = np.linspace(low, high, _SETTINGS.hat_functions)
-    return np.stack([np.interp(frequency, peaks, height) for height in np.eye(_SETTINGS.hat_functions)])
