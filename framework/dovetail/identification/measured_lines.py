@@ -37,11 +37,14 @@ class MeasuredLines:
         The FRFs as they were given.
     frfs : tuple of Frf
         The FRFs on their lines within the band.
+    unweighted : tuple of Frf or None
+        The same with their own random error, if the user weights the lines otherwise.
     """
 
     described: Assembly
     whole: tuple[Frf, ...]
     frfs: tuple[Frf, ...]
+    unweighted: tuple[Frf, ...] | None = None
 
     @staticmethod
     def of(assembly: Assembly, measured: Frf | Sequence[Frf]) -> MeasuredLines:

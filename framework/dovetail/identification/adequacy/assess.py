@@ -31,7 +31,7 @@ from dovetail.identification.adequacy.model_error_size import (
 )
 from dovetail.identification.adequacy.single_resonance import separate_errors
 from dovetail.identification.adequacy.trials import MOST_GIVEN_OUT, power_given_out
-from dovetail.identification.fitting import Fit
+from dovetail.identification.fitting import Fit, refine
 from dovetail.identification.fitting.fit import bounds_reached
 from dovetail.identification.fitting.least_squares import without
 from dovetail.identification.fitting.observations import Observations
@@ -42,7 +42,7 @@ from dovetail.identification.posterior import typical_model_error
 from dovetail.identification.posterior.model_error import ModelError, fit_resonances
 from dovetail.interfaces import Progress, logged, silent
 
-__all__ = ["assess", "check_limits"]
+__all__ = ["FoundErrors", "assess", "check_limits", "find_errors", "is_noise", "judge_fit"]
 
 
 @dataclass(frozen=True)
@@ -162,6 +162,49 @@ def assess(
         bands=_bands(target, fit, estimated.values),
     )
     return adequacy, refitted
+
+
+def judge_fit(
+    assembly: Assembly,
+    measured: Sequence[Frf],
+    unweighted: Sequence[Frf] | None,
+    fit: Fit,
+    model_error: float | None,
+    seed: int,
+    cause_seconds: float,
+    progress: Progress,
+) -> tuple[Adequacy, Fit]:
+    """Judge how well a model explains a measurement, by its random error even if lines are weighted otherwise.
+
+    Parameters
+    ----------
+    unweighted : sequence of Frf or None
+        The measurement with its random error, if the variance of `measured` is that of weights.
+    seed : int
+        Of the starts of the fit that is judged instead.
+    assembly, measured, fit, model_error, cause_seconds, progress
+        As in `assess`.
+
+    Returns
+    -------
+    Adequacy
+        With weights, of the fit by the random error.
+    Fit
+        As `assess` returns it. With weights, the given parameters with their chi-squared over the random error.
+    """
+    if unweighted is None:
+        return assess(assembly, measured, fit, model_error, cause_seconds=cause_seconds, progress=progress)
+    judged = refine(assembly, unweighted, [fit.theta], seed=seed, progress=progress)
+    adequacy, _ = assess(assembly, unweighted, judged, model_error, cause_seconds=cause_seconds, progress=progress)
+    residual = Observations.of(assembly, unweighted).weighted(judged.variance, judged.used)
+    squares = float(np.sum(residual.of(ModelFrfs.of(assembly).frf(fit.theta[np.newaxis])) ** 2))
+    return adequacy, replace(
+        fit,
+        chi_squared=squares / judged.degrees_of_freedom,
+        degrees_of_freedom=judged.degrees_of_freedom,
+        variance_known=judged.variance_known,
+        variance_assumed=judged.variance_assumed,
+    )
 
 
 @dataclass(frozen=True, eq=False)
