@@ -11,16 +11,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
-from dovetail.errors import Fault, MeasurementError
+from dovetail.errors import Fault, MeasurementError, listing
 from dovetail.frf import Frf
+from dovetail.frf.resonance_peaks import resonance_peaks
 from dovetail.identification.fitting import one_per_response
 from dovetail.identification.fitting.random_error import random_error_variance
+from dovetail.identification.posterior.model_error import fit_resonances
 from dovetail.measurement import find_gaps, find_missing_ends, on_grid, within_band
 
 __all__ = ["MeasuredLines"]
 
 _RECIPROCITY, _EXCESS = 0.05, 3.0
 """Relative difference of two reciprocal FRFs that is reported, and its ratio to the one that random errors explain."""
+_LINES_OF_WIDTH = 2.0
+"""Lines within the half-power width of a resonance below which this is reported."""
+_FEWEST_OF_PEAK = 5
+"""Lines of a measurement in which a peak has a width."""
 _MOST_GAPS = 5
 """Largest number of gaps that a warning lists."""
 
@@ -102,6 +108,31 @@ class MeasuredLines:
                     f"The measurement{where} lacks lines between {_listed(gaps)}: nothing was compared there."
                 )
         return (*messages, *self._reciprocity_warnings())
+
+    def narrow_resonances(self, fitted: Sequence[NDArray[np.complex128]]) -> Iterable[str]:
+        """Yield a warning for each measurement with peaks that are narrower than two of its lines.
+
+        Parameters
+        ----------
+        fitted : sequence of (n_freq,) complex arrays
+            The model's FRF on the lines of each measurement; its poles have the width.
+        """
+        for (frf, _, where), values in zip(self._responses, fitted, strict=True):
+            if len(frf.frequency) < _FEWEST_OF_PEAK:
+                continue
+            spacing, peaks = np.gradient(frf.frequency), resonance_peaks(frf)
+            narrow = list[str]()
+            for pole in fit_resonances([frf], [values]).poles if peaks.size else ():
+                lines = float(np.interp(pole.real, frf.frequency, spacing))
+                is_measured = np.min(np.abs(peaks - pole.real)) < max(lines, 2.0 * pole.imag)
+                if is_measured and 2.0 * pole.imag < _LINES_OF_WIDTH * lines:
+                    narrow.append(f"{pole.real:.5g} Hz ({2.0 * pole.imag:.2g} Hz wide, lines every {lines:.2g} Hz)")
+            if narrow:
+                yield (
+                    f"The measurement{where} has resonances narrower than two of its lines, "
+                    f"at {listing(narrow, _MOST_GAPS)}: their damping and height depend on one or two values. "
+                    "Measure with a finer resolution."
+                )
 
     def _reciprocity_warnings(self) -> Iterable[str]:
         """Yield a warning for each pair of reciprocal FRFs that differ by more than their random error.

@@ -18,7 +18,7 @@ from dovetail.errors import Fault, MeasurementError, ParameterError, PluginError
 from dovetail.identification.adequacy import CAUSE_SECONDS
 from dovetail.identification.adequacy.assess import check_limits, judge_fit
 from dovetail.identification.fitting import Fit, Objective, fit_at, multistart, refine
-from dovetail.identification.fitting.fit import fractions_within
+from dovetail.identification.fitting.fit import allow_for_unknown_noise, fractions_within
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import ModelFrfs
 from dovetail.identification.measured_lines import MeasuredLines
@@ -164,7 +164,10 @@ def _network_answer(
 def _result(measured: MeasuredLines, theta: NDArray[np.float64], **known: Any) -> Identification:
     """Build the result with the natural frequencies in the whole band and warnings of parts that were not measured."""
     result = reconstruct(measured.assembly, theta, measured.frfs, band=measured.band, **known)
-    return replace(result, warnings=(*result.warnings, *(measured.warnings if result.fit is not None else ())))
+    if result.fit is None:
+        return result
+    narrow = measured.narrow_resonances([response.frf.values for response in result.responses])
+    return replace(result, warnings=(*result.warnings, *measured.warnings, *narrow))
 
 
 def by_multistart(
@@ -256,7 +259,7 @@ def by_posterior(
     posterior = _FORMS[used](
         measured.assembly,
         measured.frfs,
-        fitted.fit,
+        allow_for_unknown_noise(Observations.of(measured.assembly, measured.frfs), fitted.fit),
         samples=samples,
         model_error=allowed,
         seed=fitted.provenance["seed"],

@@ -13,12 +13,18 @@ from dovetail.identification.posterior.model_error import TYPICAL, ModelError, t
 from dovetail.interfaces import Parameter
 from dovetail.units import format_quantity
 
-__all__ = ["NOTHING_LEFT", "Adequacy", "AdequacyWord", "Cause", "errors_in_intervals", "word_for"]
+__all__ = ["NOTHING_LEFT", "NOTHING_SHOWN", "Adequacy", "AdequacyWord", "Cause", "errors_in_intervals", "word_for"]
 
 AdequacyWord: TypeAlias = Literal["to the noise", "good", "rough", "does not fit", "not judged"]
 """From best to worst; "not judged" if a method does not judge the model."""
 NOTHING_LEFT = "The measurement has no more values than there are unknowns: nothing is left to judge the fit by."
 """Why a fit is not judged that any model with as many unknowns would reach."""
+
+NOTHING_SHOWN = (
+    "The measurement shows nothing of the structure: no resonance or other motion stands out of its random error. "
+    "Whatever is identified follows from noise."
+)
+"""Why a fit to mere noise does not count."""
 
 
 @dataclass(frozen=True)
@@ -154,6 +160,8 @@ class Adequacy:
     @property
     def meaning(self) -> str:
         """What the word means for use, in a sentence; empty if the model was not judged."""
+        if NOTHING_SHOWN in self.reasons:
+            return "Do not believe the numbers: measure again with a stronger force, more averages, or another point."
         return f"{_MEANING[self.word]} {_CHANGE}" if self.causes and self.fits else _MEANING[self.word]
 
     @property

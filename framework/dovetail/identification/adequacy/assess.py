@@ -17,6 +17,7 @@ from dovetail.frf import Frf
 from dovetail.frf.resonance_peaks import counterpart, resonance_peaks
 from dovetail.identification.adequacy.adequacy import (
     NOTHING_LEFT,
+    NOTHING_SHOWN,
     Adequacy,
     AdequacyWord,
     errors_in_intervals,
@@ -29,15 +30,17 @@ from dovetail.identification.adequacy.model_error_size import (
     fit_with_error,
     judge_with_error,
 )
+from dovetail.identification.adequacy.noise_test import is_noise, shows_structure
 from dovetail.identification.adequacy.single_resonance import separate_errors
 from dovetail.identification.adequacy.trials import MOST_GIVEN_OUT, power_given_out
 from dovetail.identification.fitting import Fit, refine
 from dovetail.identification.fitting.fit import bounds_reached
-from dovetail.identification.fitting.least_squares import without
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import ModelFrfs
 from dovetail.identification.fitting.search_lines import missed_resonances
-from dovetail.identification.fitting.whiteness import find_deviating_bands, has_size_of_noise, is_white
+from dovetail.identification.fitting.whiteness import (
+    find_deviating_bands,
+)
 from dovetail.identification.posterior import typical_model_error
 from dovetail.identification.posterior.model_error import ModelError, fit_resonances
 from dovetail.interfaces import Progress, logged, silent
@@ -130,6 +133,8 @@ def assess(
     model, target = ModelFrfs.of(assembly), Observations.of(assembly, measured)
     remarks = tuple(_remarks(assembly, target, fit, None))
     noise = is_noise(assembly, target, fit)
+    if not shows_structure(target, fit, fits=noise):
+        return Adequacy("does not fit", allowed=model_error, reasons=(NOTHING_SHOWN,)), fit
     if noise and target.residual_count(fit.used) <= len(fit.theta):
         return Adequacy("not judged", allowed=model_error, reasons=(NOTHING_LEFT, *remarks)), fit
     if noise and not model_error:
@@ -145,7 +150,7 @@ def assess(
     refitted = replace(fit, theta=theta, information=used.information, at_bounds=at_bounds)
     if found is None:
         return Adequacy("to the noise", allowed=model_error, reasons=remarks), refitted
-    estimated = found.fit
+    estimated, shown = found.fit, replace(found.fit, size=found.size)
     remarks = tuple(_remarks(assembly, target, refitted, found.in_intervals if found.phases else None))
     began = time.monotonic()
     with logged(__name__, "causes of the misfit"):
@@ -158,7 +163,12 @@ def assess(
         model_error,
         in_intervals=found.in_intervals,
         causes=causes,
-        reasons=(*_reasons(target, fit, found, model_error, given_out), *remarks, *late),
+        reasons=(
+            *_phases(target, found.phases),
+            *_reasons(target, fit, shown, model_error, given_out),
+            *remarks,
+            *late,
+        ),
         bands=_bands(target, fit, estimated.values),
     )
     return adequacy, refitted
@@ -253,6 +263,11 @@ def _remarks(assembly: Assembly, target: Observations, fit: Fit, in_intervals: M
     """Yield what a measurement cannot show, however well the model fits, as sentences."""
     if max(target.counts) < _SETTINGS.fewest_lines:
         yield "So few lines show no resonance: intervals allow for no error of natural frequencies or damping."
+    if fit.variance_assumed:
+        yield (
+            "So few lines do not show their random error: intervals allow for up to 10 % of the largest value. "
+            "Give the variance of the measurement, or its coherence and averages."
+        )
     followers = _followers_of_gain(assembly, fit.theta) if target.residual_count(fit.used) > len(fit.theta) else []
     if followers:
         shown = "no interval shows it"
@@ -308,7 +323,7 @@ def _distance_of_lost_peaks(target: Observations, values: NDArray[np.complex128]
 
 
 def _reasons(
-    target: Observations, fit: Fit, found: FoundErrors, allowed: float | None, given_out: float
+    target: Observations, fit: Fit, estimated: FitWithError, allowed: float | None, given_out: float
 ) -> Iterator[str]:
     """Yield further remarks on a measurement and on a fit that does not reach its noise, as sentences."""
     if given_out > MOST_GIVEN_OUT:
@@ -316,21 +331,25 @@ def _reasons(
             f"As measured, the structure gives out {100.0 * given_out:.0f} % of the power where it is driven, which no "
             "passive structure does: a sign or a phase is wrong."
         )
-    needed = found.size.natural_frequency
+    needed = estimated.size.natural_frequency
     if allowed is not None and needed > _SETTINGS.exceeds * allowed:
         yield (
             f"The measurement shows errors of natural frequencies of {100.0 * needed:.2g} %, more than the "
             f"{100.0 * allowed:.2g} % that are allowed."
         )
-    for label, phase in zip(_places(target), found.phases, strict=False):
+    yield from _missed_resonances(target, fit, estimated)
+    yield f"Of {fit.starts} searches {fit.agreeing} ended in the same fit, none in a better one."
+
+
+def _phases(target: Observations, phases: tuple[float, ...]) -> Iterator[str]:
+    """Yield by how much each measurement is turned, if that is known."""
+    for label, phase in zip(_places(target), phases, strict=False):
         if abs(phase) > _SETTINGS.phase:
             which = "ahead of" if phase > 0.0 else "behind"
             yield (
                 f"The measured phase{label} is {np.degrees(abs(phase)):.2g} degrees {which} the model's on all lines: "
                 "a channel is turned, or the response is delayed."
             )
-    yield from _missed_resonances(target, fit, found.fit)
-    yield f"Of {fit.starts} searches {fit.agreeing} ended in the same fit, none in a better one."
 
 
 def _places(target: Observations) -> list[str]:
@@ -344,7 +363,7 @@ def _missed_resonances(target: Observations, fit: Fit, estimated: FitWithError) 
     A peak near a resonance of the model that makes no peak in that FRF is not another resonance.
     """
     missed = np.unique(missed_resonances(target, fit.variance, estimated.values))
-    near = np.clip(_SETTINGS.displaced * estimated.size.natural_frequency, *_SETTINGS.near)
+    near = np.clip(_SETTINGS.displaced * np.nan_to_num(estimated.size.natural_frequency), *_SETTINGS.near)
     modelled = fit_resonances(target.frfs, target.split(estimated.values)).poles.real
     missed = missed[np.all(np.abs(modelled[:, np.newaxis] - missed) > near * missed, axis=0)]
     if not len(missed):
@@ -359,26 +378,6 @@ def _missed_resonances(target: Observations, fit: Fit, estimated: FitWithError) 
         if lines < _SETTINGS.finest_part * mains and np.count_nonzero(hum) >= _SETTINGS.fewest_hums:
             at = ", ".join(f"{frequency:.4g}" for frequency in missed[hum])
             yield f"Of these, {at} Hz are multiples of {mains:g} Hz: the hum of the mains?"
-
-
-def is_noise(assembly: Assembly, target: Observations, fit: Fit) -> bool:
-    """Return whether the residuals of a fit are noise: no larger, and not correlated along the frequency axis."""
-    if fit.discrepancy:
-        return False
-    frf, jacobian = ModelFrfs.of(assembly).linearise(fit.theta[np.newaxis])
-    weighted = target.weighted(fit.variance, fit.used)
-    residuals = weighted.of(frf)[0]
-    of_responses = target.by_line(without(residuals, weighted.jacobian(frf, jacobian)[0]))
-    squares, lines = sum(float(np.sum(block**2)) for block in of_responses), int(np.count_nonzero(fit.used))
-    if not has_size_of_noise(squares, fit.degrees_of_freedom, lines, variance_known=fit.variance_known):
-        return False
-    return all(is_white(_scaled_to_scatter(block)) for block in of_responses)
-
-
-def _scaled_to_scatter(residuals: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return residuals (n_freq, n), scaled down where their scatter from line to line exceeds the random error."""
-    scatter = float(np.mean(np.diff(residuals, axis=0) ** 2)) / 2.0 if len(residuals) > 1 else 1.0
-    return np.asarray(residuals / np.sqrt(max(1.0, scatter)))
 
 
 def _bands(target: Observations, fit: Fit, values: NDArray[np.complex128]) -> tuple[tuple[float, float], ...]:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly
 from dovetail.errors import DovetailError
 from dovetail.frf import QUANTITIES, Frf
-from dovetail.identification.adequacy import model_causes
+from dovetail.identification.adequacy import level_causes, model_causes
 from dovetail.identification.adequacy.adequacy import Cause
 from dovetail.identification.adequacy.model_causes import Candidate
 from dovetail.identification.adequacy.perturbations import Perturbation
@@ -349,9 +349,10 @@ _STAGES: tuple[tuple[str, Callable[[Trials], Iterator[Candidate]], bool], ...] =
     ("gain, units and mass", _gains_and_masses, False),
     ("quantity", _quantities, True),
     ("delay", _delays, True),
-    ("levels", model_causes.try_levels, False),
+    ("levels", level_causes.try_levels, False),
     ("damping of joints", model_causes.try_damping, False),
     ("window", model_causes.try_window, False),
+    ("growth of damping", level_causes.try_damping_growth, False),
     ("ranges", model_causes.try_ranges, False),
     ("resonances", model_causes.try_missing_resonances, False),
     ("response point", model_causes.try_points, True),

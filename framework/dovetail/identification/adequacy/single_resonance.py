@@ -118,10 +118,10 @@ class _ModalFit:
         self.cost, self.freedom = float(residuals @ residuals), freedom
         height = complex(*coefficients[:2])
         self.features = np.array([*found.x, np.log(abs(height)), np.angle(height)])
-        self._set_uncertainty(found.x, height, max(1.0, self.cost / max(1, freedom)))
         self.background = np.asarray((coefficients[2::2] + 1j * coefficients[3::2]) @ self._shapes)
         excess = (self.cost - freedom) / max(1, len(residuals)) * 2.0 * self._deviation**2
         self.other = float(np.sqrt(max(0.0, excess.mean()) / np.mean(np.abs(self._values) ** 2)))
+        self._set_uncertainty(found.x, height, max(1.0, self.cost / max(1, freedom)))
 
     @property
     def is_within_band(self) -> bool:
@@ -138,7 +138,7 @@ class _ModalFit:
     def _project(self, logs: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return residuals (m,) and the best coefficients (k,) for a natural frequency and a damping ratio."""
         columns, measured = self._columns(logs), _reals(self._values / self._deviation)
-        sizes = np.linalg.norm(columns, axis=0)
+        sizes = np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
         coefficients = np.linalg.lstsq(columns / sizes, measured, rcond=1e-12)[0] / sizes
         return measured - columns @ coefficients, coefficients
 
@@ -149,10 +149,11 @@ class _ModalFit:
         along = [(there - of_height) / one.max() for there, one in zip(ahead, step, strict=True)]
         turned = columns[:, :2] @ np.array([-height.imag, height.real])
         jacobian = np.column_stack([*along, of_height, turned, columns[:, 2:]])
-        sizes = np.linalg.norm(jacobian, axis=0)
+        sizes = np.maximum(np.linalg.norm(jacobian, axis=0), np.finfo(float).tiny)
         covariance = factor * np.linalg.pinv((jacobian / sizes).T @ (jacobian / sizes), hermitian=True)
         covariance /= np.outer(sizes, sizes)
-        self.covariance = covariance[:4, :4]
+        of_other = self.other * np.array([np.exp(logs[1]), 1.0, 1.0, 1.0])  # a misfit turns and moves a resonance too
+        self.covariance = covariance[:4, :4] + np.diag(of_other**2)
         of_background = covariance[4::2, 4::2] + covariance[5::2, 5::2]
         variances = np.einsum("kf,kl,lf->f", self._shapes.real, of_background, self._shapes.real)
         self.background_error = float(np.sqrt(variances.mean()))

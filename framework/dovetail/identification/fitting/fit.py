@@ -16,10 +16,20 @@ from dovetail.errors import Fault, ParameterError, listing
 from dovetail.frf import Frf
 from dovetail.identification.fitting.least_squares import minimise
 from dovetail.identification.fitting.observations import Observations
+from dovetail.identification.fitting.random_error import ASSUMED_NOISE
 from dovetail.identification.fitting.residuals import FrfResiduals
 from dovetail.interfaces import Progress, silent
 
-__all__ = ["Fit", "Objective", "bounds_reached", "count_agreeing", "fit_at", "highest_agreeing", "multistart"]
+__all__ = [
+    "Fit",
+    "Objective",
+    "allow_for_unknown_noise",
+    "bounds_reached",
+    "count_agreeing",
+    "fit_at",
+    "highest_agreeing",
+    "multistart",
+]
 
 Objective: TypeAlias = Literal["frf", "weighted"]
 """Residuals that are minimised: differences of the FRFs as they are, or over their random error."""
@@ -28,6 +38,8 @@ _TOLERANCE = 0.02
 """Decrease of the sum of squares in one step that ends a search; it is small compared to the scatter of the sum."""
 _MOST_STEPS = 150
 """Largest number of steps of one search; one that needs more is in a wrong valley."""
+_LARGEST_NOISE = 0.1
+"""Random error, over the largest value, that FRFs of practice rarely exceed: of one average at a coherence of 0.99."""
 _SAME_MINIMUM = 1e-3
 """Relative difference of sums of squares below which two searches ended in the same minimum."""
 
@@ -169,6 +181,19 @@ def fit_at(
         steps=steps,
         seconds=seconds,
     )
+
+
+def allow_for_unknown_noise(target: Observations, fit: Fit) -> Fit:
+    """Return a fit with the random error that intervals allow for where too few lines show it.
+
+    The largest usual error counts as one more degree of freedom beside those of the residuals.
+    """
+    if not fit.variance_assumed:
+        return fit
+    freedom = target.residual_count(fit.used) - len(fit.theta)
+    shown = max(freedom, 0) * min(fit.chi_squared, _LARGEST_NOISE**2 / ASSUMED_NOISE**2)
+    factor = max(1.0, (shown + (_LARGEST_NOISE / ASSUMED_NOISE) ** 2) / (max(freedom, 0) + 1))
+    return replace(fit, variance=np.where(target.assumed(fit.variance), factor, 1.0) * fit.variance)
 
 
 def multistart(
