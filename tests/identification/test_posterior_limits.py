@@ -8,10 +8,11 @@ from noisy_measurements import frf_on
 
 from dovetail.identification.posterior import ModelError, Posterior, error_shapes, typical_model_error
 from dovetail.identification.posterior import randomize_then_optimize as rto
+from dovetail.identification.posterior.error_shapes import Settings
 from dovetail.identification.posterior.laplace import LaplaceApproximation
 from dovetail.identification.posterior.likelihood import normal_from_unit, unit_from_normal
 from dovetail.identification.posterior.mode_search import CubeResiduals
-from dovetail.identification.posterior.model_error import Settings, fit_resonances
+from dovetail.identification.posterior.model_error import fit_resonances
 from dovetail.identification.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, metropolis_step
 
 FREQUENCY = np.linspace(100.0, 200.0, 501)

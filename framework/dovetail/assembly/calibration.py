@@ -207,7 +207,7 @@ class Chain:
 
     @cached_property
     def factor(self) -> NDArray[np.complex128]:
-        """(n, n_freq) gain, sign, delay, and the window's change of the time derivatives."""
+        """(n, n_freq) gain, sign, phase, delay, and the window's change of the time derivatives."""
         return np.asarray(self._gain * self._turned * self._ratio**self._power)
 
     def derivative(self, column: int) -> NDArray[np.complex128]:
