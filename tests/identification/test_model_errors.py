@@ -6,12 +6,12 @@ import json
 
 import numpy as np
 import pytest
+from dovetail.identification.posterior.error_shapes import Settings
 from noisy_measurements import frf_on
 
 import dovetail
 from dovetail.frf.quantity import QUANTITIES
 from dovetail.identification.posterior import ModelError, error_shapes, typical_model_error
-from dovetail.identification.posterior.error_shapes import Settings
 from dovetail.identification.posterior.likelihood import marginalised_squares
 from dovetail.identification.posterior.model_error import fit_resonances
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from dovetail.identification.posterior.error_shapes import Settings
 from noisy_measurements import frf_on
 
 from dovetail.identification.posterior import ModelError, Posterior, error_shapes, typical_model_error
 from dovetail.identification.posterior import randomize_then_optimize as rto
-from dovetail.identification.posterior.error_shapes import Settings
 from dovetail.identification.posterior.laplace import LaplaceApproximation
 from dovetail.identification.posterior.likelihood import normal_from_unit, unit_from_normal
 from dovetail.identification.posterior.mode_search import CubeResiduals

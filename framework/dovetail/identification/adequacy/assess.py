@@ -30,11 +30,10 @@ from dovetail.identification.adequacy.model_error_size import (
     fit_with_error,
     judge_with_error,
 )
-from dovetail.identification.adequacy.noise_test import is_noise, shows_structure
 from dovetail.identification.adequacy.single_resonance import separate_errors
 from dovetail.identification.adequacy.trials import MOST_GIVEN_OUT, power_given_out
 from dovetail.identification.fitting import Fit, refine
-from dovetail.identification.fitting.fit import bounds_reached
+from dovetail.identification.fitting.fit import bounds_reached, is_noise, shows_structure
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import ModelFrfs
 from dovetail.identification.fitting.search_lines import missed_resonances
@@ -141,30 +140,30 @@ def assess(
         return Adequacy("to the noise", allowed=model_error, reasons=remarks), fit
     progress("model error", 0, 1)
     with logged(__name__, "errors of the model"):
-        found = None if noise else find_errors(assembly, target, fit, progress)
+        errors = None if noise else find_errors(assembly, target, fit, progress)
         allowed = None if model_error is None else typical_model_error(model_error)
-        used = fit_with_error(model, target, fit, allowed) if allowed is not None else found and found.fit
+        used = fit_with_error(model, target, fit, allowed) if allowed is not None else errors and errors.fit
     assert used is not None
     at_bounds = bounds_reached(assembly, used.fraction)
     theta = assembly.from_unit(used.fraction)
     refitted = replace(fit, theta=theta, information=used.information, at_bounds=at_bounds)
-    if found is None:
+    if errors is None:
         return Adequacy("to the noise", allowed=model_error, reasons=remarks), refitted
-    estimated, shown = found.fit, replace(found.fit, size=found.size)
-    remarks = tuple(_remarks(assembly, target, refitted, found.in_intervals if found.phases else None))
+    estimated, shown = errors.fit, replace(errors.fit, size=errors.size)
+    remarks = tuple(_remarks(assembly, target, refitted, errors.in_intervals if errors.phases else None))
     began = time.monotonic()
     with logged(__name__, "causes of the misfit"):
         causes = find_causes(assembly, measured, refitted, seconds=cause_seconds, progress=progress)
     late = [_LATE] if 0.0 < cause_seconds < time.monotonic() - began else []
     given_out = power_given_out(assembly, target, fit.variance)
     adequacy = Adequacy(
-        "does not fit" if given_out > MOST_GIVEN_OUT else found.word,
-        found.size,
+        "does not fit" if given_out > MOST_GIVEN_OUT else errors.word,
+        errors.size,
         model_error,
-        in_intervals=found.in_intervals,
+        in_intervals=errors.in_intervals,
         causes=causes,
         reasons=(
-            *_phases(target, found.phases),
+            *_phases(target, errors.phases),
             *_reasons(target, fit, shown, model_error, given_out),
             *remarks,
             *late,

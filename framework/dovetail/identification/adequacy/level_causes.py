@@ -88,14 +88,14 @@ def try_damping_growth(trials: Trials) -> Iterator[Candidate]:
     if len(trials.target.frfs) > 1 or not trials.target.frfs[0].has_phase or len(trials.target.frequency) < 2:
         return
     tried = [(growth, _without_growth(trials, growth)) for growth in _SETTINGS.growths]
-    found = [(growth, trial) for growth, trial in tried if trial is not None]
-    if not found or min(trial.misfit for _, trial in found) > trials.unchanged.misfit - _SETTINGS.promising:
+    promising = [(growth, trial) for growth, trial in tried if trial is not None]
+    if not promising or min(trial.misfit for _, trial in promising) > trials.unchanged.misfit - _SETTINGS.promising:
         return
     for halving in range(1, _SETTINGS.narrowings + 1):
-        best, step = min(found, key=lambda pair: pair[1].misfit)[0], 3.0 ** (0.5**halving)
+        best, step = min(promising, key=lambda pair: pair[1].misfit)[0], 3.0 ** (0.5**halving)
         nearer = [(growth, _without_growth(trials, growth)) for growth in (best / step, best * step)]
-        found += [(growth, trial) for growth, trial in nearer if trial is not None]
-    growth, trial = min(found, key=lambda pair: pair[1].misfit)
+        promising += [(growth, trial) for growth, trial in nearer if trial is not None]
+    growth, trial = min(promising, key=lambda pair: pair[1].misfit)
     words = f"damping {1.0 + growth:.2g} times as large at the peak as at small amplitudes (does it depend on these?)"
     yield "level", words, trial
 

@@ -21,13 +21,13 @@ from dovetail.identification.fitting import Fit
 from dovetail.identification.fitting.least_squares import minimise
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs, Residual, WithPrior
-from dovetail.identification.posterior.error_shapes import error_shapes
 from dovetail.identification.posterior.frequency_average import needs_average, unshaped_deviation, weigh, with_deviation
 from dovetail.identification.posterior.likelihood import PRIOR_PRECISION, MarginalisedResiduals, marginalised_squares
 from dovetail.identification.posterior.model_error import (
     KINDS,
     MODEL_ERROR,
     ModelError,
+    error_shapes,
     fit_resonances,
     typical_model_error,
 )

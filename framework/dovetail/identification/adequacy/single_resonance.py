@@ -14,14 +14,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
-from scipy.optimize import least_squares
 
 from dovetail.assembly import Assembly
-from dovetail.frf import Frf, conversion
+from dovetail.frf import Frf
+from dovetail.frf.single_mode import UNKNOWNS, SingleMode
 from dovetail.identification.fitting import Fit, refine
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import ModelFrfs
-from dovetail.identification.posterior.error_shapes import background_shapes
 from dovetail.identification.posterior.model_error import TYPICAL, ModelError, fit_resonances
 
 __all__ = ["SeparatedErrors", "separate_errors"]
@@ -81,88 +80,6 @@ class SeparatedErrors:
     phases: tuple[float, ...]
 
 
-class _ModalFit:
-    """A resonance with a background, fitted to an FRF.
-
-    Parameters
-    ----------
-    frf : Frf
-    variance : (n_freq,) array
-        E|random error|^2.
-    used : (n_freq,) bool array
-
-    Attributes
-    ----------
-    features : (4,) array
-        Logarithms of natural frequency, damping ratio and height, and the phase [rad].
-    covariance : (4, 4) array
-        Of the features.
-    background : (n_freq,) complex array
-        In the quantity of the FRF.
-    background_error : float
-        Root mean square of its standard deviation.
-    other : float
-        What is left beyond the noise, relative to the amplitude.
-    """
-
-    def __init__(
-        self, frf: Frf, variance: NDArray[np.float64], used: NDArray[np.bool_], start: tuple[float, float]
-    ) -> None:
-        self._frequency, self._to_quantity = frf.frequency[used], conversion(frf.frequency, "receptance", frf.quantity)
-        self._deviation = np.sqrt(variance[used] / 2.0)
-        self._values, self._used = frf.values[used], used
-        self._shapes = background_shapes(frf)
-        found = least_squares(lambda logs: self._project(logs)[0], start, x_scale=[np.exp(start[1]), 1.0])
-        residuals, coefficients = self._project(found.x)
-        freedom = len(residuals) - 2 - len(coefficients)
-        self.cost, self.freedom = float(residuals @ residuals), freedom
-        height = complex(*coefficients[:2])
-        self.features = np.array([*found.x, np.log(abs(height)), np.angle(height)])
-        self.background = np.asarray((coefficients[2::2] + 1j * coefficients[3::2]) @ self._shapes)
-        excess = (self.cost - freedom) / max(1, len(residuals)) * 2.0 * self._deviation**2
-        self.other = float(np.sqrt(max(0.0, excess.mean()) / np.mean(np.abs(self._values) ** 2)))
-        self._set_uncertainty(found.x, height, max(1.0, self.cost / max(1, freedom)))
-
-    @property
-    def is_within_band(self) -> bool:
-        """Whether the resonance lies between the first and the last line."""
-        return bool(self._frequency[0] < np.exp(self.features[0]) < self._frequency[-1])
-
-    def _columns(self, logs: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the effects (m, k) of height and background, each with its phase, over the noise."""
-        natural, ratio = np.exp(logs)
-        resonance = natural**2 / (natural**2 - self._frequency**2 + 2j * ratio * natural * self._frequency)
-        shapes = [self._to_quantity[self._used] * resonance, *self._shapes[:, self._used]]
-        return np.array([_reals(turn * shape / self._deviation) for shape in shapes for turn in (1.0, 1j)]).T
-
-    def _project(self, logs: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return residuals (m,) and the best coefficients (k,) for a natural frequency and a damping ratio."""
-        columns, measured = self._columns(logs), _reals(self._values / self._deviation)
-        sizes = np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
-        coefficients = np.linalg.lstsq(columns / sizes, measured, rcond=1e-12)[0] / sizes
-        return measured - columns @ coefficients, coefficients
-
-    def _set_uncertainty(self, logs: NDArray[np.float64], height: complex, factor: float) -> None:
-        columns, step = self._columns(logs), 1e-6 * np.diag([np.exp(logs[1]), 1.0])
-        of_height = columns[:, :2] @ np.array([height.real, height.imag])
-        ahead = [self._columns(logs + one)[:, :2] @ np.array([height.real, height.imag]) for one in step]
-        along = [(there - of_height) / one.max() for there, one in zip(ahead, step, strict=True)]
-        turned = columns[:, :2] @ np.array([-height.imag, height.real])
-        jacobian = np.column_stack([*along, of_height, turned, columns[:, 2:]])
-        sizes = np.maximum(np.linalg.norm(jacobian, axis=0), np.finfo(float).tiny)
-        covariance = factor * np.linalg.pinv((jacobian / sizes).T @ (jacobian / sizes), hermitian=True)
-        covariance /= np.outer(sizes, sizes)
-        of_other = self.other * np.array([np.exp(logs[1]), 1.0, 1.0, 1.0])  # a misfit turns and moves a resonance too
-        self.covariance = covariance[:4, :4] + np.diag(of_other**2)
-        of_background = covariance[4::2, 4::2] + covariance[5::2, 5::2]
-        variances = np.einsum("kf,kl,lf->f", self._shapes.real, of_background, self._shapes.real)
-        self.background_error = float(np.sqrt(variances.mean()))
-
-
-def _reals(values: NDArray[np.complex128]) -> NDArray[np.float64]:
-    return np.concatenate([values.real, values.imag])
-
-
 def separate_errors(assembly: Assembly, target: Observations, fit: Fit) -> SeparatedErrors | None:
     """Separate the errors of a model with a single resonance in the band; None if there are more, or if that fails.
 
@@ -187,10 +104,10 @@ def separate_errors(assembly: Assembly, target: Observations, fit: Fit) -> Separ
     turns = [one.features[3] - other.features[3] for one, other in zip(measured, described, strict=True)]
     phases = np.angle(np.exp(1j * np.array(turns)))
     theta = _refitted(assembly, target, fit, fit.theta, measured, np.exp(1j * phases))
-    found = _errors_that_parameters_leave(assembly, target, fit, theta, measured)
-    if found is None:
+    remaining = _errors_that_parameters_leave(assembly, target, fit, theta, measured)
+    if remaining is None:
         return None
-    errors, deviations = found
+    errors, deviations = remaining
     gain = _if_certain(_rms(errors[2:]), _rms(deviations[2:]))
     if np.isfinite(gain):
         theta = _refitted(assembly, target, fit, theta, measured, np.exp(errors[2:] + 1j * phases))
@@ -203,7 +120,7 @@ def _refitted(
     target: Observations,
     fit: Fit,
     start: NDArray[np.float64],
-    measured: Sequence[_ModalFit],
+    measured: Sequence[SingleMode],
     factors: NDArray[np.complex128],
 ) -> NDArray[np.float64]:
     """Return the parameters (p,) [SI] that fit best without the backgrounds, and without a factor of each FRF."""
@@ -229,32 +146,28 @@ def _with_values(frfs: Sequence[Frf], values: Sequence[NDArray[np.complex128]]) 
 
 def _modal_fits(
     frfs: Sequence[Frf], target: Observations, fit: Fit, values: Sequence[NDArray[np.complex128]]
-) -> list[_ModalFit] | None:
+) -> list[SingleMode] | None:
     """Fit a resonance to each FRF, from its peak and from the pole of a model's values; None if lines are too few."""
     pole = _single_pole(target.frfs, values)
     if pole is None:
         return None
-    fits = list[_ModalFit]()
+    fits = list[SingleMode]()
     for frf, variance, used in zip(frfs, target.split(fit.variance), target.split(fit.used), strict=True):
-        if 2 * int(np.count_nonzero(used)) < _UNKNOWNS + _SETTINGS.freedom:
+        if 2 * int(np.count_nonzero(used)) < UNKNOWNS + _SETTINGS.freedom:
             return None
         peak, ratio = float(frf.frequency[np.argmax(frf.amplitude)]), max(pole.imag / pole.real, 1e-6)
         starts = [(np.log(at), np.log(z)) for at in (peak, abs(pole)) for z in (ratio, _SETTINGS.damping)]
-        fits.append(min((_ModalFit(frf, variance, used, start) for start in starts), key=lambda one: one.cost))
+        fits.append(min((SingleMode(frf, variance, used, start) for start in starts), key=lambda one: one.cost))
     return fits
 
 
-_UNKNOWNS = 12
-"""Of a modal fit: frequency, damping, height, phase and four complex numbers of the background."""
-
-
-def _explain(modal: Sequence[_ModalFit]) -> bool:
+def _explain(modal: Sequence[SingleMode]) -> bool:
     """Return whether modal fits leave little, and have their resonance within the band."""
     return all(one.other <= _SETTINGS.unexplained and one.is_within_band for one in modal)
 
 
 def _errors_that_parameters_leave(
-    assembly: Assembly, target: Observations, fit: Fit, theta: NDArray[np.float64], measured: Sequence[_ModalFit]
+    assembly: Assembly, target: Observations, fit: Fit, theta: NDArray[np.float64], measured: Sequence[SingleMode]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
     """Return the errors (2 + n,) that the parameters cannot follow, and their deviations; None if a modal fit fails.
 
@@ -270,8 +183,8 @@ def _errors_that_parameters_leave(
         if fits is None:
             return None
         features.append(np.concatenate([one.features[:3] for one in fits]))
-    left = np.concatenate([one.features[:3] for one in measured]) - features[0]
-    slopes = (np.array(features[1:]) - features[0]).reshape(-1, len(left)).T / _SETTINGS.step
+    rest = np.concatenate([one.features[:3] for one in measured]) - features[0]
+    slopes = (np.array(features[1:]) - features[0]).reshape(-1, len(rest)).T / _SETTINGS.step
     noise = block_diag(*(one.covariance[:3, :3] for one in measured))
     count = len(measured)
     effects = np.zeros((3 * count, 2 + count))
@@ -283,7 +196,7 @@ def _errors_that_parameters_leave(
         return np.zeros(2 + count), np.sqrt(np.diag(prior))
     spread = seen.T @ (effects @ prior @ effects.T + noise) @ seen
     gain = np.linalg.solve(spread, seen.T @ effects @ prior).T
-    error, covariance = gain @ (seen.T @ left), prior - gain @ seen.T @ effects @ prior
+    error, covariance = gain @ (seen.T @ rest), prior - gain @ seen.T @ effects @ prior
     return error, np.sqrt(np.maximum(np.diag(covariance), 0.0))
 
 
@@ -299,7 +212,7 @@ def _null_space(slopes: NDArray[np.float64]) -> NDArray[np.float64]:
 def _separated(
     target: Observations,
     theta: NDArray[np.float64],
-    measured: Sequence[_ModalFit],
+    measured: Sequence[SingleMode],
     phases: NDArray[np.float64],
     beside_parameters: ModelError,
 ) -> SeparatedErrors:
@@ -308,17 +221,18 @@ def _separated(
     phase = _if_certain(turned, turned_error)
     levels = [float(np.median(frf.amplitude)) for frf in target.frfs]
     pairs = list(zip(measured, levels, strict=True))
-    added = _rms([_rms(np.abs(one.background)) / level for one, level in pairs])
-    added_error = _rms([one.background_error / level for one, level in pairs])
+    added = _rms([_rms(np.abs(mode.background)) / level for mode, level in pairs])
+    added_error = _rms([mode.background_error / level for mode, level in pairs])
     size = replace(
         beside_parameters,
         phase=phase,
         background=_if_certain(added, added_error),
-        other=_rms([one.other for one in measured]),
+        other=_rms([mode.other for mode in measured]),
     )
     chain = max(_SETTINGS.gain, turned) if np.isfinite(phase) else 0.0
     known = replace(size, **dict.fromkeys(size.unknown, 0.0))
-    allowed = known.times(_SETTINGS.in_intervals).at_least(TYPICAL)
+    typical = replace(TYPICAL, damping=_SETTINGS.in_intervals * TYPICAL.damping)  # errors of damping remain unknown
+    allowed = known.times(_SETTINGS.in_intervals).at_least(typical)
     in_intervals = replace(
         allowed,
         magnitude=max(allowed.magnitude, chain),

@@ -1,12 +1,12 @@
 """The parameters given the measurement: samples, intervals, verdicts."""
 
-from dovetail.identification.posterior.error_shapes import error_shapes
 from dovetail.identification.posterior.laplace import laplace_posterior
 from dovetail.identification.posterior.likelihood import PRIOR_PRECISION
 from dovetail.identification.posterior.model_error import (
     MODEL_ERROR,
     TYPICAL,
     ModelError,
+    error_shapes,
     typical_model_error,
 )
 from dovetail.identification.posterior.posterior import LEVEL, NOT_BELIEVED, Form, Posterior, Verdict, quantiles

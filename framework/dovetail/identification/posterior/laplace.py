@@ -128,7 +128,7 @@ def laplace_posterior(
     """
     check_options(samples)
     progress("modes", 0, 1)
-    chain = UnknownChain.of(assembly, measured, fit, model_error)
+    chain = UnknownChain.of(assembly, measured, fit, model_error) if model_error.background else None
     if chain is not None:
         posterior = laplace_posterior(
             chain.assembly, measured, chain.fit, samples=samples, model_error=chain.model_error, seed=seed

@@ -25,9 +25,8 @@ from dovetail.identification.fitting.least_squares import Linearisation, SumOfSq
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs, Residual, StackedResiduals, Weighted
 from dovetail.identification.part_quantities import quantity_derivatives
-from dovetail.identification.posterior.error_shapes import error_shapes
 from dovetail.identification.posterior.frequency_average import needs_average, unshaped_deviation, weigh
-from dovetail.identification.posterior.model_error import ModelError
+from dovetail.identification.posterior.model_error import ModelError, error_shapes
 
 __all__ = [
     "PRIOR_PRECISION",

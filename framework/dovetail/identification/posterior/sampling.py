@@ -123,7 +123,7 @@ def sample_posterior(
     independent of their starts.
     """
     check_options(samples)
-    chain = UnknownChain.of(assembly, measured, fit, model_error)
+    chain = UnknownChain.of(assembly, measured, fit, model_error) if model_error.background else None
     if chain is not None:
         posterior = sample_posterior(
             chain.assembly,

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly
 from dovetail.assembly.description import ParameterEntry
 from dovetail.frf import Frf
+from dovetail.frf.single_mode import background_shapes
 from dovetail.identification.fitting import Fit
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import ModelFrfs
-from dovetail.identification.posterior.error_shapes import background_shapes
 from dovetail.identification.posterior.model_error import TYPICAL, ModelError
 from dovetail.identification.posterior.posterior import Posterior
 from dovetail.interfaces import Parameter
@@ -54,8 +54,6 @@ class UnknownChain:
 
         Gains and phases have normal priors with the sizes of `model_error`.
         """
-        if not model_error.background:
-            return None
         gain = Parameter.about("gain", "1", 1.0, model_error.magnitude, "log", "Measured over true amplitude")
         phase = Parameter.about("phase", "rad", 0.0, model_error.phase, "linear", "Of the measured FRF")
         description = assembly.description
