@@ -6,14 +6,13 @@ import json
 
 import numpy as np
 import pytest
-from dovetail.identification.posterior.error_shapes import Settings
 from noisy_measurements import frf_on
 
 import dovetail
 from dovetail.frf.quantity import QUANTITIES
 from dovetail.identification.posterior import ModelError, error_shapes, typical_model_error
 from dovetail.identification.posterior.likelihood import marginalised_squares
-from dovetail.identification.posterior.model_error import fit_resonances
+from dovetail.identification.posterior.model_error import Settings, fit_resonances
 
 FREQUENCY = np.linspace(100.0, 200.0, 2001)
 POLES = np.array([130.0 * (1.0 + 0.01j), 170.0 * (1.0 + 0.005j)])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from dovetail.identification.posterior.error_shapes import Settings
 from noisy_measurements import frf_on
 
 from dovetail.identification.posterior import ModelError, Posterior, error_shapes, typical_model_error
@@ -12,7 +11,7 @@ from dovetail.identification.posterior import randomize_then_optimize as rto
 from dovetail.identification.posterior.laplace import LaplaceApproximation
 from dovetail.identification.posterior.likelihood import normal_from_unit, unit_from_normal
 from dovetail.identification.posterior.mode_search import CubeResiduals
-from dovetail.identification.posterior.model_error import fit_resonances
+from dovetail.identification.posterior.model_error import Settings, fit_resonances
 from dovetail.identification.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, metropolis_step
 
 FREQUENCY = np.linspace(100.0, 200.0, 501)

@@ -204,26 +204,26 @@ def error_shapes(
         return {kind: np.zeros((0, sum(counts)), dtype=np.complex128) for kind in KINDS}
     band = float(min(axis[0] for axis in axes)), float(max(axis[-1] for axis in axes))
     resonances, hats = fit_resonances(frfs, values), [hat_functions(frequency, band) for frequency in axes]
-    if size.background:
-        hats = [np.ones((1, len(frequency))) for frequency in axes]
     level, alone = size.natural_frequency, _SETTINGS.individual * size.natural_frequency
     displaced, together = resonances.displaced(level), hat_functions(resonances.poles.real, band)
     of_response = zip(hats, values, resonances.terms, strict=True)
     shapes = [np.concatenate([hat * frf, _SETTINGS.individual_magnitude * terms]) for hat, frf, terms in of_response]
-    if size.background:
+    if size.background:  # a single resonance, whose gain and phase are those of all lines
         shapes = [frf[np.newaxis] for frf in values]
     scaled = np.concatenate([_in_response(shape, index, counts) for index, shape in enumerate(shapes)])
     higher = _higher(resonances, size)
-    added = [_in_response(background_shapes(frf), index, counts) for index, frf in enumerate(frfs)]
-    background = size.background * np.concatenate(added) if size.background else np.zeros((0, sum(counts)))
-    return {
+    kinds = {
         "natural_frequency": np.concatenate([together @ displaced, resonances.displaced(alone)]),
         "damping": size.damping * resonances.damped,
         "magnitude": size.magnitude * scaled,
         "phase": 1j * size.phase * scaled,
         "higher": np.concatenate([higher, 1j * higher]),
-        "background": np.concatenate([background, 1j * background]),
     }
+    if size.background:
+        added = [_in_response(background_shapes(frf), index, counts) for index, frf in enumerate(frfs)]
+        background = size.background * np.concatenate(added)
+        kinds["background"] = np.concatenate([background, 1j * background])
+    return kinds
 
 
 def _higher(resonances: Resonances, size: ModelError) -> NDArray[np.complex128]:
