@@ -78,3 +78,16 @@ def test_a_resonance_narrower_than_two_lines_gets_a_warning(sdof, step, is_narro
     named = [warning for warning in result.warnings if "narrower than two of its lines" in warning]
     assert bool(named) == is_narrow
     assert all("318." in warning and f"lines every {step:g} Hz" in warning for warning in named)
+
+
+@pytest.mark.parametrize("lines", [10, 14, 20, 28, 40])
+@pytest.mark.parametrize("level", [1e-3, 0.03])
+def test_a_smooth_curve_of_few_lines_is_not_taken_for_noise(sdof, lines, level):
+    """A median of few lines and a lenient test of their size took such a resonance for noise."""
+    assembly = sdof.on(np.linspace(305.0, 331.0, lines))
+    result = dovetail.identify(
+        assembly, noisy(assembly, assembly.frf(THETA), level, 1, known=False), "refined", **NO_CAUSES
+    )
+    assert NOTHING_SHOWN not in result.adequacy.reasons
+    turned = noisy(assembly, np.exp(0.4j) * assembly.frf(THETA), level, 1, known=False)
+    assert NOTHING_SHOWN not in dovetail.identify(assembly, turned, "refined", **NO_CAUSES).adequacy.reasons

@@ -142,7 +142,9 @@ def assess(
     with logged(__name__, "errors of the model"):
         errors = None if noise else find_errors(assembly, target, fit, progress)
         allowed = None if model_error is None else typical_model_error(model_error)
-        used = fit_with_error(model, target, fit, allowed) if allowed is not None else errors and errors.fit
+        used = None if errors is None else errors.fit
+        if allowed is not None:
+            used = fit_with_error(model, target, fit, allowed)
     assert used is not None
     at_bounds = bounds_reached(assembly, used.fraction)
     theta = assembly.from_unit(used.fraction)

@@ -16,7 +16,7 @@ from dovetail.errors import Fault, ParameterError, listing
 from dovetail.frf import Frf
 from dovetail.identification.fitting.least_squares import minimise, without
 from dovetail.identification.fitting.observations import Observations
-from dovetail.identification.fitting.random_error import ASSUMED_NOISE
+from dovetail.identification.fitting.random_error import ASSUMED_NOISE, FOURTH_DIFFERENCE
 from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs
 from dovetail.identification.fitting.whiteness import NOISE_ALARM, has_size_of_noise, is_white, log_improbability
 from dovetail.interfaces import Progress, silent
@@ -43,6 +43,8 @@ _MOST_STEPS = 150
 """Largest number of steps of one search; one that needs more is in a wrong valley."""
 _LARGEST_NOISE = 0.1
 """Random error, over the largest value, that FRFs of practice rarely exceed: of one average at a coherence of 0.99."""
+_LEAST_SCATTER = 0.5
+"""Scatter from line to line, over the mean square, of white noise at least; that of a curve is far smaller."""
 _SAME_MINIMUM = 1e-3
 """Relative difference of sums of squares below which two searches ended in the same minimum."""
 
@@ -325,7 +327,7 @@ def shows_structure(target: Observations, fit: Fit, *, fits: bool) -> bool:
     fits : bool
         Whether its residuals are noise.
     """
-    if fit.variance_assumed:
+    if fit.variance_assumed or not (target.variance_known or _scatters(target)):
         return True
     variance = fit.variance if target.variance_known else _even_variance(target)
     weighted = target.weighted(variance, fit.used)
@@ -337,6 +339,15 @@ def shows_structure(target: Observations, fit: Fit, *, fits: bool) -> bool:
         return True
     explained = squares - fit.chi_squared * fit.degrees_of_freedom
     return fits and known and log_improbability(explained, len(fit.theta)) > np.log10(max(1, lines) / NOISE_ALARM)
+
+
+def _scatters(target: Observations) -> bool:
+    """Return whether all measurements scatter from line to line as much as they are large, as white noise does."""
+    for frf in target.frfs:
+        differences = np.abs(np.convolve(frf.values, FOURTH_DIFFERENCE, mode="valid")) ** 2
+        if not differences.size or differences.mean() < _LEAST_SCATTER * np.mean(frf.amplitude**2):
+            return False
+    return True
 
 
 def _even_variance(target: Observations) -> NDArray[np.float64]:
