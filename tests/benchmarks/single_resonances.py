@@ -14,7 +14,7 @@ and of what the neighbouring resonance adds, relative to the median amplitude (r
 and damping of the models are right, so that a number is right only below one line, or below 5 % of the damping.
 
 Searches are shorter than those of the program unless `--full-search` is given: they end after the first batch of
-starts. The constants of the method were chosen with seeds 1 to 9; figures on the pages are of others.
+starts. The constants of the method were tried on seeds 1 to 3; figures on the pages are of others.
 """
 
 from __future__ import annotations
