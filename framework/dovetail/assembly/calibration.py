@@ -1,9 +1,9 @@
-"""The measurement chain of a response: its gain and delay, the sensor's mass, and an exponential window.
+"""The measurement chain of a response: its gain, phase and delay, the sensor's mass, and an exponential window.
 
-Gain and delay change the FRF. A sensor's mass and a window change the structure that is computed for a response: the
-mass is one more part of it, and the window of decay rate s, which multiplies signals by exp(-s t), moves the frequency
-to omega - i s. That is the same as other matrices, K + s C + s^2 M and C + 2 s M instead of K and C, and i omega + s
-instead of i omega where a quantity is the derivative of the displacement.
+Gain, phase and delay change the FRF. A sensor's mass and a window change the structure that is computed for a
+response: the mass is one more part of it, and the window of decay rate s, which multiplies signals by exp(-s t), moves
+the frequency to omega - i s. That is the same as other matrices, K + s C + s^2 M and C + 2 s M instead of K and C,
+and i omega + s instead of i omega where a quantity is the derivative of the displacement.
 """
 
 from __future__ import annotations
@@ -49,6 +49,7 @@ _MASS = Parameter("mass", "kg", 0.0, 0.05, "linear", "Of the sensor at the respo
 _WINDOW = Parameter("window", "1/s", 0.0, 100.0, "linear", "Decay rate of an exponential window over the signals")
 CHAIN = (
     Parameter("gain", "1", 0.8, 1.25, "log", "Measured over true amplitude"),
+    Parameter("phase", "rad", -0.5, 0.5, "linear", "Of the measured FRF ahead of the true one, on all lines"),
     Parameter("delay", "s", 0.0, 1e-4, "linear", "Of the response behind the force"),
     _MASS,
     _WINDOW,
@@ -194,7 +195,8 @@ class Chain:
         self._power = QUANTITIES.index(quantity)
         self._gain = self._column("gain", theta, 1.0)
         delay = self._column("delay", theta, 0.0)
-        self._turned = (1.0 if np.isnan(sign) else sign) * np.exp(-1j * self._omega * delay)
+        phase = self._column("phase", theta, 0.0)
+        self._turned = (1.0 if np.isnan(sign) else sign) * np.exp(1j * (phase - self._omega * delay))
         self._ratio = 1.0 + self._column("window", theta, 0.0) / (1j * self._omega)
 
     def _column(self, name: str, theta: NDArray[np.float64], otherwise: float) -> NDArray[np.float64]:
@@ -205,7 +207,7 @@ class Chain:
 
     @cached_property
     def factor(self) -> NDArray[np.complex128]:
-        """(n, n_freq) gain, sign, delay, and the window's change of the time derivatives."""
+        """(n, n_freq) gain, sign, phase, delay, and the window's change of the time derivatives."""
         return np.asarray(self._gain * self._turned * self._ratio**self._power)
 
     def derivative(self, column: int) -> NDArray[np.complex128]:
@@ -213,6 +215,8 @@ class Chain:
         name = self._names[column]
         if name == "gain":
             return np.asarray(self._turned * self._ratio**self._power)
+        if name == "phase":
+            return 1j * self.factor
         if name == "delay":
             return np.asarray(-1j * self._omega * self._gain * self._turned * self._ratio**self._power)
         if name == "window":

@@ -199,7 +199,7 @@ class ResponseSection(_Section):
     name : str
         By which the parameters of its calibration are called; 'response', or 'response_1' and so on.
     calibration : section
-        What is known or sought of its measurement chain: gain, sign, delay, mass of the sensor, exponential window.
+        What is known or unknown of its measurement chain: gain, phase, sign, delay, mass of the sensor, window.
     """
 
     at: str

@@ -86,8 +86,9 @@ def identify(
         A trained network of this assembly: its answer is a start of the refined fit, and is part of the result
         (`Identification.network`).
     weights : {"coherence", "amplitude"} or (n_freq,) array, optional
-        How much lines count in a fit: by their random error by default; by their coherence; by amplitude, so that
-        relative errors count; or an array for each measurement. The network does not use them.
+        How much lines count in estimate and intervals: by their random error by default; by their coherence; by
+        amplitude, so that relative errors count; or an array for each measurement. How well the model fits is judged by
+        the random error whatever the weights. The network does not use them.
     phase : bool
         False for a fit that ignores the measurement's phase.
     progress : bool or callable, optional
@@ -149,6 +150,9 @@ def identify(
         if isinstance(measured, ModalParameters):
             return identify_from_modes(assembly, measured, progress=report, **options)
         lines = MeasuredLines.of(assembly, _prepared(assembly, measured, weights, phase=phase))
+        if weights is not None:
+            own = MeasuredLines.of(assembly, _prepared(assembly, measured, None, phase=phase))
+            lines = replace(lines, unweighted=own.frfs)
         lines = _with_signs(lines, report)
         if chosen != "network":
             seed = options.get("seed")
@@ -325,7 +329,7 @@ def _with_signs(lines: MeasuredLines, progress: Progress) -> MeasuredLines:
         if response.name in unknown
     }
     described = lines.described.with_description(with_signs(lines.described.description, signs))
-    return MeasuredLines.of(described, lines.whole)
+    return replace(MeasuredLines.of(described, lines.whole), unweighted=lines.unweighted)
 
 
 def _amplitudes(frf: Frf) -> Frf:

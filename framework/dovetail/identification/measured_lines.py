@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import combinations
 
@@ -13,11 +13,13 @@ from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
 from dovetail.assembly.description import Description, Place
-from dovetail.errors import Fault, Importance, MeasurementError, Note
+from dovetail.errors import Fault, Importance, MeasurementError, Note, listing
 from dovetail.frf import Frf
+from dovetail.frf.resonance_peaks import resonance_peaks
 from dovetail.identification.fitting import one_per_response, refine
 from dovetail.identification.fitting.merged_lines import MOST_LINES, every_nth_line, merged_lines
 from dovetail.identification.fitting.random_error import random_error_variance
+from dovetail.identification.posterior.model_error import fit_resonances
 from dovetail.interfaces import Progress
 from dovetail.measurement import ModelDof, Role, check_roles, find_gaps, find_missing_ends, on_grid, within_band
 from dovetail.measurement.roles import PHASE_ERROR, SUSPICIOUS, contradictions, power_given_out
@@ -26,6 +28,10 @@ __all__ = ["MeasuredLines", "batch_contradictions", "check_measured", "roles_of"
 
 _RECIPROCITY, _EXCESS = 0.05, 3.0
 """Relative difference of two reciprocal FRFs that is reported, and its ratio to the one that random errors explain."""
+_LINES_OF_WIDTH = 2.0
+"""Lines within the half-power width of a resonance below which this is reported."""
+_FEWEST_OF_PEAK = 5
+"""Lines of a measurement in which a peak has a width."""
 _MOST_GAPS = 5
 """Largest number of gaps that a warning lists."""
 _MUCH = 0.1
@@ -48,6 +54,8 @@ class MeasuredLines:
         With all lines within the band, where `frfs` have fewer.
     start : (n_params,) array, optional
         SI values that fit `frfs`.
+    unweighted : tuple of Frf or None
+        The same with their own random error, if the user weights the lines otherwise.
     """
 
     described: Assembly
@@ -55,6 +63,7 @@ class MeasuredLines:
     frfs: tuple[Frf, ...]
     all_lines: MeasuredLines | None = None
     start: NDArray[np.float64] | None = None
+    unweighted: tuple[Frf, ...] | None = None
 
     @staticmethod
     def of(assembly: Assembly, measured: Frf | Sequence[Frf]) -> MeasuredLines:
@@ -87,10 +96,13 @@ class MeasuredLines:
         if self.per_group == 1:
             return self
         few = tuple(every_nth_line(frf, self.per_group) for frf in self.frfs)
-        return MeasuredLines(self.described, self.whole, few, self)
+        own = self.unweighted and tuple(every_nth_line(frf, self.per_group) for frf in self.unweighted)
+        return replace(self, frfs=few, all_lines=self, unweighted=own)
 
     def merged(self, seed: int, progress: Progress) -> MeasuredLines:
-        """Return the means of neighbouring lines, where there are more than can be fitted; of amplitudes every n-th.
+        """Return the means of neighbouring lines, where there are more than can be fitted.
+
+        Of amplitudes, and of lines with the user's weights, every n-th line is returned.
 
         Parameters
         ----------
@@ -99,8 +111,8 @@ class MeasuredLines:
         progress : Progress
         """
         few = self.every_nth
-        if few is self:
-            return self
+        if few is self or self.unweighted is not None:
+            return few
         theta = refine(few.assembly, few.frfs, seed=seed, progress=progress).theta
         triples = zip(self.frfs, few.frfs, self.described.each_response, strict=True)
         frfs = tuple(
@@ -152,7 +164,8 @@ class MeasuredLines:
         """Warning about lines that were merged or left out."""
         assert self.all_lines is not None
         count, fitted = (sum(len(frf.frequency) for frf in lines.frfs) for lines in (self.all_lines, self))
-        how = "as means of neighbouring ones" if all(frf.has_phase for frf in self.frfs) else "evenly chosen"
+        are_means = self.unweighted is None and all(frf.has_phase for frf in self.frfs)
+        how = "as means of neighbouring ones" if are_means else "evenly chosen"
         return f"The measurement has {count:,} lines: {fitted:,} were fitted, {how}."
 
     def _power_warnings(self) -> Iterable[str]:
@@ -176,6 +189,31 @@ class MeasuredLines:
         low, high = self.band
         share = sum(above - below for below, above in missing) / (high - low)
         return Importance.DECISIVE if share >= _MUCH else Importance.LIMITING
+
+    def narrow_resonances(self, fitted: Sequence[NDArray[np.complex128]]) -> Iterable[str]:
+        """Yield a warning for each measurement with peaks that are narrower than two of its lines.
+
+        Parameters
+        ----------
+        fitted : sequence of (n_freq,) complex arrays
+            The model's FRF on the lines of each measurement; its poles have the width.
+        """
+        for (frf, _, where), values in zip(self._responses, fitted, strict=True):
+            if len(frf.frequency) < _FEWEST_OF_PEAK:
+                continue
+            spacing, peaks = np.gradient(frf.frequency), resonance_peaks(frf)
+            narrow = list[str]()
+            for pole in fit_resonances([frf], [values]).poles if peaks.size else ():
+                lines = float(np.interp(pole.real, frf.frequency, spacing))
+                is_measured = np.min(np.abs(peaks - pole.real)) < max(lines, 2.0 * pole.imag)
+                if is_measured and 2.0 * pole.imag < _LINES_OF_WIDTH * lines:
+                    narrow.append(f"{pole.real:.5g} Hz ({2.0 * pole.imag:.2g} Hz wide, lines every {lines:.2g} Hz)")
+            if narrow:
+                yield (
+                    f"The measurement{where} has resonances narrower than two of its lines, "
+                    f"at {listing(narrow, _MOST_GAPS)}: their damping and height depend on one or two values. "
+                    "Measure with a finer resolution."
+                )
 
     def _reciprocity_warnings(self) -> Iterable[str]:
         """Yield a warning for each pair of reciprocal FRFs that differ by more than their random error.

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly, Theta
 from dovetail.errors import Fault, Importance, MeasurementError, Note, ParameterError, PluginError, listing
-from dovetail.identification.adequacy import CAUSE_SECONDS, assess
-from dovetail.identification.adequacy.assess import check_limits
+from dovetail.identification.adequacy import CAUSE_SECONDS
+from dovetail.identification.adequacy.assess import check_limits, judge_fit
 from dovetail.identification.fitting import Fit, Objective, fit_at, multistart, refine
-from dovetail.identification.fitting.fit import fractions_within
+from dovetail.identification.fitting.fit import allow_for_unknown_noise, fractions_within
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import ModelFrfs
 from dovetail.identification.measured_lines import MeasuredLines
@@ -137,7 +137,7 @@ def by_refined_fit(
     starts = [] if start is None else [assembly.vector(start)]
     starts += [known for known in (network, measured.start) if known is not None]
     fit = refine(assembly, frfs, starts, seed=seed, progress=progress)
-    adequacy, fit = assess(assembly, frfs, fit, model_error, cause_seconds=cause_seconds, progress=progress)
+    adequacy, fit = judge_fit(assembly, frfs, measured.unweighted, fit, model_error, seed, cause_seconds, progress)
     evaluation = None if trained is None else trained.evaluation
     origin = provenance(measured.described, measured.whole, evaluation, seed)
     result = _result(measured, fit.theta, method="refined", provenance=origin, fit=fit, adequacy=adequacy)
@@ -166,7 +166,10 @@ def _result(measured: MeasuredLines, theta: NDArray[np.float64], **known: Any) -
     """Build the result with the natural frequencies in the whole band and warnings of parts that were not measured."""
     lines, counts = measured.all_lines or measured, [len(frf.frequency) for frf in measured.frfs]
     result = reconstruct(lines.assembly, theta, lines.frfs, band=measured.band, fitted_lines=counts, **known)
-    return replace(result, warnings=(*result.warnings, *(measured.warnings if result.fit is not None else ())))
+    if result.fit is None:
+        return result
+    narrow = lines.narrow_resonances([response.frf.values for response in result.responses])
+    return replace(result, warnings=(*result.warnings, *measured.warnings, *narrow))
 
 
 def by_multistart(
@@ -205,7 +208,8 @@ def by_multistart(
     seed = assembly.description.identification.seed if seed is None else seed
     fit = multistart(assembly, frfs, starts=starts, seconds=seconds, objective=objective, seed=seed, progress=progress)
     origin = provenance(measured.described, measured.whole, None, seed) | {"objective": objective}
-    adequacy, _ = assess(assembly, frfs, fit, model_error, cause_seconds=cause_seconds, progress=progress)
+    adequacy, own = judge_fit(assembly, frfs, measured.unweighted, fit, model_error, seed, cause_seconds, progress)
+    fit = fit if measured.unweighted is None else own
     return _result(measured, fit.theta, method="multistart", provenance=origin, fit=fit, adequacy=adequacy)
 
 
@@ -257,7 +261,7 @@ def by_posterior(
     posterior = _FORMS[used](
         measured.assembly,
         measured.frfs,
-        fitted.fit,
+        allow_for_unknown_noise(Observations.of(measured.assembly, measured.frfs), fitted.fit),
         samples=samples,
         model_error=allowed,
         seed=fitted.provenance["seed"],
@@ -300,7 +304,8 @@ def by_plugin(
     target, began = Observations.of(assembly, frfs), time.monotonic()
     fraction, sampled = _estimate_of(method, assembly, target, seed, progress)
     fit = fit_at(assembly, target, fraction, seconds=time.monotonic() - began)
-    adequacy, _ = assess(assembly, frfs, fit, model_error, cause_seconds=cause_seconds, progress=progress)
+    adequacy, own = judge_fit(assembly, frfs, measured.unweighted, fit, model_error, seed, cause_seconds, progress)
+    fit = fit if measured.unweighted is None else own
     origin = provenance(measured.described, measured.whole, None, seed)
     origin["components"][f"method {method.name}"] = source_of(method)
     origin["method_options"] = method.config.model_dump(mode="json")

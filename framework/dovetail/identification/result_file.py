@@ -87,9 +87,26 @@ class _StoredPosterior(_Stored):
     seconds: float
 
 
+class _StoredSizes(_Stored):
+    """Those of a `ModelError`; None for each that is unknown."""
+
+    natural_frequency: float | None
+    damping: float | None = 0.0
+    magnitude: float | None = 0.0
+    phase: float | None = 0.0
+    other: float | None = 0.0
+    quantities: float | None = 0.0
+    background: float | None = 0.0
+
+    @property
+    def sizes(self) -> ModelError:
+        return ModelError(**{name: np.nan if size is None else size for name, size in self.model_dump().items()})
+
+
 class _StoredAdequacy(_Stored):
     word: AdequacyWord
-    model_error: ModelError | None
+    model_error: _StoredSizes | None
+    model_error_in_intervals: ModelError | None = None  # not in those of an earlier version
     allowed: float | None
     causes: tuple[Cause, ...]
     reasons: tuple[str, ...]
@@ -274,7 +291,10 @@ def _modal(file: Path, stored: _StoredModalIdentification) -> ModalIdentificatio
 
 
 def _kept(kept: _StoredAdequacy) -> Adequacy:
-    return Adequacy(kept.word, kept.model_error, kept.allowed, kept.causes, kept.reasons, kept.bands_Hz)
+    size = None if kept.model_error is None else kept.model_error.sizes
+    return Adequacy(
+        kept.word, size, kept.allowed, kept.causes, kept.reasons, kept.bands_Hz, kept.model_error_in_intervals
+    )
 
 
 def _posterior(file: Path, parameters: Mapping[str, IdentifiedParameter], stored: _StoredPosterior) -> Posterior:

@@ -162,7 +162,8 @@ def verdict(result: Identification) -> tuple[str, str]:
     mark, explained = _EXPLAINED[word]
     if mark == "bad":
         return mark, explained
-    within = "" if size is None else f" (natural frequencies are off by {100.0 * size.natural_frequency:.2g} %)"
+    first_error = "" if size is None else size.describe().partition(", ")[0]
+    within = f" ({first_error})" if first_error else ""
     counts = Counter(row.verdict for row in result.table)
     counted = [f"{counts[word]} {word}" for word in _VERDICTS if counts[word]]
     count = len(result.parameters)

@@ -9,17 +9,34 @@ from typing import Any, Final, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.errors import listing
 from dovetail.frf import Frf, coherence_with_model, poor_bands
 from dovetail.identification.posterior.model_error import TYPICAL, ModelError, typical_model_error
 from dovetail.interfaces import Parameter
 from dovetail.units import format_quantity
 
-__all__ = ["NOTHING_LEFT", "Adequacy", "AdequacyWord", "AtPoint", "Cause", "plain_frf", "word_for"]
+__all__ = [
+    "NOTHING_LEFT",
+    "NOTHING_SHOWN",
+    "Adequacy",
+    "AdequacyWord",
+    "AtPoint",
+    "Cause",
+    "errors_in_intervals",
+    "plain_frf",
+    "word_for",
+]
 
 AdequacyWord: TypeAlias = Literal["to the noise", "good", "rough", "does not fit", "not judged"]
 """From best to worst; "not judged" if a method does not judge the model."""
 NOTHING_LEFT = "The measurement has no more values than there are unknowns: nothing is left to judge the fit by."
 """Why a fit is not judged that any model with as many unknowns would reach."""
+
+NOTHING_SHOWN = (
+    "The measurement shows nothing of the structure: no resonance or other motion stands out of its random error. "
+    "Whatever is identified follows from noise."
+)
+"""Why a fit to mere noise does not count."""
 
 
 @dataclass(frozen=True)
@@ -30,8 +47,13 @@ class Settings:
     heights of resonances; a rough one shows only which resonance of the model is which of the measurement.
     """
 
-    good: ModelError = field(default=ModelError(0.01, damping=0.5, magnitude=0.25, phase=0.15, other=0.2))
-    rough: ModelError = field(default=ModelError(0.06, damping=2.0, magnitude=0.8, phase=0.6, other=0.7))
+    good: ModelError = field(
+        default=ModelError(0.01, damping=0.5, magnitude=0.25, phase=0.15, other=0.2, background=0.2)
+    )
+    rough: ModelError = field(
+        default=ModelError(0.06, damping=2.0, magnitude=0.8, phase=0.6, other=0.7, background=np.inf)
+    )
+    """A background does not hide which resonance is which, however large it is."""
     in_intervals: float = 2.0
     """Multiple of the estimated errors that intervals allow for: the estimate is good within a factor of two."""
 
@@ -44,6 +66,13 @@ _MEANING: Final[dict[AdequacyWord, str]] = {
     "rough": "Take it for what goes with what, not for precise values; the intervals allow for these errors.",
     "does not fit": "No error of a plausible size explains the measurement: do not believe the numbers.",
     "not judged": "",
+}
+_KINDS = {
+    "natural_frequency": "natural frequencies",
+    "damping": "damping",
+    "magnitude": "amplitudes",
+    "phase": "phases",
+    "background": "a smooth background",
 }
 _CHANGE = "A change explains more: if it is so, parameters may lie beyond these intervals; make it and identify again."
 
@@ -96,7 +125,8 @@ class Adequacy:
     ----------
     word : {"to the noise", "good", "rough", "does not fit", "not judged"}
     size : ModelError or None
-        The errors of the model that the measurement shows; None if it shows none, or the method does not estimate them.
+        The errors of the model that the measurement shows, NaN for each kind that it does not determine; None if it
+        shows none, or the method does not estimate them.
     allowed : float or None
         Relative error of natural frequencies that the user allowed, which sets weights and intervals instead of
         `size`.
@@ -107,6 +137,8 @@ class Adequacy:
     bands : tuple of (float, float)
         Frequency bands [Hz] in which the measurement deviates by more than its noise, response by response, the worst
         of each first. If the model does not fit, those in which the `Identification`'s FRFs agree poorly.
+    in_intervals : ModelError or None
+        Errors that intervals allow for, if they are not twice `size`.
     """
 
     word: AdequacyWord
@@ -115,6 +147,7 @@ class Adequacy:
     causes: tuple[Cause, ...] = ()
     reasons: tuple[str, ...] = ()
     bands: tuple[tuple[float, float], ...] = ()
+    in_intervals: ModelError | None = None
 
     @property
     def fits(self) -> bool:
@@ -129,8 +162,10 @@ class Adequacy:
         """
         if self.allowed is not None:
             error = typical_model_error(self.allowed)
+        elif self.in_intervals is not None:
+            return self.in_intervals
         elif self.size is not None:
-            error = self.size.times(_SETTINGS.in_intervals).at_least(TYPICAL)
+            return errors_in_intervals(self.size)
         else:
             return TYPICAL
         return replace(error, quantities=error.natural_frequency)
@@ -138,6 +173,8 @@ class Adequacy:
     @property
     def meaning(self) -> str:
         """What the word means for use, in a sentence; empty if the model was not judged."""
+        if NOTHING_SHOWN in self.reasons:
+            return "Do not believe the numbers: measure again with a stronger force, more averages, or another point."
         return f"{_MEANING[self.word]} {_CHANGE}" if self.causes and self.fits else _MEANING[self.word]
 
     @property
@@ -146,7 +183,13 @@ class Adequacy:
         if self.size is None:
             return f"The model fits {self.word}." if self.word == "to the noise" else ""
         heads = {"good": "The model fits well:", "rough": "The model fits roughly:"}
-        return f"{heads.get(self.word, 'The model does not fit, unless')} {self.size.describe()}."
+        unknown = [_KINDS[name] for name in self.size.unknown if name in _KINDS]
+        known = f"{heads.get(self.word, 'The model does not fit, unless')} {self.size.describe()}."
+        return (
+            f"{known} Errors of {listing(unknown)} are unknown: this measurement does not show them."
+            if unknown
+            else known
+        )
 
     def doubts(self, intervals: Mapping[str, tuple[float, float]], parameters: Sequence[Parameter]) -> dict[str, str]:
         """Name the parameters that some cause moves from the middle of their interval by more than its width.
@@ -169,11 +212,21 @@ class Adequacy:
             "word": self.word,
             "meaning": self.meaning,
             "model_error": None if self.size is None else self.size.to_dict(),
+            "model_error_in_intervals": None if self.in_intervals is None else self.in_intervals.to_dict(),
             "allowed": self.allowed,
             "causes": [{**asdict(cause), "sentence": cause.sentence} for cause in self.causes],
             "reasons": list(self.reasons),
             "bands_Hz": [list(band) for band in self.bands],
         }
+
+
+def errors_in_intervals(size: ModelError) -> ModelError:
+    """Return the errors that intervals allow for if a model has errors of this size, none of them unknown.
+
+    They are twice as large, and typical ones at least. A quantity of any part may be their reason.
+    """
+    error = size.times(_SETTINGS.in_intervals).at_least(TYPICAL)
+    return replace(error, quantities=error.natural_frequency)
 
 
 def word_for(size: ModelError) -> AdequacyWord:

@@ -15,21 +15,33 @@ from dovetail.assembly.calibration import unknown_gains
 from dovetail.errors import Fault, Importance, Note, ParameterError, listing
 from dovetail.frf import Frf
 from dovetail.frf.resonance_peaks import counterpart, resonance_peaks
-from dovetail.identification.adequacy.adequacy import NOTHING_LEFT, Adequacy, word_for
+from dovetail.identification.adequacy.adequacy import (
+    NOTHING_LEFT,
+    NOTHING_SHOWN,
+    Adequacy,
+    AdequacyWord,
+    errors_in_intervals,
+    word_for,
+)
 from dovetail.identification.adequacy.causes import find_causes
-from dovetail.identification.adequacy.model_error_size import FitWithError, estimate_model_error, fit_with_error
+from dovetail.identification.adequacy.model_error_size import (
+    FitWithError,
+    estimate_model_error,
+    fit_with_error,
+    judge_with_error,
+)
+from dovetail.identification.adequacy.single_resonance import separate_errors
 from dovetail.identification.adequacy.trials import MOST_GIVEN_OUT, power_given_out
-from dovetail.identification.fitting import Fit
-from dovetail.identification.fitting.fit import bounds_reached
-from dovetail.identification.fitting.least_squares import without
+from dovetail.identification.fitting import Fit, refine
+from dovetail.identification.fitting.fit import bounds_reached, is_noise, shows_structure
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import ModelFrfs
-from dovetail.identification.fitting.whiteness import find_deviating_bands, has_size_of_noise, is_white
+from dovetail.identification.fitting.whiteness import find_deviating_bands
 from dovetail.identification.posterior import typical_model_error
 from dovetail.identification.posterior.model_error import ModelError
-from dovetail.interfaces import Progress, logged
+from dovetail.interfaces import Progress, logged, silent
 
-__all__ = ["assess", "check_limits"]
+__all__ = ["FoundErrors", "assess", "check_limits", "find_errors", "is_noise", "judge_fit"]
 
 
 @dataclass(frozen=True)
@@ -44,6 +56,8 @@ class Settings:
     """Part of a gain that parameters leave as a residual above which they do not make up for it."""
     independent: float = 1e-6
     """Ratio of singular values below which parameters have the same effect."""
+    phase: float = 0.02
+    """Error of the phase [rad] that is worth a sentence."""
     exceeds: float = 2.0
     """Ratio of the error that the measurement shows to the one allowed above which this is reported."""
 
@@ -98,53 +112,153 @@ def assess(
         The given fit if it is to the noise and no error is allowed.
     """
     model, target = ModelFrfs.of(assembly), Observations.of(assembly, measured)
-    remarks = tuple(_remarks(assembly, target, fit))
+    remarks = tuple(_remarks(assembly, target, fit, None))
     noise = is_noise(assembly, target, fit)
+    if not shows_structure(target, fit, fits=noise):
+        return Adequacy("does not fit", allowed=model_error, reasons=(NOTHING_SHOWN,)), fit
     if noise and target.residual_count(fit.used) <= len(fit.theta):
         return Adequacy("not judged", allowed=model_error, reasons=(NOTHING_LEFT, *remarks)), fit
     if noise and not model_error:
         return Adequacy("to the noise", allowed=model_error, reasons=remarks), fit
     progress("model error", 0, 1)
     with logged(__name__, "errors of the model"):
-        estimated = None if noise else estimate_model_error(model, target, fit, progress)
+        errors = None if noise else find_errors(assembly, target, fit, progress)
         allowed = None if model_error is None else typical_model_error(model_error)
-        used = estimated if allowed is None else fit_with_error(model, target, fit, allowed)
+        used = None if errors is None else errors.fit
+        if allowed is not None:
+            used = fit_with_error(model, target, fit, allowed)
     assert used is not None
     at_bounds = bounds_reached(assembly, used.fraction)
     theta = assembly.from_unit(used.fraction)
     refitted = replace(fit, theta=theta, information=used.information, at_bounds=at_bounds)
-    if estimated is None:
+    if errors is None:
         return Adequacy("to the noise", allowed=model_error, reasons=remarks), refitted
-    size = estimated.size.at_least(
-        ModelError(
-            _distance_of_lost_peaks(target, estimated.values), magnitude=_typical_ratio(target, estimated.values)
-        )
-    )
+    estimated, shown = errors.fit, replace(errors.fit, size=errors.size)
+    remarks = tuple(_remarks(assembly, target, refitted, errors.in_intervals if errors.phases else None))
     began = time.monotonic()
     with logged(__name__, "causes of the misfit"):
         causes = find_causes(assembly, measured, refitted, seconds=cause_seconds, progress=progress)
     late = [Note(_LATE, Importance.DETAIL)] if 0.0 < cause_seconds < time.monotonic() - began else []
     given_out = power_given_out(assembly, target, fit.variance)
     adequacy = Adequacy(
-        "does not fit" if given_out > MOST_GIVEN_OUT else word_for(size),
-        size,
+        "does not fit" if given_out > MOST_GIVEN_OUT else errors.word,
+        errors.size,
         model_error,
+        in_intervals=errors.in_intervals,
         causes=causes,
-        reasons=(*_reasons(fit, estimated, model_error, given_out), *remarks, *late),
+        reasons=(
+            *_phases(target, errors.phases),
+            *_reasons(fit, shown, model_error, given_out),
+            *remarks,
+            *late,
+        ),
         bands=_bands(target, fit, estimated.values),
     )
     return adequacy, refitted
 
 
-def _remarks(assembly: Assembly, target: Observations, fit: Fit) -> Iterator[str]:
+def judge_fit(
+    assembly: Assembly,
+    measured: Sequence[Frf],
+    unweighted: Sequence[Frf] | None,
+    fit: Fit,
+    model_error: float | None,
+    seed: int,
+    cause_seconds: float,
+    progress: Progress,
+) -> tuple[Adequacy, Fit]:
+    """Judge how well a model explains a measurement, by its random error even if lines are weighted otherwise.
+
+    Parameters
+    ----------
+    unweighted : sequence of Frf or None
+        The measurement with its random error, if the variance of `measured` is that of weights.
+    seed : int
+        Of the starts of the fit that is judged instead.
+    assembly, measured, fit, model_error, cause_seconds, progress
+        As in `assess`.
+
+    Returns
+    -------
+    Adequacy
+        With weights, of the fit by the random error.
+    Fit
+        As `assess` returns it. With weights, the given parameters with their chi-squared over the random error.
+    """
+    if unweighted is None:
+        return assess(assembly, measured, fit, model_error, cause_seconds=cause_seconds, progress=progress)
+    judged = refine(assembly, unweighted, [fit.theta], seed=seed, progress=progress)
+    adequacy, _ = assess(assembly, unweighted, judged, model_error, cause_seconds=cause_seconds, progress=progress)
+    residual = Observations.of(assembly, unweighted).weighted(judged.variance, judged.used)
+    squares = float(np.sum(residual.of(ModelFrfs.of(assembly).frf(fit.theta[np.newaxis])) ** 2))
+    return adequacy, replace(
+        fit,
+        chi_squared=squares / judged.degrees_of_freedom,
+        degrees_of_freedom=judged.degrees_of_freedom,
+        variance_known=judged.variance_known,
+        variance_assumed=judged.variance_assumed,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class FoundErrors:
+    """The errors of a model that a measurement shows.
+
+    Parameters
+    ----------
+    word : str
+    size : ModelError
+        NaN for each kind that the measurement does not determine.
+    in_intervals : ModelError
+        What intervals allow for.
+    fit : FitWithError
+    phases : tuple of float
+        By which the measurement at each response is ahead of the model [rad], if that is known.
+    """
+
+    word: AdequacyWord
+    size: ModelError
+    in_intervals: ModelError
+    fit: FitWithError
+    phases: tuple[float, ...] = ()
+
+
+def find_errors(assembly: Assembly, target: Observations, fit: Fit, progress: Progress = silent) -> FoundErrors:
+    """Return the errors of a model whose fit does not reach the noise."""
+    model = ModelFrfs.of(assembly)
+    separated = separate_errors(assembly, target, fit)
+    if separated is not None:
+        there = replace(fit, theta=separated.theta)
+        judged = judge_with_error(model, target, there, separated.in_intervals)
+        return FoundErrors(word_for(separated.size), separated.size, judged.size, judged, separated.phases)
+    estimated = estimate_model_error(model, target, fit, progress)
+    least = ModelError(
+        _distance_of_lost_peaks(target, estimated.values), magnitude=_typical_ratio(target, estimated.values)
+    )
+    size = estimated.size.at_least(least)
+    unknown = {
+        kind: np.nan for kind in estimated.unknown if getattr(size, kind) > _SETTINGS.exceeds * getattr(least, kind)
+    }
+    return FoundErrors(word_for(size), replace(size, **unknown), errors_in_intervals(size), estimated)
+
+
+def _remarks(assembly: Assembly, target: Observations, fit: Fit, in_intervals: ModelError | None) -> Iterator[str]:
     """Yield what a measurement cannot show, however well the model fits, as sentences."""
     if max(target.counts) < _SETTINGS.fewest_lines:
         yield "So few lines show no resonance: intervals allow for no error of natural frequencies or damping."
+    if fit.variance_assumed:
+        yield (
+            "So few lines do not show their random error: intervals allow for up to 10 % of the largest value. "
+            "Give the variance of the measurement, or its coherence and averages."
+        )
     followers = _followers_of_gain(assembly, fit.theta) if target.residual_count(fit.used) > len(fit.theta) else []
     if followers:
+        shown = "no interval shows it"
+        if in_intervals is not None:
+            shown = f"the intervals allow for {100.0 * in_intervals.magnitude:.2g} % of it (a standard deviation)"
         yield (
             f"The measurement does not tell its own gain: if that is wrong, {listing(followers)} are wrong by as much, "
-            "and no interval shows it. State a mass or a stiffness that is known, or measure with a known mass added."
+            f"and {shown}. State a mass or a stiffness that is known, or measure with a known mass added."
         )
 
 
@@ -209,24 +323,20 @@ def _reasons(fit: Fit, estimated: FitWithError, allowed: float | None, given_out
     yield Note(repeated, Importance.DETAIL)
 
 
-def is_noise(assembly: Assembly, target: Observations, fit: Fit) -> bool:
-    """Return whether the residuals of a fit are noise: no larger, and not correlated along the frequency axis."""
-    if fit.discrepancy:
-        return False
-    frf, jacobian = ModelFrfs.of(assembly).linearise(fit.theta[np.newaxis])
-    weighted = target.weighted(fit.variance, fit.used)
-    residuals = weighted.of(frf)[0]
-    of_responses = target.by_line(without(residuals, weighted.jacobian(frf, jacobian)[0]))
-    squares, lines = sum(float(np.sum(block**2)) for block in of_responses), int(np.count_nonzero(fit.used))
-    if not has_size_of_noise(squares, fit.degrees_of_freedom, lines, variance_known=fit.variance_known):
-        return False
-    return all(is_white(_scaled_to_scatter(block)) for block in of_responses)
+def _phases(target: Observations, phases: tuple[float, ...]) -> Iterator[str]:
+    """Yield by how much each measurement is turned, if that is known."""
+    for label, phase in zip(_places(target), phases, strict=False):
+        if abs(phase) > _SETTINGS.phase:
+            which = "ahead of" if phase > 0.0 else "behind"
+            yield (
+                f"The measured phase{label} is {np.degrees(abs(phase)):.2g} degrees {which} the model's on all lines: "
+                "a channel is turned, or the response is delayed."
+            )
 
 
-def _scaled_to_scatter(residuals: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return residuals (n_freq, n), scaled down where their scatter from line to line exceeds the random error."""
-    scatter = float(np.mean(np.diff(residuals, axis=0) ** 2)) / 2.0 if len(residuals) > 1 else 1.0
-    return np.asarray(residuals / np.sqrt(max(1.0, scatter)))
+def _places(target: Observations) -> list[str]:
+    """Return words for each measurement if there are several."""
+    return [f" of measurement {n}" if len(target.frfs) > 1 else "" for n in range(1, len(target.frfs) + 1)]
 
 
 def _bands(target: Observations, fit: Fit, values: NDArray[np.complex128]) -> tuple[tuple[float, float], ...]:

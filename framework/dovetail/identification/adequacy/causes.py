@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly
 from dovetail.errors import DovetailError
 from dovetail.frf import QUANTITIES, Frf
-from dovetail.identification.adequacy import model_causes
+from dovetail.identification.adequacy import level_causes, model_causes
 from dovetail.identification.adequacy.adequacy import Cause
 from dovetail.identification.adequacy.model_causes import Candidate
 from dovetail.identification.adequacy.perturbations import Perturbation
-from dovetail.identification.adequacy.trials import Trials
+from dovetail.identification.adequacy.trials import Trial, Trials
 from dovetail.identification.fitting import Fit
 from dovetail.identification.fitting.least_squares import without
 from dovetail.identification.fitting.residuals import ModelFrfs
@@ -54,6 +54,8 @@ class Settings:
     tie: float = 5.0
     """Decreases of the sum over all lines that differ by less count as equal, since noise makes such differences. Of
     equal causes the one tried first is named first."""
+    narrow: float = 1.5
+    """Ratio of the highest to the lowest frequency below which a reversed sign is compared with a delay."""
     beside_best: float = 0.5
     """Share of the best improvement that each further cause must reach."""
     explained: float = 0.05
@@ -141,14 +143,47 @@ def find_causes(
         enough = [size for size, cause in improvements if size >= _needed(cause.name, excess, trials.is_active)]
         return _is_noise(before.misfit - max(enough, default=-np.inf))
 
-    for name, words, trial in _candidates(trials, progress, explained):
-        improvement = before.misfit - trial.misfit
-        factor = float(np.exp(improvement / 2.0))
-        _LOG.debug("cause tried: %s; residuals smaller by a factor of %.3g", words or name, factor)
-        coherence, theta = (before.coherence, trial.coherence), tuple(trial.theta.tolist())
-        improvements.append((improvement, Cause(name, words, coherence, factor, theta, trial.residual)))
+    for candidate in _candidates(trials, progress, explained):
+        improvement, cause = _improvement(before, candidate)
+        _LOG.debug("cause tried: %s; residuals smaller by a factor of %.3g", cause.words, cause.residual_factor)
+        improvements.append((improvement, cause))
     progress("causes", len(_STAGES), len(_STAGES))
-    return _named(improvements, excess, trials.lines, trials.is_active)
+    named = _named(improvements, excess, trials.lines, trials.is_active)
+    tried, axis = {cause.name for _, cause in improvements}, trials.target.frequency
+    if not named or named[0].name != "sign" or "delay" in tried or axis.max() > _SETTINGS.narrow * axis.min():
+        return named
+    for candidate in _delays(trials):
+        improvements.append(_improvement(before, candidate))
+        return _sign_or_delay(improvements, _named(improvements, excess, trials.lines, trials.is_active), trials.lines)
+    return named
+
+
+def _improvement(before: Trial, candidate: Candidate) -> tuple[float, Cause]:
+    """Return the decrease of the misfit by a candidate, and the cause that it would be."""
+    name, words, trial = candidate
+    improvement = before.misfit - trial.misfit
+    factor = float(np.exp(improvement / 2.0))
+    coherence, theta = (before.coherence, trial.coherence), tuple(trial.theta.tolist())
+    return improvement, Cause(name, words, coherence, factor, theta, trial.residual)
+
+
+def _sign_or_delay(improvements: list[tuple[float, Cause]], named: tuple[Cause, ...], lines: int) -> tuple[Cause, ...]:
+    """Return the causes that are named once a delay, tried last, is compared with a reversed sign.
+
+    A delay that explains more stands first. One that explains as much is not a second cause but another reading of the
+    first; one that explains less is left out, since a reversed sign is simpler.
+    """
+    sizes = {id(cause): size for size, cause in improvements}
+    delay, without = improvements[-1][1], tuple(cause for cause in named if cause.name != "delay")
+    if not without or without[0].name != "sign":
+        return named
+    more = (sizes[id(delay)] - sizes[id(without[0])]) * lines
+    if more > _SETTINGS.tie:
+        return named
+    if more < -_SETTINGS.tie:
+        return without
+    words = f"{without[0].words} (or {delay.words}: over so narrow a band the two are equal)"
+    return replace(without[0], words=words), *without[1:]
 
 
 def _named(improvements: list[tuple[float, Cause]], excess: float, lines: int, is_active: bool) -> tuple[Cause, ...]:
@@ -349,9 +384,10 @@ _STAGES: tuple[tuple[str, Callable[[Trials], Iterator[Candidate]], bool], ...] =
     ("gain, units and mass", _gains_and_masses, False),
     ("quantity", _quantities, True),
     ("delay", _delays, True),
-    ("levels", model_causes.try_levels, False),
+    ("levels", level_causes.try_levels, False),
     ("damping of joints", model_causes.try_damping, False),
     ("window", model_causes.try_window, False),
+    ("growth of damping", level_causes.try_damping_growth, False),
     ("ranges", model_causes.try_ranges, False),
     ("resonances", model_causes.try_missing_resonances, False),
     ("response point", model_causes.try_points, True),

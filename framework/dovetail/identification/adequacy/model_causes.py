@@ -12,7 +12,7 @@ from scipy.optimize import least_squares
 
 from dovetail.assembly import Assembly
 from dovetail.assembly.changed_joints import has_dampers, with_damping
-from dovetail.assembly.description import Description, Place, Response
+from dovetail.assembly.description import Place
 from dovetail.errors import DovetailError
 from dovetail.frf import conversion
 from dovetail.identification.adequacy.trials import Trial, Trials
@@ -26,7 +26,6 @@ __all__ = [
     "Candidate",
     "try_damping",
     "try_exchanges",
-    "try_levels",
     "try_missing_resonances",
     "try_points",
     "try_ranges",
@@ -204,34 +203,6 @@ def _can_move(assembly: Assembly, place: Node) -> bool:
 def _words(assembly: Assembly, place: Node) -> str:
     node = assembly.description.substructures[place[0]].nodes[place[1]]
     return f"on the {place[0]} at {1e3 * node.position:.4g} mm"
-
-
-def try_levels(trials: Trials) -> Iterator[Candidate]:
-    """Yield the fit in which each of several measurements at one point, as at levels of force, is fitted alone."""
-    measured_at = [_structure_at(trials.assembly.description, r) for r in trials.assembly.description.responses]
-    level = np.array([measured_at[:number].count(place) for number, place in enumerate(measured_at)])
-    if not level.max():
-        return
-    of_response, resonances = dict[int, NDArray[np.complex128]](), list[Resonances]()
-    for numbers in (np.flatnonzero(level == one).tolist() for one in range(level.max() + 1)):
-        part = trials.of_responses(numbers)
-        theta = part.fit(part.assembly, part.target.frfs, [trials.best, trials.shape]).theta
-        fitted = part.target.split(part.values(theta))
-        of_response |= dict(zip(numbers, fitted, strict=True))
-        resonances.append(fit_resonances(part.target.frfs, fitted))
-    words = f"each of {len(resonances)} measurements at one point fitted alone"
-    first, last = (found.poles.real for found in (resonances[0], resonances[-1]))
-    if len(first) and len(last):
-        strongest = first[np.argmax(np.abs(resonances[0].near[0]).max(axis=1))]
-        words += f", a resonance from {strongest:.5g} to {last[np.argmin(np.abs(last - strongest))]:.5g} Hz"
-    together = np.concatenate([of_response[number] for number in range(len(measured_at))])
-    yield "level", f"{words} (does it depend on the amplitude?)", trials.judged(trials.best, together)
-
-
-def _structure_at(description: Description, response: Response) -> tuple[object, ...]:
-    """Return where a response is, and what its calibration adds to the structure: another mass is no other level."""
-    chain = description.chain_of(response)
-    return response.point, response.force_point, chain.fixed.get("mass", 0.0), chain.fixed.get("window", 0.0)
 
 
 def try_exchanges(trials: Trials) -> Iterator[Candidate]:

@@ -16,6 +16,7 @@ from scipy.optimize import brentq, minimize
 
 from dovetail.frf.resonance_peaks import PeakPair, pair_peaks
 from dovetail.identification.adequacy.adequacy import word_for
+from dovetail.identification.adequacy.evidence import marginalised_products, misfit_and_moments, removed_variance
 from dovetail.identification.fitting import Fit
 from dovetail.identification.fitting.least_squares import minimise
 from dovetail.identification.fitting.observations import Observations
@@ -32,7 +33,7 @@ from dovetail.identification.posterior.model_error import (
 )
 from dovetail.interfaces import Progress, silent
 
-__all__ = ["FitWithError", "estimate_model_error", "fit_with_error"]
+__all__ = ["FitWithError", "estimate_model_error", "fit_with_error", "judge_with_error"]
 
 
 @dataclass(frozen=True)
@@ -66,6 +67,8 @@ class Settings:
     """Peaks needed to limit the error of natural frequencies; the parameters can move a single one into place."""
     dense: float = 2.0
     """Lines within the half-power width of a peak from which its height is reliable."""
+    fewest_values: float = 3.0
+    """Independent values from which a size is known: within a factor of two with a probability of 90 %."""
     alternations: int = 6
     """Largest number of alternations between errors that have a shape and others."""
     tolerance: float = 0.05
@@ -92,6 +95,8 @@ class FitWithError:
         Fisher information of the fractions, with these errors.
     chi_squared : float
         Mean square of the residuals with parameters and errors marginalised: 1 if errors have the size allowed.
+    unknown : tuple of str
+        Kinds of errors whose size the measurement does not determine: it is a usual one then.
     """
 
     fraction: NDArray[np.float64]
@@ -99,6 +104,7 @@ class FitWithError:
     size: ModelError
     information: NDArray[np.float64]
     chi_squared: float
+    unknown: tuple[str, ...] = ()
 
 
 class _Problem:
@@ -170,6 +176,13 @@ def fit_with_error(model: ModelFrfs, target: Observations, fit: Fit, size: Model
     return _Linearised(problem, problem.refit(size), size).result(size)
 
 
+def judge_with_error(model: ModelFrfs, target: Observations, fit: Fit, size: ModelError) -> FitWithError:
+    """Return what errors of given sizes, and others that make chi-squared 1, make of a fit with its parameters."""
+    problem = _Problem(model, target, fit)
+    linearised = _Linearised(problem, problem.fraction, size)
+    return linearised.result(linearised.with_other(size))
+
+
 def estimate_model_error(model: ModelFrfs, target: Observations, fit: Fit, progress: Progress = silent) -> FitWithError:
     """Estimate the sizes of the model's errors around a fit.
 
@@ -185,7 +198,22 @@ def estimate_model_error(model: ModelFrfs, target: Observations, fit: Fit, progr
     """
     problem = _Problem(model, target, fit)
     size = _most_plausible(_estimates(problem, progress))
-    return _Linearised(problem, problem.fraction, size).result(size)
+    linearised = _Linearised(problem, problem.fraction, size)
+    return replace(linearised.result(size), unknown=_unknown(problem, linearised, size))
+
+
+def _unknown(problem: _Problem, linearised: _Linearised, size: ModelError) -> tuple[str, ...]:
+    """Return the kinds of errors whose size neither the residuals nor the peaks determine.
+
+    A standard deviation that is estimated from n values has a relative error of 1 / sqrt(2 n).
+    """
+    distance, _, heights = problem.peaks_apart()
+    of_peaks = {"natural_frequency": distance, "damping": heights}
+    return tuple(
+        kind
+        for kind, values in linearised.determined_values(size).items()
+        if values < _SETTINGS.fewest_values and _SETTINGS.consistent * of_peaks.get(kind, 0.0) < getattr(size, kind)
+    )
 
 
 def _estimates(problem: _Problem, progress: Progress) -> Iterator[tuple[float, ModelError]]:
@@ -280,7 +308,7 @@ class _Linearised:
         Parameters and nonlinear terms, of sizes that are known, are marginalised first.
         """
         residuals, changes = self._whitened(size)
-        gram, along = _marginalised_products(residuals, changes)
+        gram, along = marginalised_products(residuals, changes)
         counts = [len(changes[kind]) for kind in KINDS]
 
         def sizes(logarithms: NDArray[np.float64]) -> ModelError:
@@ -290,7 +318,7 @@ class _Linearised:
             """Return -2 log of the density of residuals and sizes, up to a constant, and its derivatives."""
             tried = sizes(logarithms)
             scale = np.repeat(list(self._factors(tried).values()), counts)
-            misfit, moments = _misfit_and_moments(gram * np.outer(scale, scale), scale * along)
+            misfit, moments = misfit_and_moments(gram * np.outer(scale, scale), scale * along)
             slopes = [2.0 * float(np.sum(1.0 - part)) for part in np.split(moments, np.cumsum(counts)[:-1])]
             prior, prior_slopes = _improbability(tried)
             return prior + misfit, prior_slopes + slopes
@@ -323,8 +351,20 @@ class _Linearised:
     def _scaled(self, size: ModelError) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return residuals (m,), and their changes (k, m) by one standard deviation of parameters and errors."""
         residuals, changes = self._whitened(size)
-        factors = {"parameters": 1.0, "higher": 1.0, **self._factors(size)}
+        factors = {"parameters": 1.0, "higher": 1.0, "background": 1.0, **self._factors(size)}
         return residuals, np.concatenate([factors[name] * change for name, change in changes.items()])
+
+    def determined_values(self, size: ModelError) -> dict[str, float]:
+        """Return by kind how many independent values of errors the measurement determines.
+
+        Each error counts as the part of its variance that the measurement removes: 0 if parameters follow it.
+        """
+        residuals, changes = self._whitened(size)
+        gram, _ = marginalised_products(residuals, changes)
+        counts = [len(changes[kind]) for kind in KINDS]
+        scale = np.repeat(list(self._factors(size).values()), counts)
+        parts = np.split(removed_variance(gram * np.outer(scale, scale)), np.cumsum(counts)[:-1])
+        return {kind: float(part.sum()) for kind, part in zip(KINDS, parts, strict=True)}
 
     def result(self, size: ModelError) -> FitWithError:
         residuals, columns = self._scaled(size)
@@ -333,33 +373,6 @@ class _Linearised:
         inner = np.linalg.solve(np.eye(len(errors)) + errors @ errors.T, along.T)
         information = PRIOR_PRECISION * (parameters @ parameters.T - along @ inner)
         return FitWithError(self.fraction, self._frf[0], size, information, _mean_square(residuals, columns))
-
-
-def _marginalised_products(
-    residuals: NDArray[np.float64], changes: dict[str, NDArray[np.float64]]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the products (k, k) of the changes by errors of `KINDS`, and those (k,) with the residuals.
-
-    All other changes, by errors of known sizes, are marginalised.
-    """
-    known = np.concatenate([change for name, change in changes.items() if name not in KINDS])
-    both = np.concatenate([*(changes[kind] for kind in KINDS), residuals[np.newaxis]])
-    cross = known @ both.T
-    inner = np.linalg.pinv(np.eye(len(known)) + known @ known.T, hermitian=True)  # it may be huge, and singular
-    products = both @ both.T - cross.T @ inner @ cross
-    return products[:-1, :-1], products[:-1, -1]
-
-
-def _misfit_and_moments(gram: NDArray[np.float64], along: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
-    """Return -2 log of the density of residuals with unit errors marginalised, and second moments (k,) of the errors.
-
-    Both follow from the products of the errors' changes with each other (k, k) and with the residuals (k,); the density
-    is known up to a constant.
-    """
-    squares, axes = np.linalg.eigh(gram)
-    variance, on_axes = 1.0 / (1.0 + np.maximum(squares, 0.0)), axes.T @ along
-    moments = (axes @ (variance * on_axes)) ** 2 + axes**2 @ variance
-    return -float(np.sum(np.log(variance) + variance * on_axes**2)), moments
 
 
 def _mean_square(residuals: NDArray[np.float64], changes: NDArray[np.float64]) -> float:

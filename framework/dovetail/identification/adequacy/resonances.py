@@ -57,14 +57,14 @@ def lacking_resonances(
     measured, modelled : sequences of Frf
         The measured FRF and the model's at each response.
     natural_frequency_error : float
-        Relative error of the model's natural frequencies.
+        Relative error of the model's natural frequencies; NaN if it is unknown.
     """
     pairs = zip(paired, measured, strict=True)
     unpaired = np.unique([at for peaks, frf in pairs for at in peaks.unpaired.tolist() if _is_resonance(frf, at)])
     if not unpaired.size:
         return unpaired
     poles = fit_resonances(modelled, [frf.values for frf in modelled]).poles.real
-    near = np.clip(_SETTINGS.displaced * natural_frequency_error, *_SETTINGS.near)
+    near = np.clip(_SETTINGS.displaced * np.nan_to_num(natural_frequency_error), *_SETTINGS.near)
     lacking = unpaired[np.all(np.abs(poles[:, np.newaxis] - unpaired) > near * unpaired, axis=0)]
     return lacking[np.append(True, np.diff(lacking) > _SETTINGS.same * lacking[1:])] if lacking.size else lacking
 

@@ -14,20 +14,25 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly
 from dovetail.errors import Fault, ParameterError, listing
 from dovetail.frf import Frf
-from dovetail.identification.fitting.least_squares import minimise
+from dovetail.identification.fitting.least_squares import minimise, without
 from dovetail.identification.fitting.observations import Observations
-from dovetail.identification.fitting.residuals import FrfResiduals
+from dovetail.identification.fitting.random_error import ASSUMED_NOISE, FOURTH_DIFFERENCE
+from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs
+from dovetail.identification.fitting.whiteness import NOISE_ALARM, has_size_of_noise, is_white, log_improbability
 from dovetail.interfaces import Parameter, Progress, Scale, silent
 
 __all__ = [
     "Fit",
     "Objective",
+    "allow_for_unknown_noise",
     "bounds_reached",
     "count_agreeing",
     "end_reached",
     "fit_at",
     "highest_agreeing",
+    "is_noise",
     "multistart",
+    "shows_structure",
 ]
 
 Objective: TypeAlias = Literal["frf", "weighted"]
@@ -39,6 +44,10 @@ _MOST_STEPS = 150
 """Largest number of steps of one search; one that needs more is in a wrong valley."""
 _AT_END = 1e-6
 """Part of the range within which a value is at its end; more digits than any measurement tells apart."""
+_LARGEST_NOISE = 0.1
+"""Random error, over the largest value, that FRFs of practice rarely exceed: of one average at a coherence of 0.99."""
+_LEAST_SCATTER = 0.5
+"""Scatter from line to line, over the mean square, of white noise at least; that of a curve is far smaller."""
 _SAME_MINIMUM = 1e-3
 """Relative difference of sums of squares below which two searches ended in the same minimum."""
 
@@ -182,6 +191,19 @@ def fit_at(
     )
 
 
+def allow_for_unknown_noise(target: Observations, fit: Fit) -> Fit:
+    """Return a fit with the random error that intervals allow for where too few lines show it.
+
+    The largest usual error counts as one more degree of freedom beside those of the residuals.
+    """
+    if not fit.variance_assumed:
+        return fit
+    freedom = target.residual_count(fit.used) - len(fit.theta)
+    shown = max(freedom, 0) * min(fit.chi_squared, _LARGEST_NOISE**2 / ASSUMED_NOISE**2)
+    factor = max(1.0, (shown + (_LARGEST_NOISE / ASSUMED_NOISE) ** 2) / (max(freedom, 0) + 1))
+    return replace(fit, variance=np.where(target.assumed(fit.variance), factor, 1.0) * fit.variance)
+
+
 def multistart(
     assembly: Assembly,
     measured: Frf | Sequence[Frf],
@@ -294,3 +316,65 @@ def end_reached(value: float, lower: float, upper: float, scale: Scale) -> str:
     if abs(place) <= _AT_END or (shown == low != high):
         return "lower"
     return "upper" if abs(place - 1.0) <= _AT_END or (shown == high != low) else ""
+
+
+def is_noise(assembly: Assembly, target: Observations, fit: Fit) -> bool:
+    """Return whether the residuals of a fit are noise: no larger, and not correlated along the frequency axis."""
+    if fit.discrepancy:
+        return False
+    frf, jacobian = ModelFrfs.of(assembly).linearise(fit.theta[np.newaxis])
+    weighted = target.weighted(fit.variance, fit.used)
+    residuals = weighted.of(frf)[0]
+    of_responses = target.by_line(without(residuals, weighted.jacobian(frf, jacobian)[0]))
+    squares, lines = sum(float(np.sum(block**2)) for block in of_responses), int(np.count_nonzero(fit.used))
+    if not has_size_of_noise(squares, fit.degrees_of_freedom, lines, variance_known=fit.variance_known):
+        return False
+    return all(is_white(_scaled_to_scatter(block)) for block in of_responses)
+
+
+def shows_structure(target: Observations, fit: Fit, *, fits: bool) -> bool:
+    """Return whether a measurement shows more than noise.
+
+    Mere noise is as large as its variance, or the same on all lines if that is unknown, and white. A resonance that is
+    hidden in it may still show as an improvement by a fit. It may lie on any line, and the best of them fits by chance.
+
+    Parameters
+    ----------
+    target : Observations
+    fit : Fit
+    fits : bool
+        Whether its residuals are noise.
+    """
+    if fit.variance_assumed or not (target.variance_known or _scatters(target)):
+        return True
+    variance = fit.variance if target.variance_known else _even_variance(target)
+    weighted = target.weighted(variance, fit.used)
+    values = weighted.of(np.zeros((1, len(variance)), dtype=np.complex128))[0]
+    of_responses = target.by_line(values)
+    squares, lines = sum(float(np.sum(block**2)) for block in of_responses), int(np.count_nonzero(fit.used))
+    known = target.variance_known
+    if not has_size_of_noise(squares, len(values), lines, variance_known=known) or not all(map(is_white, of_responses)):
+        return True
+    explained = squares - fit.chi_squared * fit.degrees_of_freedom
+    return fits and known and log_improbability(explained, len(fit.theta)) > np.log10(max(1, lines) / NOISE_ALARM)
+
+
+def _scatters(target: Observations) -> bool:
+    """Return whether all measurements scatter from line to line as much as they are large, as white noise does."""
+    for frf in target.frfs:
+        differences = np.abs(np.convolve(frf.values, FOURTH_DIFFERENCE, mode="valid")) ** 2
+        if not differences.size or differences.mean() < _LEAST_SCATTER * np.mean(frf.amplitude**2):
+            return False
+    return True
+
+
+def _even_variance(target: Observations) -> NDArray[np.float64]:
+    """Return E|error|^2 (n_lines,) if a measurement is noise of the same size on all lines, from the median."""
+    levels = [float(np.median(frf.amplitude)) ** 2 / np.log(2.0) for frf in target.frfs]
+    return np.repeat(np.maximum(levels, np.finfo(float).tiny), target.counts)
+
+
+def _scaled_to_scatter(residuals: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return residuals (n_freq, n), scaled down where their scatter from line to line exceeds the random error."""
+    scatter = float(np.mean(np.diff(residuals, axis=0) ** 2)) / 2.0 if len(residuals) > 1 else 1.0
+    return np.asarray(residuals / np.sqrt(max(1.0, scatter)))

@@ -150,11 +150,16 @@ class Observations:
 
     def assumes(self, variance: NDArray[np.float64]) -> bool:
         """Return whether a response's variance (n_lines,) is assumed, since it has too few lines to estimate it."""
+        return bool(self.assumed(variance).any())
+
+    def assumed(self, variance: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return which lines belong to such a response."""
         responses = zip(self.frfs, self._known_variances, self.split(variance), strict=True)
-        return any(
+        assumed = [
             known is None and is_too_short(frf) and np.array_equal(variances, estimated_variance(frf))
             for frf, known, variances in responses
-        )
+        ]
+        return np.repeat(np.array(assumed, dtype=np.bool_), self.counts)
 
     def residual_variance(
         self, model: NDArray[np.complex128], used: NDArray[np.bool_], share: float

@@ -19,6 +19,7 @@ from dovetail.frf import Frf, conversion
 from dovetail.frf.rice import noise_in_scatter, rice_surprise
 
 __all__ = [
+    "ASSUMED_NOISE",
     "FOURTH_DIFFERENCE",
     "MeasuredNoise",
     "error_parts",
@@ -48,8 +49,6 @@ class Settings:
 
     least: float = 1e-9
     """Smallest random error, relative to the largest value: no measurement is better."""
-    short: float = 0.01
-    """Random error, relative to the largest value, that is assumed for an FRF with too few lines for an estimate."""
     bins: int = 24
     """Largest number of bins of the magnitude: enough for a floor and a proportional part."""
     lines_per_bin: int = 20
@@ -74,6 +73,9 @@ class Settings:
 
 
 _SETTINGS = Settings()
+
+ASSUMED_NOISE = 0.01
+"""Random error, relative to the largest value, that is assumed for an FRF with too few lines for an estimate."""
 
 
 def random_error_variance(frf: Frf) -> NDArray[np.float64]:
@@ -242,7 +244,7 @@ def _estimated_parts(frf: Frf, model: NDArray[Any] | None = None) -> tuple[float
     least = least_variance(frf)
     values = frf.values if frf.has_phase else frf.amplitude
     if is_too_short(frf):
-        return float((_SETTINGS.short * frf.amplitude.max()) ** 2), 0.0
+        return float((ASSUMED_NOISE * frf.amplitude.max()) ** 2), 0.0
     residuals = values if model is None else values - model
     squares = np.abs(np.convolve(residuals, FOURTH_DIFFERENCE, mode="valid")) ** 2
     measured = _squares_around(frf.amplitude)

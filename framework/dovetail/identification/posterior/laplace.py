@@ -19,6 +19,7 @@ from dovetail.identification.posterior.likelihood import PosteriorResiduals, bui
 from dovetail.identification.posterior.mode_search import likelihood_at_mode, maximise_posterior, starts_near
 from dovetail.identification.posterior.model_error import TYPICAL, ModelError
 from dovetail.identification.posterior.posterior import Posterior, check_options
+from dovetail.identification.posterior.unknown_chain import UnknownChain
 from dovetail.interfaces import Progress, silent
 
 __all__ = ["LaplaceApproximation", "half_about_the_fit", "laplace_posterior"]
@@ -127,6 +128,12 @@ def laplace_posterior(
     """
     check_options(samples)
     progress("modes", 0, 1)
+    chain = UnknownChain.of(assembly, measured, fit, model_error) if model_error.background else None
+    if chain is not None:
+        posterior = laplace_posterior(
+            chain.assembly, measured, chain.fit, samples=samples, model_error=chain.model_error, seed=seed
+        )
+        return chain.without(posterior)
     began = time.perf_counter()
     likelihood, best = likelihood_at_mode(assembly, measured, fit, model_error)
     residuals = likelihood.posterior

@@ -6,17 +6,15 @@ of the FRFs by one standard deviation of each error of the model (`error_shapes`
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import AAA
 
 from dovetail.frf import Frf
-from dovetail.frf.quantity import conversion
+from dovetail.frf.resonances import Resonances, fit_resonances
+from dovetail.frf.single_mode import background_shapes
 
 __all__ = [
     "KINDS",
@@ -62,16 +60,6 @@ class Settings:
     """Error of damping above which this effect is computed, and the largest change of its logarithm for that."""
     hat_functions: int = 6
     """Number of hat functions over the frequency axis: resonances nearer than a fifth of it have similar errors."""
-    tolerance: float = 1e-6
-    """Relative error of the rational function whose poles are the resonances."""
-    most_terms: int = 60
-    """Largest number of terms of that function; a resonance takes two."""
-    pole_limits: tuple[float, float] = (0.5, 1.2)
-    """Factors of the lowest and the highest frequency beyond which a pole belongs to the background."""
-    largest_damping: float = 0.6
-    """Largest ratio of a pole's imaginary part to its real part for a resonance."""
-    same_pole: float = 0.5
-    """Distance, in imaginary parts of a pole, within which a pole from other frequencies is the same one."""
 
 
 _SETTINGS = Settings()
@@ -96,6 +84,13 @@ class ModelError:
     quantities : float
         Of each quantity of a known part, given as the relative error of natural frequencies that changes the FRFs as
         much. Intervals allow for it; no measurement shows it.
+    background : float
+        Of a smooth addition to each FRF, as by resonances outside the band, relative to the median amplitude. It is
+        estimated for a single resonance only; magnitude and phase are then wrong by the same amount on all lines.
+
+    Notes
+    -----
+    A size that a measurement does not determine is NaN in what is reported, never in what intervals allow for.
     """
 
     natural_frequency: float
@@ -104,6 +99,7 @@ class ModelError:
     phase: float = 0.0
     other: float = 0.0
     quantities: float = 0.0
+    background: float = 0.0
 
     def times(self, factor: float) -> ModelError:
         """Return a copy in which the errors that have a shape are larger by a factor."""
@@ -114,24 +110,43 @@ class ModelError:
         return ModelError(**{name: max(size, getattr(least, name)) for name, size in asdict(self).items()})
 
     def within(self, limit: ModelError) -> bool:
-        """Return whether no size is larger than that of another error."""
-        return all(size <= getattr(limit, name) for name, size in asdict(self).items())
+        """Return whether no size that is known is larger than that of another error."""
+        return not any(size > getattr(limit, name) for name, size in asdict(self).items())
+
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """Names of the kinds of errors whose size the measurement does not determine."""
+        return tuple(name for name, size in asdict(self).items() if np.isnan(size))
 
     def describe(self) -> str:
-        """Return the sizes in words."""
-        words = [f"natural frequencies are off by {100.0 * self.natural_frequency:.2g} %"]
-        if self.damping > 0.0:  # nothing is known of it where no damping was measured
-            words.append(f"damping by {_percent_or_factor(self.damping)}")
-        if self.magnitude > 0.0 or self.phase > 0.0:  # nothing is known of them where there is no FRF
-            words.append(f"amplitudes by {_percent_or_factor(self.magnitude)}")
-            words.append(f"phases by {_degrees(self.phase)} degrees")
+        """Return the sizes in words; those that are 0 or unknown are left out."""
+        words = []
+        if self.natural_frequency > 0.0:
+            words.append(f"natural frequencies are off by {100.0 * self.natural_frequency:.2g} %")
+        for name, size in (("damping", self.damping), ("amplitudes", self.magnitude)):
+            if size > 0.0:  # nothing is known of damping where none was measured, nor of amplitudes without an FRF
+                words.append(f"{name} {_off(words, name)}by {_percent_or_factor(size)}")
+        if self.phase > 0.0 or (self.magnitude > 0.0 and self.phase == 0.0):
+            words.append(f"phases {_off(words, 'phases')}by {_degrees(self.phase)} degrees")
+        if self.background > 0.0:
+            words.append(
+                f"a smooth background that the model lacks is {_percent_or_factor(self.background)} of the FRF"
+            )
         if self.other > 0.0:
-            words.append(f"and what none of these explains is {_percent_or_factor(self.other)} of the FRF")
+            rest = "what none of these explains" if words else "what no single error explains"
+            words.append(f"{'and ' if words else ''}{rest} is {_percent_or_factor(self.other)} of the FRF")
         return ", ".join(words)
 
-    def to_dict(self) -> dict[str, float]:
-        """Return the sizes by their names."""
-        return asdict(self)
+    def to_dict(self) -> dict[str, float | None]:
+        """Return the sizes by their names; None for those that are unknown."""
+        return {name: None if np.isnan(size) else size for name, size in asdict(self).items()}
+
+
+def _off(before: list[str], name: str) -> str:
+    """Return the verb of the first error in a sentence."""
+    if before:
+        return ""
+    return "is off " if name == "damping" else "are off "
 
 
 def _degrees(phase: float) -> str:
@@ -144,7 +159,7 @@ def _percent_or_factor(size: float) -> str:
     return f"{100.0 * size:.2g} %" if size < 1.0 else f"a factor of {np.exp(size):.2g}"
 
 
-KINDS = tuple(field.name for field in fields(ModelError) if field.name not in ("other", "quantities"))
+KINDS = tuple(field.name for field in fields(ModelError) if field.name not in ("other", "quantities", "background"))
 """Names of the errors that have a shape."""
 
 
@@ -157,156 +172,6 @@ def typical_model_error(natural_frequency: float) -> ModelError:
 
 TYPICAL = typical_model_error(MODEL_ERROR)
 """Errors that a model is allowed if the measurement shows none."""
-
-
-@dataclass(frozen=True, eq=False)
-class Resonances:
-    """Resonances of FRFs, whose receptances are sums ``r / (f - p) - conj(r) / (f + conj(p))``, and a background.
-
-    Parameters
-    ----------
-    poles : (n,) complex array
-        Natural frequencies [Hz], ascending; the imaginary part is the real part times half the loss factor.
-    terms : tuple of (n, n_freq) complex arrays
-        Contribution of each resonance to the FRF of each response, in its quantity; 0 if it is beyond the response's
-        frequencies.
-    near : tuple of (n, n_freq) complex arrays
-        The first of its two terms, which is large near the resonance.
-    relative : tuple of (n, n_freq) complex arrays
-        p / (f - p), the inverse relative distance of each frequency from each pole.
-    """
-
-    poles: NDArray[np.complex128]
-    terms: tuple[NDArray[np.complex128], ...]
-    near: tuple[NDArray[np.complex128], ...]
-    relative: tuple[NDArray[np.complex128], ...]
-
-    def displaced(self, change: float) -> NDArray[np.complex128]:
-        """Return the change of the FRFs by a relative change of each pole, to first order.
-
-        Parameters
-        ----------
-        change : float
-            Relative change of the poles.
-
-        Returns
-        -------
-        (n, n_lines) complex array
-            The lines of all responses, concatenated. Where the pole moves by more than its distance from the line, the
-            change is limited to the resonance's own contribution.
-        """
-        steps = [change * relative for relative in self.relative]
-        pairs = zip(self.near, steps, strict=True)
-        return np.concatenate([near * step / np.maximum(1.0, np.abs(step)) for near, step in pairs], axis=1)
-
-    def displaced_beyond(self, change: float) -> NDArray[np.complex128]:
-        """Return the change of the FRFs (n, n_lines) by a relative change of each pole beyond that of `displaced`."""
-        return self._moved(np.full(len(self.poles), change)) - self.displaced(change)
-
-    @property
-    def damped(self) -> NDArray[np.complex128]:
-        """The derivative (n, n_lines) of the FRFs by the logarithm of each resonance's damping ratio."""
-        ratio = 1j * (self.poles.imag / self.poles.real)[:, np.newaxis]
-        pairs = zip(self.near, self.relative, strict=True)
-        return np.concatenate([ratio * near * relative for near, relative in pairs], axis=1)
-
-    def damped_beyond(self, change: float) -> NDArray[np.complex128]:
-        """Return the nonlinear change of the FRFs (n, n_lines) by a change of the logarithm of each damping ratio."""
-        return self._moved(1j * self.poles.imag / self.poles * np.expm1(change)) - change * self.damped
-
-    def _moved(self, changes: NDArray[Any]) -> NDArray[np.complex128]:
-        """Return the changes of the FRFs (n, n_lines) by relative changes (n,) of the poles, one at a time."""
-        steps = [changes[:, np.newaxis] * relative for relative in self.relative]
-        pairs = zip(self.near, steps, strict=True)
-        return np.concatenate([near * step / (1.0 - step) for near, step in pairs], axis=1)
-
-
-def fit_resonances(frfs: Sequence[Frf], values: Sequence[NDArray[np.complex128]]) -> Resonances:
-    """Find the resonances in FRFs of one structure.
-
-    Parameters
-    ----------
-    frfs : sequence of Frf
-        Their frequencies and quantities, one for each response.
-    values : sequence of (n_freq,) complex arrays
-        The FRF of each response, instead of the values in `frfs`.
-
-    Returns
-    -------
-    Resonances
-        Without poles if the FRFs have no resonance; then all is background.
-
-    Notes
-    -----
-    The poles are those of a rational function fitted to a mixture of the FRFs with the same frequencies (AAA:
-    Nakatsukasa, Sete and Trefethen, The AAA algorithm for rational approximation, 2018). Poles from FRFs with different
-    frequencies are the same resonance if their distance is less than a quarter of its width. The residues follow by
-    linear least squares. Both are fitted to mobilities, in which resonances far apart are most alike in height, so that
-    the result does not depend on the quantity.
-    """
-    axes = [frf.frequency for frf in frfs]
-    derivatives = [conversion(frf.frequency, "mobility", frf.quantity) for frf in frfs]
-    mobilities = [frf / factor for frf, factor in zip(values, derivatives, strict=True)]
-    poles = _common_poles(axes, mobilities)
-    near, terms, relative = [], [], []
-    for frequency, mobility, derivative in zip(axes, mobilities, derivatives, strict=True):
-        residues = np.zeros(len(poles), dtype=np.complex128)
-        within = _is_within(poles, frequency)
-        residues[within] = _residues(frequency, mobility, poles[within])
-        distance, mirrored = frequency - poles[:, np.newaxis], frequency + np.conj(poles)[:, np.newaxis]
-        factor = derivative * conversion(frequency, "receptance", "mobility")
-        near.append(factor * residues[:, np.newaxis] / distance)
-        terms.append(near[-1] - factor * np.conj(residues)[:, np.newaxis] / mirrored)
-        relative.append(poles[:, np.newaxis] / distance)
-    return Resonances(poles, tuple(terms), tuple(near), tuple(relative))
-
-
-def _common_poles(
-    axes: Sequence[NDArray[np.float64]], values: Sequence[NDArray[np.complex128]]
-) -> NDArray[np.complex128]:
-    """Return the poles of all FRFs, each once."""
-    groups: dict[bytes, tuple[NDArray[np.float64], list[NDArray[np.complex128]]]] = {}
-    for frequency, frf in zip(axes, values, strict=True):
-        if len(frequency) > 1:
-            groups.setdefault(frequency.tobytes(), (frequency, []))[1].append(frf)
-    poles = np.empty(0, dtype=np.complex128)
-    for frequency, frfs in groups.values():
-        candidates = _poles(frequency, frfs)
-        apart = np.abs(candidates[:, np.newaxis] - poles) > _SETTINGS.same_pole * candidates.imag[:, np.newaxis]
-        poles = np.concatenate([poles, candidates[apart.all(axis=1)]])
-    return np.sort_complex(poles)
-
-
-def _poles(frequency: NDArray[np.float64], values: Sequence[NDArray[np.complex128]]) -> NDArray[np.complex128]:
-    """Return the poles of FRFs; each FRF is mixed in with a different phase, so that no two cancel a resonance."""
-    sizes = [float(np.abs(frf).std()) or 1.0 for frf in values]
-    mixture = sum(np.exp(1j * index) * frf / size for index, (frf, size) in enumerate(zip(values, sizes, strict=True)))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # measured parts have noise, which no rational function meets
-        poles = AAA(frequency, mixture, rtol=_SETTINGS.tolerance, max_terms=_SETTINGS.most_terms).poles()
-    underdamped = (poles.imag > 0.0) & (poles.imag < _SETTINGS.largest_damping * poles.real)
-    return np.sort_complex(poles[_is_within(poles, frequency) & underdamped])
-
-
-def _is_within(poles: NDArray[np.complex128], frequency: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return which poles are resonances of an FRF with these frequencies; the others are background."""
-    lowest, highest = _SETTINGS.pole_limits * frequency[[0, -1]]
-    return np.asarray((poles.real > lowest) & (poles.real < highest))
-
-
-def _residues(
-    frequency: NDArray[np.float64], mobility: NDArray[np.complex128], poles: NDArray[np.complex128]
-) -> NDArray[np.complex128]:
-    """Return the residues (n,) of one receptance, fitted together with a free body, a spring and a mass in parallel."""
-    near, mirrored = 1.0 / (frequency - poles[:, np.newaxis]), 1.0 / (frequency + np.conj(poles)[:, np.newaxis])
-    background = (frequency / frequency[-1]) ** np.array([[-2.0], [0.0], [2.0]])
-    shapes = np.concatenate([near - mirrored, 1j * (near + mirrored), background])
-    shapes = shapes * conversion(frequency, "receptance", "mobility")
-    columns = np.concatenate([shapes.real, shapes.imag], axis=1).T
-    lengths = np.linalg.norm(columns, axis=0)
-    target = np.concatenate([mobility.real, mobility.imag])
-    coefficients = np.linalg.lstsq(columns / lengths, target, rcond=1e-12)[0] / lengths
-    return np.asarray(coefficients[: len(poles)] + 1j * coefficients[len(poles) : 2 * len(poles)])
 
 
 def error_shapes(
@@ -343,15 +208,22 @@ def error_shapes(
     displaced, together = resonances.displaced(level), hat_functions(resonances.poles.real, band)
     of_response = zip(hats, values, resonances.terms, strict=True)
     shapes = [np.concatenate([hat * frf, _SETTINGS.individual_magnitude * terms]) for hat, frf, terms in of_response]
+    if size.background:  # a single resonance, whose gain and phase are those of all lines
+        shapes = [frf[np.newaxis] for frf in values]
     scaled = np.concatenate([_in_response(shape, index, counts) for index, shape in enumerate(shapes)])
     higher = _higher(resonances, size)
-    return {
+    kinds = {
         "natural_frequency": np.concatenate([together @ displaced, resonances.displaced(alone)]),
         "damping": size.damping * resonances.damped,
         "magnitude": size.magnitude * scaled,
         "phase": 1j * size.phase * scaled,
         "higher": np.concatenate([higher, 1j * higher]),
     }
+    if size.background:
+        added = [_in_response(background_shapes(frf), index, counts) for index, frf in enumerate(frfs)]
+        background = size.background * np.concatenate(added)
+        kinds["background"] = np.concatenate([background, 1j * background])
+    return kinds
 
 
 def _higher(resonances: Resonances, size: ModelError) -> NDArray[np.complex128]:

@@ -30,6 +30,7 @@ from dovetail.identification.posterior.mode_search import likelihood_at_mode, ma
 from dovetail.identification.posterior.model_error import TYPICAL, ModelError
 from dovetail.identification.posterior.posterior import Form, Posterior, check_options
 from dovetail.identification.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, decorrelate
+from dovetail.identification.posterior.unknown_chain import UnknownChain
 from dovetail.identification.posterior.verdicts import drawn_by_weight
 from dovetail.interfaces import Progress, logged, silent
 
@@ -123,6 +124,18 @@ def sample_posterior(
     independent of their starts.
     """
     check_options(samples)
+    chain = UnknownChain.of(assembly, measured, fit, model_error) if model_error.background else None
+    if chain is not None:
+        posterior = sample_posterior(
+            chain.assembly,
+            measured,
+            chain.fit,
+            samples=samples,
+            model_error=chain.model_error,
+            seed=seed,
+            progress=progress,
+        )
+        return chain.without(posterior)
     progress("modes", 0, 1)
     with logged(__name__, "modes of the posterior"):
         likelihood, best = likelihood_at_mode(assembly, measured, fit, model_error)

@@ -1,0 +1,186 @@
+"""FRFs of one structure as sums of resonances and a background."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import AAA
+
+from dovetail.frf.frf import Frf
+from dovetail.frf.quantity import conversion
+
+__all__ = ["Resonances", "fit_resonances"]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What counts as a resonance."""
+
+    tolerance: float = 1e-6
+    """Relative error of the rational function whose poles are the resonances."""
+    most_terms: int = 60
+    """Largest number of terms of that function; a resonance takes two."""
+    pole_limits: tuple[float, float] = (0.5, 1.2)
+    """Factors of the lowest and the highest frequency beyond which a pole belongs to the background."""
+    largest_damping: float = 0.6
+    """Largest ratio of a pole's imaginary part to its real part for a resonance."""
+    same_pole: float = 0.5
+    """Distance, in imaginary parts of a pole, within which a pole from other frequencies is the same one."""
+
+
+_SETTINGS = Settings()
+
+
+@dataclass(frozen=True, eq=False)
+class Resonances:
+    """Resonances of FRFs, whose receptances are sums ``r / (f - p) - conj(r) / (f + conj(p))``, and a background.
+
+    Parameters
+    ----------
+    poles : (n,) complex array
+        Natural frequencies [Hz], ascending; the imaginary part is the real part times half the loss factor.
+    terms : tuple of (n, n_freq) complex arrays
+        Contribution of each resonance to the FRF of each response, in its quantity; 0 if it is beyond the response's
+        frequencies.
+    near : tuple of (n, n_freq) complex arrays
+        The first of its two terms, which is large near the resonance.
+    relative : tuple of (n, n_freq) complex arrays
+        p / (f - p), the inverse relative distance of each frequency from each pole.
+    """
+
+    poles: NDArray[np.complex128]
+    terms: tuple[NDArray[np.complex128], ...]
+    near: tuple[NDArray[np.complex128], ...]
+    relative: tuple[NDArray[np.complex128], ...]
+
+    def displaced(self, change: float) -> NDArray[np.complex128]:
+        """Return the change of the FRFs by a relative change of each pole, to first order.
+
+        Parameters
+        ----------
+        change : float
+            Relative change of the poles.
+
+        Returns
+        -------
+        (n, n_lines) complex array
+            The lines of all responses, concatenated. Where the pole moves by more than its distance from the line, the
+            change is limited to the resonance's own contribution.
+        """
+        steps = [change * relative for relative in self.relative]
+        pairs = zip(self.near, steps, strict=True)
+        return np.concatenate([near * step / np.maximum(1.0, np.abs(step)) for near, step in pairs], axis=1)
+
+    def displaced_beyond(self, change: float) -> NDArray[np.complex128]:
+        """Return the change of the FRFs (n, n_lines) by a relative change of each pole beyond that of `displaced`."""
+        return self._moved(np.full(len(self.poles), change)) - self.displaced(change)
+
+    @property
+    def damped(self) -> NDArray[np.complex128]:
+        """The derivative (n, n_lines) of the FRFs by the logarithm of each resonance's damping ratio."""
+        ratio = 1j * (self.poles.imag / self.poles.real)[:, np.newaxis]
+        pairs = zip(self.near, self.relative, strict=True)
+        return np.concatenate([ratio * near * relative for near, relative in pairs], axis=1)
+
+    def damped_beyond(self, change: float) -> NDArray[np.complex128]:
+        """Return the nonlinear change of the FRFs (n, n_lines) by a change of the logarithm of each damping ratio."""
+        return self._moved(1j * self.poles.imag / self.poles * np.expm1(change)) - change * self.damped
+
+    def _moved(self, changes: NDArray[Any]) -> NDArray[np.complex128]:
+        """Return the changes of the FRFs (n, n_lines) by relative changes (n,) of the poles, one at a time."""
+        steps = [changes[:, np.newaxis] * relative for relative in self.relative]
+        pairs = zip(self.near, steps, strict=True)
+        return np.concatenate([near * step / (1.0 - step) for near, step in pairs], axis=1)
+
+
+def fit_resonances(frfs: Sequence[Frf], values: Sequence[NDArray[np.complex128]]) -> Resonances:
+    """Find the resonances in FRFs of one structure.
+
+    Parameters
+    ----------
+    frfs : sequence of Frf
+        Their frequencies and quantities, one for each response.
+    values : sequence of (n_freq,) complex arrays
+        The FRF of each response, instead of the values in `frfs`.
+
+    Returns
+    -------
+    Resonances
+        Without poles if the FRFs have no resonance; then all is background.
+
+    Notes
+    -----
+    The poles are those of a rational function fitted to a mixture of the FRFs with the same frequencies (AAA:
+    Nakatsukasa, Sete and Trefethen, The AAA algorithm for rational approximation, 2018). Poles from FRFs with different
+    frequencies are the same resonance if their distance is less than a quarter of its width. The residues follow by
+    linear least squares. Both are fitted to mobilities, in which resonances far apart are most alike in height, so that
+    the result does not depend on the quantity.
+    """
+    axes = [frf.frequency for frf in frfs]
+    derivatives = [conversion(frf.frequency, "mobility", frf.quantity) for frf in frfs]
+    mobilities = [frf / factor for frf, factor in zip(values, derivatives, strict=True)]
+    poles = _common_poles(axes, mobilities)
+    near, terms, relative = [], [], []
+    for frequency, mobility, derivative in zip(axes, mobilities, derivatives, strict=True):
+        residues = np.zeros(len(poles), dtype=np.complex128)
+        within = _is_within(poles, frequency)
+        residues[within] = _residues(frequency, mobility, poles[within])
+        distance, mirrored = frequency - poles[:, np.newaxis], frequency + np.conj(poles)[:, np.newaxis]
+        factor = derivative * conversion(frequency, "receptance", "mobility")
+        near.append(factor * residues[:, np.newaxis] / distance)
+        terms.append(near[-1] - factor * np.conj(residues)[:, np.newaxis] / mirrored)
+        relative.append(poles[:, np.newaxis] / distance)
+    return Resonances(poles, tuple(terms), tuple(near), tuple(relative))
+
+
+def _common_poles(
+    axes: Sequence[NDArray[np.float64]], values: Sequence[NDArray[np.complex128]]
+) -> NDArray[np.complex128]:
+    """Return the poles of all FRFs, each once."""
+    groups: dict[bytes, tuple[NDArray[np.float64], list[NDArray[np.complex128]]]] = {}
+    for frequency, frf in zip(axes, values, strict=True):
+        if len(frequency) > 1:
+            groups.setdefault(frequency.tobytes(), (frequency, []))[1].append(frf)
+    poles = np.empty(0, dtype=np.complex128)
+    for frequency, frfs in groups.values():
+        candidates = _poles(frequency, frfs)
+        apart = np.abs(candidates[:, np.newaxis] - poles) > _SETTINGS.same_pole * candidates.imag[:, np.newaxis]
+        poles = np.concatenate([poles, candidates[apart.all(axis=1)]])
+    return np.sort_complex(poles)
+
+
+def _poles(frequency: NDArray[np.float64], values: Sequence[NDArray[np.complex128]]) -> NDArray[np.complex128]:
+    """Return the poles of FRFs; each FRF is mixed in with a different phase, so that no two cancel a resonance."""
+    sizes = [float(np.abs(frf).std()) or 1.0 for frf in values]
+    mixture = sum(np.exp(1j * index) * frf / size for index, (frf, size) in enumerate(zip(values, sizes, strict=True)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # measured parts have noise, which no rational function meets
+        poles = AAA(frequency, mixture, rtol=_SETTINGS.tolerance, max_terms=_SETTINGS.most_terms).poles()
+    underdamped = (poles.imag > 0.0) & (poles.imag < _SETTINGS.largest_damping * poles.real)
+    return np.sort_complex(poles[_is_within(poles, frequency) & underdamped])
+
+
+def _is_within(poles: NDArray[np.complex128], frequency: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which poles are resonances of an FRF with these frequencies; the others are background."""
+    lowest, highest = _SETTINGS.pole_limits * frequency[[0, -1]]
+    return np.asarray((poles.real > lowest) & (poles.real < highest))
+
+
+def _residues(
+    frequency: NDArray[np.float64], mobility: NDArray[np.complex128], poles: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    """Return the residues (n,) of one receptance, fitted together with a free body, a spring and a mass in parallel."""
+    near, mirrored = 1.0 / (frequency - poles[:, np.newaxis]), 1.0 / (frequency + np.conj(poles)[:, np.newaxis])
+    background = (frequency / frequency[-1]) ** np.array([[-2.0], [0.0], [2.0]])
+    shapes = np.concatenate([near - mirrored, 1j * (near + mirrored), background])
+    shapes = shapes * conversion(frequency, "receptance", "mobility")
+    columns = np.concatenate([shapes.real, shapes.imag], axis=1).T
+    lengths = np.linalg.norm(columns, axis=0)
+    target = np.concatenate([mobility.real, mobility.imag])
+    coefficients = np.linalg.lstsq(columns / lengths, target, rcond=1e-12)[0] / lengths
+    return np.asarray(coefficients[: len(poles)] + 1j * coefficients[len(poles) : 2 * len(poles)])
