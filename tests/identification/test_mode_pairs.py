@@ -10,8 +10,7 @@ import pytest
 import dovetail
 from dovetail.assembly import VibrationMode
 from dovetail.frf.resonance_peaks import resonance_peaks
-from dovetail.identification.mode_pairs import paired_modes, unpaired_peaks
-from dovetail.identification.reconstruction import reconstruct
+from dovetail.identification.reconstruction import paired_modes, reconstruct, unpaired_peaks
 from dovetail.report.content import ABSENT, mode_rows
 
 FREQUENCY = np.arange(100.0, 2000.0, 0.5)

@@ -9,7 +9,7 @@ import pytest
 from noisy_measurements import frf_on
 
 import dovetail
-from dovetail.frf.quantity import QUANTITIES
+from dovetail.frf.frf import QUANTITIES
 from dovetail.identification.posterior import ModelError, error_shapes, typical_model_error
 from dovetail.identification.posterior.likelihood import marginalised_squares
 from dovetail.identification.posterior.model_error import Settings, fit_resonances

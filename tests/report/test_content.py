@@ -13,6 +13,7 @@ import pytest
 import dovetail
 from dovetail.identification import Adequacy, Cause, Identification, Mode, ModelError
 from dovetail.identification.fitting import refine
+from dovetail.plain_text import ABSENT
 from dovetail.report.content import (
     adequacy_sentences,
     fit_sentence,
@@ -25,7 +26,6 @@ from dovetail.report.content import (
 )
 from dovetail.report.report import evaluation_rows, write_report
 from dovetail.report.truth import Truth
-from dovetail.report.wording import ABSENT
 
 
 def test_where_the_curves_agree_least_is_said_unless_they_agree_everywhere(result: Identification) -> None:

@@ -15,8 +15,8 @@ from dovetail.errors import DovetailError
 from dovetail.frf import Frf
 from dovetail.identification import Identification
 from dovetail.report import figures
-from dovetail.report.charts import web_text
 from dovetail.report.figures import frf_figure, robustness_figure, save_png, simulated_figure
+from dovetail.report.pages import web_text
 from dovetail.report.svg import inline_svg
 
 TABLE = [

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from dovetail.report.wording import display_unit, fixed, number, readable, unit_text
+from dovetail.plain_text import display_unit, fixed, number, readable, unit_text
 
 MINUS, TIMES, DASH = "\N{MINUS SIGN}", "\N{MULTIPLICATION SIGN}", "\N{EN DASH}"
 

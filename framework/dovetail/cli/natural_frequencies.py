@@ -24,7 +24,7 @@ def natural_frequencies(assembly: Assembly, theta: Theta = None) -> tuple[list[f
 
 def say_natural_frequencies(natural: list[float], damping: list[float], reason: str) -> None:
     """Print natural frequencies [Hz] in one line, and damping ratios in the next."""
-    from dovetail.report.wording import hertz, number
+    from dovetail.plain_text import hertz, number
 
     if not natural:
         say(reason)

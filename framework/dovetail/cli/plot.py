@@ -82,7 +82,7 @@ def _summary(frf: Frf) -> dict[str, Any]:
 
 
 def _row(summary: dict[str, Any]) -> list[str]:
-    from dovetail.report.wording import hertz
+    from dovetail.plain_text import hertz
 
     low, high = summary["band_Hz"]
     coherence, peaks = summary["mean_coherence"], summary["resonances_Hz"]

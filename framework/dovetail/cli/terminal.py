@@ -197,7 +197,7 @@ def heading(text: str) -> None:
 
 def quantity_text(value: float, parameter: Ranged) -> str:
     """Write a parameter's SI value in the unit in which its range is easiest to read."""
-    from dovetail.report.wording import display_unit, number
+    from dovetail.plain_text import display_unit, number
 
     unit = display_unit(parameter.unit, parameter.lower, parameter.upper)
     return f"{number(value * unit.factor)} {unit.text}".rstrip()
@@ -205,7 +205,7 @@ def quantity_text(value: float, parameter: Ranged) -> str:
 
 def range_text(parameter: Ranged) -> str:
     """Write a parameter's range: ``"26 to 40 mm"``."""
-    from dovetail.report.wording import display_unit, number
+    from dovetail.plain_text import display_unit, number
 
     unit = display_unit(parameter.unit, parameter.lower, parameter.upper)
     low, high = (number(end * unit.factor, padded=False) for end in (parameter.lower, parameter.upper))

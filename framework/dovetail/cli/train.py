@@ -83,7 +83,7 @@ def evaluation_as_dict(evaluation: Evaluation) -> dict[str, object]:
 
 def print_evaluation(model: Identifier) -> None:
     """Print how well each parameter is predicted on the test part."""
-    from dovetail.report.wording import display_unit, number
+    from dovetail.plain_text import display_unit, number
 
     evaluation = model.evaluation
     title(f"{model.assembly.name}: errors on {evaluation.test_samples} test samples")

@@ -5,14 +5,17 @@ from dovetail.frf.frf import (
     LARGEST_VALUE,
     LOW_COHERENCE,
     MOST_AVERAGES,
+    QUANTITIES,
     Frf,
+    Quantity,
     check_size,
     coherence_spectrum,
     coherence_with_model,
+    conversion,
     in_bands,
     poor_bands,
+    unit_of,
 )
-from dovetail.frf.quantity import QUANTITIES, Quantity, conversion, unit_of
 
 __all__ = [
     "HIGHEST_FREQUENCY",

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dovetail.errors import Fault, MeasurementError
-from dovetail.frf.quantity import QUANTITIES, Quantity, conversion, unit_of
 from dovetail.plain_text import html_table, terminal_text
 
 __all__ = [
@@ -17,12 +17,22 @@ __all__ = [
     "LARGEST_VALUE",
     "LOW_COHERENCE",
     "MOST_AVERAGES",
+    "QUANTITIES",
     "Frf",
+    "Quantity",
     "coherence_spectrum",
     "coherence_with_model",
+    "conversion",
     "in_bands",
     "poor_bands",
+    "unit_of",
 ]
+
+Quantity = Literal["receptance", "mobility", "accelerance"]
+QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
+
+_DERIVATIVES: dict[str, int] = {"receptance": 0, "mobility": 1, "accelerance": 2}
+_PER_TIME: dict[str, str] = {"receptance": "", "mobility": " s", "accelerance": " s^2"}
 
 LOW_COHERENCE = 0.9
 """Coherence below which two FRFs visibly differ: an amplitude by a factor of 2, or a phase by 37 degrees."""
@@ -35,6 +45,38 @@ LARGEST_VALUE = 1e100
 """In SI; the squares and products of values up to it are still numbers. One over it is the least largest value."""
 MOST_AVERAGES = 1_000_000
 _CORRECT = "Correct the unit or the columns, or remove these lines."
+
+
+def unit_of(quantity: Quantity, *, rotation: bool = False, moment: bool | None = None) -> str:
+    """Return the SI unit of an FRF of this quantity.
+
+    Parameters
+    ----------
+    quantity : Quantity
+    rotation : bool
+        Of a rotation instead of a displacement.
+    moment : bool, optional
+        By a moment instead of a force; by default as `rotation`.
+    """
+    below = ("N m" if (rotation if moment is None else moment) else "N") + _PER_TIME[quantity]
+    return f"{'rad' if rotation else 'm'}/{f'({below})' if ' ' in below else below}"
+
+
+def conversion(frequency: NDArray[np.inexact[Any]], source: Quantity, target: Quantity) -> NDArray[np.complex128]:
+    """Return the factor, a power of i omega, that turns `source` into `target`.
+
+    Parameters
+    ----------
+    frequency : (n_freq,) array
+        Hz; complex of an FRF under an exponential window.
+    source, target : {"receptance", "mobility", "accelerance"}
+
+    Returns
+    -------
+    (n_freq,) complex array
+    """
+    power = _DERIVATIVES[target] - _DERIVATIVES[source]
+    return np.asarray((2j * np.pi * frequency) ** power, dtype=np.complex128)
 
 
 def _frozen(values: ArrayLike, dtype: type[np.generic]) -> NDArray[np.generic]:

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import AAA
 
-from dovetail.frf.frf import Frf
-from dovetail.frf.quantity import conversion
+from dovetail.frf.frf import Frf, conversion
 
 __all__ = ["Resonances", "fit_resonances"]
 

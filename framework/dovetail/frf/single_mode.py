@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from dovetail.frf.frf import Frf
-from dovetail.frf.quantity import conversion
+from dovetail.frf.frf import Frf, conversion
 
 __all__ = ["UNKNOWNS", "SingleMode", "background_shapes"]
 

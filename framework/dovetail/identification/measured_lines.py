@@ -30,6 +30,9 @@ _RECIPROCITY, _EXCESS = 0.05, 3.0
 """Relative difference of two reciprocal FRFs that is reported, and its ratio to the one that random errors explain."""
 _LINES_OF_WIDTH = 2.0
 """Lines within the half-power width of a resonance below which this is reported."""
+_SHARP = 0.75
+"""Amplitude two lines from a peak, over that of the peak, below which it may be as narrow as two lines: one that is has
+0.45 to 0.62, by where the lines lie."""
 _FEWEST_OF_PEAK = 5
 """Lines of a measurement in which a peak has a width."""
 _MOST_GAPS = 5
@@ -201,7 +204,7 @@ class MeasuredLines:
         for (frf, _, where), values in zip(self._responses, fitted, strict=True):
             if len(frf.frequency) < _FEWEST_OF_PEAK:
                 continue
-            spacing, peaks = np.gradient(frf.frequency), resonance_peaks(frf)
+            spacing, peaks = np.gradient(frf.frequency), _sharp_peaks(frf)
             narrow = list[str]()
             for pole in fit_resonances([frf], [values]).poles if peaks.size else ():
                 lines = float(np.interp(pole.real, frf.frequency, spacing))
@@ -282,6 +285,14 @@ def roles_of(assembly: Assembly, frfs: Sequence[Frf]) -> list[Role]:
         Role(frf, _model_dof(description, response), _model_dof(description, response.force or response))
         for frf, response in zip(frfs, description.responses, strict=True)
     ]
+
+
+def _sharp_peaks(frf: Frf) -> NDArray[np.float64]:
+    """Return the peaks [Hz] from which the amplitude falls steeply within two lines, on both sides."""
+    peaks, amplitude = resonance_peaks(frf), frf.to("accelerance").amplitude
+    at = np.array([int(np.argmin(np.abs(frf.frequency - peak))) for peak in peaks], dtype=np.intp)
+    sides = np.maximum(amplitude[np.maximum(at - 2, 0)], amplitude[np.minimum(at + 2, len(amplitude) - 1)])
+    return peaks[sides < _SHARP * amplitude[at]]
 
 
 def batch_contradictions(assembly: Assembly, measured: Sequence[Frf | Sequence[Frf] | None]) -> dict[int, Fault]:

@@ -66,12 +66,9 @@ def by_network(
     resampled = measured.resampled(trained.assembly)
     amplitudes = accelerance_amplitudes(resampled)
     theta = trained.predict_parameters(amplitudes)[0]
-    if not np.isfinite(theta).all():
-        lost = [p.name for p, value in zip(assembly.parameters, theta, strict=True) if not np.isfinite(value)]
-        raise MeasurementError(
-            f"{resampled[0].label}: the network has no finite value for {listing(lost)}: this FRF is far from all it "
-            "was trained on. Check its quantity and units."
-        )
+    if lost := [p.name for p, value in zip(assembly.parameters, theta, strict=True) if not np.isfinite(value)]:
+        problem = f"{resampled[0].label}: the network has no finite value for {listing(lost)}"
+        raise MeasurementError(f"{problem}: this FRF is far from all it was trained on. Check its quantity and units.")
     verdict = None
     if trained.novelty is not None:
         amplitude = trained.assembly.accelerance_amplitude(theta).astype(np.float64)

@@ -14,7 +14,6 @@ from dovetail.errors import DovetailError, Fault, by_importance
 from dovetail.frf import Frf
 from dovetail.identification.adequacy.adequacy import Adequacy, AtPoint, plain_frf
 from dovetail.identification.fitting.fit import Fit
-from dovetail.identification.mode_pairs import Mode
 from dovetail.identification.parameters import IdentifiedParameter, TableRow, dataframe, inference_data, parameter_table
 from dovetail.identification.posterior.posterior import Posterior
 from dovetail.measurement import ModalParameters
@@ -25,6 +24,27 @@ __all__ = ["AtPoint", "Identification", "MatchedMode", "ModalIdentification", "M
 
 _CAVEAT = "The model does not fit the measurement: do not believe the numbers."
 """At most 80 characters of ASCII, the length of an id line in UFF."""
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A natural frequency of the identified model, with its resonance peaks.
+
+    Parameters
+    ----------
+    natural_frequency : float
+        Hz: the magnitude of the pole over 2 pi. NaN for a peak that belongs to no mode.
+    reconstructed_peak, measured_peak : float or None
+        Hz; where the amplitudes of the two accelerances peak, which damping shifts by some per cent from the natural
+        frequency: compare the two. None where the mode has no clear peak, as at a node of vibration.
+    damping_ratio : float or None
+        Of the critical damping. None in results of earlier versions, whose natural frequencies ignore damping.
+    """
+
+    natural_frequency: float
+    reconstructed_peak: float | None
+    measured_peak: float | None
+    damping_ratio: float | None = None
 
 
 class _Answer:

@@ -13,14 +13,13 @@ from dovetail.interfaces.context import FeatureContext, fit_in_context, takes_co
 from dovetail.interfaces.declarations import joint_faults, node_faults, parameter_faults, port_faults
 from dovetail.interfaces.file_name import FileName
 from dovetail.interfaces.joint import JointModel, Omission, Parameter, Port, Prior, Scale
-from dovetail.interfaces.matrices import DIRECTIONS, StructuralMatrices
+from dovetail.interfaces.matrices import DIRECTIONS, SparseMatrices, StructuralMatrices
 from dovetail.interfaces.method import Estimate, IdentificationMethod, IdentificationProblem
 from dovetail.interfaces.option_schema import option_schema
 from dovetail.interfaces.progress import Progress, logged, progress_reporter, silent
 from dovetail.interfaces.reader import FrfReader, RecordedFrf
 from dovetail.interfaces.reducer import FittedReducer, Reducer
 from dovetail.interfaces.regressor import Epoch, FittedRegressor, Regressor, TargetDistribution, spread_normal
-from dovetail.interfaces.sparse_matrices import SparseMatrices
 from dovetail.interfaces.state import State
 from dovetail.interfaces.substructure import Node, SubstructureModel
 

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from dovetail.errors import Fault, PluginError
 from dovetail.interfaces.component import Component, Kind
-from dovetail.interfaces.matrices import DIRECTIONS, StructuralMatrices
-from dovetail.interfaces.sparse_matrices import SparseMatrices
+from dovetail.interfaces.matrices import DIRECTIONS, SparseMatrices, StructuralMatrices
 
 __all__ = ["Node", "SubstructureModel"]
 

@@ -10,11 +10,10 @@ from dovetail.evaluation import Compared, Comparison
 from dovetail.evaluation.cases import Case
 from dovetail.identification.posterior import NOT_BELIEVED
 from dovetail.identification.result import caveats_of
-from dovetail.report.charts import as_data, chart_data
+from dovetail.plain_text import ABSENT, display_unit, fixed, hertz, number
 from dovetail.report.comparison_figures import parameter_comparison
-from dovetail.report.pages import write_page
+from dovetail.report.pages import as_data, chart_data, write_page
 from dovetail.report.svg import page_figure
-from dovetail.report.wording import ABSENT, display_unit, fixed, hertz, number
 
 __all__ = ["coherence_rows", "frequency_rows", "parameter_value_rows", "time_rows", "write_comparison"]
 

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dovetail.evaluation import Comparison
-from dovetail.plain_text import terminal_text
+from dovetail.plain_text import display_unit, terminal_text
 from dovetail.report.figures import INK, LINES, MARKERS, panel_grid, set_title
-from dovetail.report.wording import display_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -17,8 +17,8 @@ from dovetail.frf.resonance_peaks import counterpart
 from dovetail.identification import AtPoint, Fit, Identification, ModalIdentification, Mode, Posterior, TableRow
 from dovetail.identification.parameters import place_on_range
 from dovetail.identification.posterior import FIXED
+from dovetail.plain_text import ABSENT, display_unit, fixed, hertz, number, readable
 from dovetail.report.truth import Truth
-from dovetail.report.wording import ABSENT, display_unit, fixed, hertz, number, readable
 from dovetail.units import format_quantity
 
 __all__ = [

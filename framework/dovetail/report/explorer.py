@@ -23,11 +23,11 @@ from dovetail.identification.measured_lines import MeasuredLines
 from dovetail.identification.provenance import provenance
 from dovetail.identification.reconstruction import reconstruct
 from dovetail.interfaces import Progress, silent
-from dovetail.report.charts import chart_data, curve_data
+from dovetail.plain_text import display_unit
 from dovetail.report.content import verdict
 from dovetail.report.drawing import mode_shapes
+from dovetail.report.pages import chart_data, curve_data
 from dovetail.report.report import write_report
-from dovetail.report.wording import display_unit
 
 __all__ = ["SAVED", "Explorer"]
 

@@ -15,8 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dovetail.atomic_files import write_whole
 from dovetail.frf import Frf
-from dovetail.plain_text import terminal_text
-from dovetail.report.wording import unit_text
+from dovetail.plain_text import terminal_text, unit_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

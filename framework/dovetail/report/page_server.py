@@ -16,9 +16,8 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from dovetail.errors import DovetailError
-from dovetail.report.charts import web_text
 from dovetail.report.explorer import SAVED, Explorer
-from dovetail.report.pages import environment
+from dovetail.report.pages import environment, web_text
 from dovetail.version import __version__
 
 __all__ = ["PageServer"]

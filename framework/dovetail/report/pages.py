@@ -1,20 +1,42 @@
-"""Self-contained HTML pages from the templates, with their styles and scripts; they load nothing."""
+"""Self-contained HTML pages from the templates, which load nothing, and the data and scripts of their charts."""
 
 from __future__ import annotations
 
+import base64
+import hashlib
+import json
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 from dovetail.atomic_files import write_whole
-from dovetail.plain_text import terminal_text
-from dovetail.report.charts import chart_scripts
+from dovetail.frf import Frf
+from dovetail.plain_text import terminal_text, unit_text
+from dovetail.report.figures import PHASE_CENTRE
 from dovetail.version import __version__
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-__all__ = ["environment", "write_page"]
+__all__ = [
+    "as_data",
+    "chart_data",
+    "chart_scripts",
+    "curve_data",
+    "environment",
+    "packed",
+    "script_hash",
+    "thinned",
+    "web_text",
+    "write_page",
+]
+
+_WEB = Path(__file__).parent / "web"
 
 
 def environment() -> Environment:
@@ -53,3 +75,128 @@ def write_page(path: str | Path, template: str, content: dict[str, Any], *, char
     page = environment().get_template(template).render(content | around)
     write_whole(Path(path), page.encode("utf-8", errors="replace"), overwrite=True)
     return Path(path)
+
+
+def chart_data(
+    title: str,
+    curves: Mapping[str, tuple[str, Frf]],
+    *,
+    coherence: ArrayLike | Mapping[str, ArrayLike] | None = None,
+    natural: Iterable[float] = (),
+    bands: Iterable[tuple[float, float]] = (),
+    most: int | None = None,
+) -> dict[str, Any]:
+    """Return the data for `DovetailCharts.FrfChart` as plain values.
+
+    Parameters
+    ----------
+    title : str
+        Text for screen readers.
+    curves : mapping of str to (str, Frf)
+        Label and FRF by role: "measured", "model", "before", or "method-0", "method-1" and so on; all of the same
+        quantity and on the same lines.
+    coherence : (n_freq,) array or mapping of str to (n_freq,) array, optional
+        Of the measured and the reconstructed FRF; by role if there are several.
+    natural : iterable of float
+        Natural frequencies [Hz], which are marked.
+    bands : iterable of (float, float)
+        Bands [Hz], which are shaded.
+    most : int, optional
+        Approximate number of lines that are kept, including peaks and dips.
+
+    Returns
+    -------
+    dict
+    """
+    first = next(iter(curves.values()))[1]
+    lines = np.arange(first.frequency.size)
+    if most is not None:
+        lines = thinned([frf.amplitude for _, frf in curves.values()], most)
+    agreement = coherence if isinstance(coherence, Mapping) else {}
+    single = None if isinstance(coherence, Mapping) else coherence
+    return {
+        "title": terminal_text(title),
+        "frequency": packed(first.frequency[lines]),
+        "quantity": first.quantity.capitalize(),
+        "unit": unit_text(first.unit),
+        "centre": PHASE_CENTRE[first.quantity],
+        "curves": [
+            {"role": role, "label": terminal_text(label), **curve_data(frf.values[lines], phase=frf.has_phase)}
+            | ({"coherence": packed(np.asarray(agreement[role])[lines])} if role in agreement else {})
+            for role, (label, frf) in curves.items()
+        ],
+        "coherence": None if single is None else packed(np.asarray(single)[lines]),
+        "natural": [round(float(frequency), 2) for frequency in natural if np.isfinite(frequency)],
+        "bands": [[float(low), float(high)] for low, high in bands],
+    }
+
+
+def curve_data(values: NDArray[np.complex128], *, phase: bool = True) -> dict[str, str | None]:
+    """Return amplitude and phase [deg] of complex values, packed."""
+    return {
+        "amplitude": packed(np.abs(values)),
+        "phase": packed(np.rad2deg(np.angle(values))) if phase else None,
+    }
+
+
+def packed(values: ArrayLike) -> str:
+    """Encode numbers as base64 of little-endian 32-bit floats."""
+    return base64.b64encode(np.asarray(values).astype("<f4").tobytes()).decode("ascii")
+
+
+def thinned(amplitudes: Sequence[NDArray[np.float64]], most: int) -> NDArray[np.intp]:
+    """Return the indices of the lines to draw: the highest and the lowest of each curve in each bin.
+
+    Parameters
+    ----------
+    amplitudes : sequence of (n_freq,) arrays
+    most : int
+        Approximate number of lines that are kept.
+
+    Returns
+    -------
+    (<= most,) array
+        Increasing, including the first and the last line; all lines if there are no more than `most`.
+    """
+    count = amplitudes[0].size
+    if count <= most:
+        return np.arange(count)
+    bins = np.array_split(np.arange(count), max(1, (most - 2) // (2 * len(amplitudes))))
+    kept = {0, count - 1}
+    for values in amplitudes:
+        for lines in bins:
+            kept |= {int(lines[np.argmin(values[lines])]), int(lines[np.argmax(values[lines])])}
+    return np.array(sorted(kept), dtype=np.intp)
+
+
+def as_data(content: object) -> Any:
+    """Return plain values as JSON that is safe inside an element of a page."""
+    from markupsafe import Markup
+
+    return Markup(json.dumps(content, ensure_ascii=True, allow_nan=False).replace("<", "\\u003c"))
+
+
+def chart_scripts(*, charts: bool) -> dict[str, Any]:
+    """Return the scripts that draw the charts, their hashes for the page's content security policy, and the styles.
+
+    Without charts there are no scripts, and only the styles that all pages share.
+    """
+    from markupsafe import Markup
+
+    if not charts:
+        return {"scripts": [], "hashes": Markup("'none'"), "chart_styles": Markup(web_text("charts.css"))}
+    scripts = [web_text("vendor/uPlot.iife.min.js"), web_text("charts.js"), "DovetailCharts.drawAll();\n"]
+    styles = web_text("vendor/uPlot.min.css") + "\n" + web_text("charts.css")
+    hashes = Markup(" ".join(script_hash(script) for script in scripts))
+    return {"scripts": [Markup(s) for s in scripts], "hashes": hashes, "chart_styles": Markup(styles)}
+
+
+@cache
+def web_text(name: str) -> str:
+    """Return the text of a bundled script or style, such as ``"charts.js"``."""
+    return (_WEB / name).read_text(encoding="utf-8")
+
+
+def script_hash(script: str) -> str:
+    """Return the hash of a script for a content security policy."""
+    return f"'sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()}'"

@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from dovetail.evaluation import ValidatedCase, Validation
-from dovetail.report.charts import as_data, chart_data
-from dovetail.report.pages import write_page
+from dovetail.plain_text import ABSENT, fixed, hertz
+from dovetail.report.pages import as_data, chart_data, write_page
 from dovetail.report.svg import page_figure
 from dovetail.report.validation_figures import series_figure
-from dovetail.report.wording import ABSENT, fixed, hertz
 
 __all__ = ["write_validation"]
 
