@@ -29,6 +29,8 @@ _SQUARE = re.compile(r"(?<=[a-z])2(?![\d.])|²")
 _GRAVITY = re.compile(r"^\(?[gG]\)?(?=\s*/|$)")
 _NO_LABEL = ("", "none")
 _ANGLE = re.compile(r"rad|deg|°", re.IGNORECASE)
+_GLUED = re.compile(r"\b[munkc]?ms\s?\^?\s?-\s?[12]\b|\b[munkc]?ms[⁻][¹²]")
+"""Metres per second or its square, written without a sign between the two, which pint reads as milliseconds."""
 _DECIBEL = re.compile(r"\bdb", re.IGNORECASE)
 _NO_MOTION = re.compile(r"strain|%|ppm|percent|permille|count|^1\s*/\s*[^*·\s]+$")
 """Numerators without a dimension, which with a force look like a displacement per moment."""
@@ -100,7 +102,7 @@ def meaning_of_unit(label: str, where: str) -> UnitMeaning:
     spelled_so = [(q, r, m) for q, r, m in kinds if unit_of(q, rotation=r, moment=m) == text]
     for quantity, rotation, moment in spelled_so or kinds:  # the spelling of Dovetail's own files needs no pint
         factor = conversion_factor(text, unit_of(quantity, rotation=rotation, moment=moment))
-        if factor is not None and not _NO_MOTION.search(text):
+        if factor is not None and not _NO_MOTION.search(text) and not _GLUED.search(text):
             return UnitMeaning(quantity, factor, rotation, moment)
     accepted = "a motion per force or moment, such as um/N, mm/s/N, m/s^2/N, g/N, in/lbf, rad/(N m)"
     problem = f"the unit '{label[:_SHOWN]}' is not understood."

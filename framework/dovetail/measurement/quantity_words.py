@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from typing import NamedTuple
 
 from dovetail.frf import Quantity
-from dovetail.measurement.frf_units import read_unit
+from dovetail.measurement.frf_units import frequency_factor, read_unit
 
-__all__ = ["Label", "inverse_quantity", "read_label", "word_set", "words_of"]
+__all__ = ["Label", "axis_unit_in_name", "inverse_quantity", "read_label", "unit_in_name", "word_set", "words_of"]
 
 _RATIOS: dict[str, Quantity] = {
     **dict.fromkeys(("receptance", "compliance", "flexibility", "nachgiebigkeit"), "receptance"),
@@ -48,6 +49,8 @@ _MULTIPLIED = re.compile(
     r"[*\u00d7·^|]|(?<![\w.])\d+\.\d|\d[eE][+-]?\d|(?<![a-zA-Z])[xX]\s?\d{2,}|\b1/(?=[a-zA-Z(])|\d{4,}(?!\w)"
 )
 """What multiplies or raises a value, in a label without its units."""
+_ANGULAR = frozenset(("omega", "angular", "circular", "kreisfrequenz", "w"))
+"""Words of frequencies in radians per second."""
 _BRACKET = re.compile(r"[\[(]([^\[\]()]*(?:\([^()]*\)[^\[\]()]*)*)[\])]")
 
 
@@ -103,6 +106,30 @@ def read_label(text: str) -> Label:
         units=units,
         unclear=unclear[0].strip() if unclear else "",
     )
+
+
+def unit_in_name(name: str) -> str:
+    """Return the unit of a motion per load at the end of a name, as in ``H_g_per_N``; empty without one."""
+    for unit in _endings(name):
+        reading = read_unit(unit) if "/" in unit else None
+        if reading is not None and reading.kind == "ratio":
+            return unit
+    return ""
+
+
+def axis_unit_in_name(name: str) -> str:
+    """Return the unit of a frequency that a name states, as ``f_kHz`` or ``omega`` does; empty without one."""
+    for unit in _endings(name):
+        if frequency_factor(unit) is not None:
+            return unit
+    return "rad/s" if _ANGULAR & set(words_of(name)) else ""
+
+
+def _endings(name: str) -> Iterator[str]:
+    """Yield the last words of a name as a unit, the longest first: of ``f_rad_s`` ``rad/s``, then ``s``."""
+    words = [word for word in re.split(r"[\s_.]+", name) if word.lower() != "per"]
+    for first in range(1, len(words)):
+        yield "/".join(words[first:])
 
 
 def inverse_quantity(text: str) -> str:

@@ -24,6 +24,7 @@ from dovetail.measurement.formats.column_names import (
 )
 from dovetail.measurement.formats.even_axis import with_even_axis
 from dovetail.measurement.formats.unused_entries import read_unused
+from dovetail.measurement.quantity_words import axis_unit_in_name, unit_in_name
 from dovetail.measurement.recording import ReadOptions, Recording, parse_quantity
 from dovetail.measurement.statements import Statement, check_axis, fields_of, interpret
 
@@ -94,6 +95,11 @@ def _statements(archive: Archive, names: Mapping[str, str]) -> list[Statement]:
     for field_name in VALUE_FIELDS & set(names):
         name = re.split(r"[/.]", names[field_name])[-1]
         statements.append(Statement("label", name, f"{archive.path}  {names[field_name]}"))
+        if unit := unit_in_name(name):
+            statements.append(Statement("unit", unit, f"{archive.path}  {names[field_name]}"))
+    axis = names["frequency"]
+    if unit := axis_unit_in_name(re.split(r"[/.]", axis)[-1]):
+        statements.append(Statement("axis unit", unit, f"{archive.path}  {axis}"))
     return statements
 
 

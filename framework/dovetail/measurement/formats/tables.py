@@ -31,6 +31,7 @@ from dovetail.measurement.formats.column_names import (
 from dovetail.measurement.formats.text_tables import TextTable, find_rows, find_table, read_rows, split_lines
 from dovetail.measurement.free_text import FreeText, read_texts
 from dovetail.measurement.frf_units import UnitMeaning, UnitReading, meaning_of_unit, read_unit
+from dovetail.measurement.quantity_words import axis_unit_in_name, unit_in_name
 from dovetail.measurement.recording import (
     ReadOptions,
     Recording,
@@ -309,10 +310,12 @@ def _statements(
     comments: Mapping[str, str],
 ) -> list[Statement]:
     """Return what the header and the comments above it state."""
-    statements = [Statement("axis unit", axis, where)] if axis else []
+    axes = dict.fromkeys((axis, axis_unit_in_name(names[columns["frequency"]])))
+    statements = [Statement("axis unit", stated, where) for stated in axes if stated]
     statements += [Statement("unit", unit, where)] if unit else []
     labels = [names[columns[field]] for field in VALUE_FIELDS if field in columns]
     statements += [Statement("label", label, where) for label in labels if label not in _PLAIN]
+    statements += [Statement("unit", stated, where) for label in labels if (stated := unit_in_name(label))]
     if word := comments.get("quantity", ""):
         statements.append(Statement("quantity", word, comments["quantity stands in"]))
     return statements

@@ -10,7 +10,7 @@ import contextlib
 import csv
 import re
 from array import array
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -35,6 +35,8 @@ _MOST_ABOVE = 10_000
 """Largest number of lines above a table; the longest headers of analysers have some hundred."""
 _LONGEST_LINE = 100_000
 """Characters of the longest line: a row or a header of a thousand impacts."""
+_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+")
+"""A number whose commas may mark thousands."""
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f]")
 """Bytes that do not occur in text of a single-byte encoding; form feeds and tabs do."""
 _UNIVERSAL = re.compile(rb"\s*-1[ \t]*\r?\n *(\d+[ \t]*\r?\n|58b )")
@@ -345,6 +347,7 @@ def read_rows(
                 values.append(value.imag)
     if not numbers:
         raise MeasurementError(Fault(table.where, "there is no line after the header."))
+    _check_thousands(table.where, marks)
     if end == len(table.lines):
         check_end(table.where, table.lines)
     kind = np.float64 if complex_column is None else np.complex128
@@ -377,9 +380,18 @@ def _decimal_point(text: str, marks: dict[str, int], where: str, number: int) ->
     for mark in ",.":
         if mark in text:
             marks.setdefault(mark, number)
-    if len(marks) > 1:
+    if {",", "."} <= marks.keys():
         problem = (
-            f"numbers have a comma (line {marks[',']}) and a point (line {marks['.']}): which is decimal is not told."
+            f"numbers have a comma (line {marks[',']}) and a point (line {marks['.']}): which is decimal is unknown."
         )
         raise MeasurementError(Fault(where, problem, "one decimal mark, and no marks of thousands"))
+    if "," in text:
+        marks.setdefault("thousands" if _THOUSANDS.fullmatch(text) else "decimals", number)
     return text.replace(",", ".")
+
+
+def _check_thousands(where: str, marks: Mapping[str, int]) -> None:
+    """Refuse commas that may all mark thousands, as in ``1,000``: no number shows that they are decimal."""
+    if "thousands" in marks and "decimals" not in marks:
+        problem = "the comma in a number may be decimal or mark thousands."
+        raise MeasurementError(Fault(f"{where}:{marks['thousands']}", problem, "numbers without marks of thousands"))
