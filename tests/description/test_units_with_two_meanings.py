@@ -9,7 +9,7 @@ import pytest
 
 from dovetail import load
 from dovetail.errors import DovetailError, UnitError
-from dovetail.units import find_homonym, to_si
+from dovetail.units import find_homonym, is_unit, to_si
 
 TWO_MEANINGS = [
     ("ton", "kg"), ("tons", "kg"), ("kton", "kg"), ("mt", "kg"), ("gr", "kg"), ("cwt", "kg"), ("quarter", "kg"),
@@ -41,6 +41,11 @@ ONE_MEANING = [
 @pytest.mark.parametrize(("unit", "target", "factor"), ONE_MEANING)
 def test_a_unit_with_one_meaning_in_mechanics_is_read(unit: str, target: str, factor: float) -> None:
     assert to_si(f"1 {unit}", target) == pytest.approx(factor, rel=1e-5)
+
+
+@pytest.mark.parametrize("unit", ["1", "N/m", "1/s", "N m s/rad"])
+def test_a_parameter_may_be_declared_in_a_unit_or_as_a_pure_number(unit: str) -> None:
+    assert is_unit(unit)
 
 
 def test_every_short_name_of_a_mass_or_a_force_is_unique_or_refused() -> None:

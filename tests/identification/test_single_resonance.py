@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import dovetail
+from dovetail.identification.adequacy.adequacy import Adequacy
 from dovetail.identification.fitting import refinement
 from dovetail.identification.posterior.model_error import ModelError
 
@@ -130,3 +131,13 @@ def test_unknown_sizes_are_not_in_the_sentence():
     assert size.describe() == "amplitudes are off by 10 %, and what none of these explains is 2 % of the FRF"
     assert size.within(ModelError(0.01, magnitude=0.2, other=0.1))
     assert not size.within(ModelError(0.01, magnitude=0.05, other=0.1))
+
+
+@pytest.mark.parametrize("word", ["good", "rough", "does not fit"])
+@pytest.mark.parametrize("known", [{}, {"damping": 0.1}])
+def test_a_sentence_is_whole_where_no_error_is_known(word, known):
+    unknown = dict.fromkeys(("damping", "magnitude", "phase", "background"), np.nan)
+    sentence = Adequacy(word, ModelError(np.nan, **(unknown | known))).sentence
+    assert sentence.startswith("The model ")
+    assert ("off by" in sentence) == bool(known)
+    assert not any(gap in sentence for gap in (" .", ":.", "unless."))

@@ -182,9 +182,10 @@ class Adequacy:
         """The word with the figures behind it."""
         if self.size is None:
             return f"The model fits {self.word}." if self.word == "to the noise" else ""
-        heads = {"good": "The model fits well:", "rough": "The model fits roughly:"}
+        heads = {"good": "The model fits well", "rough": "The model fits roughly"}
         unknown = [_KINDS[name] for name in self.size.unknown if name in _KINDS]
-        known = f"{heads.get(self.word, 'The model does not fit, unless')} {self.size.describe()}."
+        head, errors = heads.get(self.word, "The model does not fit"), self.size.describe()
+        known = f"{head}{':' if self.word in heads else ', unless'} {errors}." if errors else f"{head}."
         return (
             f"{known} Errors of {listing(unknown)} are unknown: this measurement does not show them."
             if unknown
