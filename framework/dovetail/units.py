@@ -149,6 +149,8 @@ def to_fraction(value: object) -> float:
 @cache
 def is_unit(unit: str) -> bool:
     """Return whether `unit` is a unit in pint's spelling to which values can be converted; ``"1"`` is a unit."""
+    if unit == "1":
+        return True
     try:
         _factor(unit, unit, unit)
     except UnitError:
