@@ -307,10 +307,11 @@ class DampedModes:
         laws = [law for _, law in self._laws(theta, row)]
         M, K, C, D = MKCD
         _check_mass(M.diagonal())
-        joined = abs(M) + abs(K) + abs(C) + abs(D)
+        joined, inertia = abs(M) + abs(K) + abs(C) + abs(D), M.diagonal()
         for L, stiffness in laws:
-            joined = joined + placed(L, np.abs(stiffness.at(2j * np.pi * _ANY)[0]))
-        active = dofs_with_inertia(joined != 0, M.diagonal())
+            own = placed(L, np.abs(stiffness.at(2j * np.pi * _ANY)[0]))
+            joined, inertia = joined + own, inertia + own.diagonal()  # which may have masses within
+        active = dofs_with_inertia(joined != 0, inertia)
         if not len(active):
             return _NONE[0], np.empty((0, M.shape[0]))
         M, K, C, D = (matrix[active][:, active] for matrix in MKCD)

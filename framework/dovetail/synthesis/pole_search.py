@@ -24,6 +24,9 @@ _STRAIN_FLOOR = 1e-13
 """As for undamped modes; see `natural_frequencies`."""
 _DOUBTFUL = 1e-9
 """The same, below which a shape may be that of a rigid-body mode with errors of the eigenvector."""
+_NEAR_ZERO = 1e-5
+"""Magnitude of a pole, over the root of all stiffness over all mass, below which the same holds: a double zero has
+errors of the root of rounding, 1e-8, and a mass that nothing holds a shape with the strain of rounding alone."""
 _CONVERGED = 1e-6
 """Relative change of a pole in the last step; convergence is cubic, so that another step would change nothing."""
 _MOST_ITERATIONS = 12
@@ -142,7 +145,8 @@ def all_poles(A: Any, C: Any, M: Any, wanted: Wanted) -> Iterator[tuple[Any, Any
     bodies. The Rayleigh quotient with its eigenvector gives the pole to rounding.
     """
     inertia, stiffness = (np.diagonal(part.real, axis1=1, axis2=2).sum(axis=1) for part in (M, A))
-    z = np.sqrt(np.where(stiffness > 0.0, stiffness / inertia, 1.0))[:, np.newaxis, np.newaxis]
+    both = (stiffness > 0.0) & (inertia > 0.0)  # joints that depend on frequency may have less than no mass near one
+    z = np.sqrt(np.divide(stiffness, inertia, out=np.ones(len(M)), where=both))[:, np.newaxis, np.newaxis]
     below = -np.linalg.solve(A + z * (C + z * M), np.concatenate([z**2 * M, z * (C + 2.0 * z * M)], axis=2))
     above = np.broadcast_to(np.eye(M.shape[1], 2 * M.shape[1], M.shape[1]), below.shape)
     values, vectors = np.linalg.eig(np.concatenate([above, below], axis=1))
@@ -150,6 +154,10 @@ def all_poles(A: Any, C: Any, M: Any, wanted: Wanted) -> Iterator[tuple[Any, Any
         poles = z[:, 0] * (1.0 + 1.0 / values)
     for row, (s, X) in enumerate(zip(poles, vectors[:, : M.shape[1]].swapaxes(1, 2), strict=True)):
         turning = np.isfinite(s) & (s.imag > wanted.least_turn * np.abs(s)) & _deforms(A[row].real, X)
+        doubtful = (np.abs(s) < _NEAR_ZERO * z[row, 0]) | ~_deforms(A[row].real, X, _DOUBTFUL)
+        for index in np.flatnonzero(turning & doubtful):  # iteration finds which are rigid
+            s[index], X[index] = iterated(Pencil(A[row], C[row], M[row]), s[index], X[index])
+            turning[index] = np.isfinite(s[index]) and bool(_deforms(A[row].real, X[index : index + 1])[0])
         lowest = np.flatnonzero(turning)[wanted.lowest(s[turning])]
         s, X = s[lowest], X[lowest]
         quotient = s - _rayleigh(A[row], C[row], M[row], s, X)
@@ -196,16 +204,7 @@ def few_poles(pencil: Pencil, wanted: Wanted) -> tuple[NDArray[np.complex128], N
     if pencil.joints:
         return _swept(pencil, wanted)
     A, C, M = (matrix[np.newaxis] for matrix in (pencil.A, pencil.C, pencil.M))
-    ((poles, shapes),) = all_poles(A, C, M, replace(wanted, count=wanted.count + _RIGID_BODY_MODES))
-    elastic = np.ones(len(poles), dtype=np.bool_)
-    for index in np.flatnonzero(~_deforms(pencil.A.real, shapes, _DOUBTFUL)):  # iteration finds which are rigid
-        s, x = iterated(pencil, poles[index], shapes[index])
-        elastic[index] = np.isfinite(s) and bool(_deforms(pencil.A.real, x[np.newaxis])[0])
-        if elastic[index]:
-            poles[index], shapes[index] = s, x
-    poles, shapes = poles[elastic], shapes[elastic]
-    order = wanted.lowest(poles)
-    return poles[order], shapes[order]
+    return next(all_poles(A, C, M, wanted))
 
 
 def searched(
