@@ -176,7 +176,7 @@ class DampedModes:
     def _change(self, name: str, s: Any, x: Any, changes: Any, theta: Theta, row: int) -> NDArray[np.complex128]:
         """Return x^T (dZ/dp) x of a joint for each pole and each parameter, (k, n_params)."""
         if changes is not None:
-            m, k, c, eta = np.einsum("ni,apij,nj->anp", x, changes[:, :, row], x)
+            m, k, c, eta = np.sum((x @ changes[:, :, row]) * x, axis=-1).swapaxes(1, 2)
             return np.asarray(k + 1j * eta + s[:, np.newaxis] * (c + s[:, np.newaxis] * m))
         model = next(model for joint, model, _ in self._joints if joint == name)
         vector = theta[name][row : row + 1]

@@ -153,8 +153,9 @@ def all_poles(A: Any, C: Any, M: Any, wanted: Wanted) -> Iterator[tuple[Any, Any
     with np.errstate(divide="ignore", invalid="ignore"):  # massless DOFs have infinite poles
         poles = z[:, 0] * (1.0 + 1.0 / values)
     for row, (s, X) in enumerate(zip(poles, vectors[:, : M.shape[1]].swapaxes(1, 2), strict=True)):
-        turning = np.isfinite(s) & (s.imag > wanted.least_turn * np.abs(s)) & _deforms(A[row].real, X)
-        doubtful = (np.abs(s) < _NEAR_ZERO * z[row, 0]) | ~_deforms(A[row].real, X, _DOUBTFUL)
+        strain, largest = _strain(A[row].real, X)
+        turning = np.isfinite(s) & (s.imag > wanted.least_turn * np.abs(s)) & (strain > _STRAIN_FLOOR * largest)
+        doubtful = (np.abs(s) < _NEAR_ZERO * z[row, 0]) | (strain <= _DOUBTFUL * largest)
         for index in np.flatnonzero(turning & doubtful):  # iteration finds which are rigid
             s[index], X[index] = iterated(Pencil(A[row], C[row], M[row]), s[index], X[index])
             turning[index] = np.isfinite(s[index]) and bool(_deforms(A[row].real, X[index : index + 1])[0])
@@ -164,11 +165,16 @@ def all_poles(A: Any, C: Any, M: Any, wanted: Wanted) -> Iterator[tuple[Any, Any
         yield np.where(np.abs(quotient - s) < 1e-3 * np.abs(s), quotient, s), X
 
 
-def _deforms(K: Any, X: NDArray[np.complex128], floor: float = _STRAIN_FLOOR) -> NDArray[np.bool_]:
-    """Return which shapes (k, d) deform the structure; others are rigid-body modes."""
+def _strain(K: Any, X: NDArray[np.complex128]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the strain energy of each shape (k, d), and the largest possible one with its amplitudes."""
     strain = np.sum(X.conj() * (K @ X.T).T, axis=1).real
-    largest = np.sum(np.abs(X) * (abs(K) @ np.abs(X).T).T, axis=1)
-    return np.asarray(strain > floor * largest)
+    return strain, np.sum(np.abs(X) * (abs(K) @ np.abs(X).T).T, axis=1)
+
+
+def _deforms(K: Any, X: NDArray[np.complex128]) -> NDArray[np.bool_]:
+    """Return which shapes (k, d) deform the structure; others are rigid-body modes."""
+    strain, largest = _strain(K, X)
+    return np.asarray(strain > _STRAIN_FLOOR * largest)
 
 
 def _rayleigh(A: Any, C: Any, M: Any, s: Any, X: Any) -> Any:
