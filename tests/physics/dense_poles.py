@@ -12,6 +12,7 @@ from itertools import islice
 
 import numpy as np
 from dense_solve import DenseAssembly, merged_entries
+from element_formulas import Element
 from scipy.linalg import eig
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
@@ -23,6 +24,8 @@ _TURN = 0.02
 _SAME = 1e-7
 _MOST = 20
 """Starts that are refined: six poles are compared, and a few are of rigid-body modes; ten times as many in a sweep."""
+_ENOUGH = 12
+"""Poles of a sweep after which it ends: twice as many as are compared, from starts by increasing magnitude."""
 _FAR = 1e7
 """Hz; what is beyond it is infinite."""
 
@@ -35,21 +38,25 @@ class _Problem:
         self._numbers = dense.numbering(rigid=rigid)
         self._axis = dense.frequency
         self._active = np.arange(int(self._numbers.max(initial=-1)) + 1)
-        self._constant: tuple[list[np.ndarray], list[np.ndarray]] | None = None
+        self._constant = self._sums(dense.elements(theta, varying=False))
         (M, *_), magnitudes = self.matrices(100.0)
         _, group = connected_components(coo_array(sum(magnitudes) > 0), directed=False)
         moving = np.diag(M).real > 0
         self._active = np.flatnonzero(np.isin(group, group[moving]))
-        if not dense.depends_on_frequency():
-            self._constant = self.matrices(100.0)
 
     def matrices(self, frequency: complex) -> tuple[list[np.ndarray], list[np.ndarray]]:
         """M, K, C and D at a frequency [Hz], which may be complex, and the sums of the terms' magnitudes."""
-        if self._constant is not None:
-            return self._constant
-        self._dense.frequency = np.array([frequency])
-        elements = self._dense.elements(self._theta)
-        self._dense.frequency = self._axis
+        totals, magnitudes = self._constant
+        if self._dense.depends_on_frequency():
+            self._dense.frequency = np.array([frequency])
+            varying = self._sums(self._dense.elements(self._theta, constant=False))
+            self._dense.frequency = self._axis
+            totals, magnitudes = totals + varying[0], magnitudes + varying[1]
+        among = np.ix_(self._active, self._active)
+        return [matrix[among] for matrix in totals], [matrix[among].real for matrix in magnitudes]
+
+    def _sums(self, elements: Sequence[Element]) -> tuple[np.ndarray, np.ndarray]:
+        """M, K, C and D of some elements over all DOFs, and the sums of the terms' magnitudes."""
         size = int(self._numbers.max(initial=-1)) + 1
         totals, magnitudes = np.zeros((2, 4, size, size), dtype=complex)
         for element in elements:
@@ -60,8 +67,7 @@ class _Problem:
                 values = values[0] if values.ndim == 3 else np.broadcast_to(values, (len(element.dofs),) * 2)
                 totals[kind][where] += L.T @ values @ L
                 magnitudes[kind][where] += L.T @ abs(values) @ L
-        among = np.ix_(self._active, self._active)
-        return [matrix[among] for matrix in totals], [matrix[among].real for matrix in magnitudes]
+        return totals, magnitudes
 
     def at(self, s: complex) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Z, dZ/ds and the sum of the magnitudes of the terms of Z."""
@@ -81,6 +87,8 @@ def damped_poles(dense: DenseAssembly, theta: Sequence[float], *, rigid: bool = 
     rounding: list[float] = []
     sweep = dense.depends_on_frequency()  # in which every pole comes several times
     for s, x in islice(sorted(_starts(problem, sweep), key=lambda start: abs(start[0])), _MOST * (1 + 9 * sweep)):
+        if sweep and len(poles) == _ENOUGH:
+            break
         if sweep and (abs(np.array(poles) - s) < 1e-3 * abs(s)).any():
             continue
         s, moved = _refined(problem, s, x)
@@ -97,7 +105,8 @@ def _starts(problem: _Problem, depends: bool) -> Iterator[tuple[complex, np.ndar
         (M, K, C, D), _ = problem.matrices(frequency)
         if not len(M):
             continue
-        scale = 1 / np.sqrt(np.maximum(abs(np.diag(K)), 1e-300) + (2 * np.pi * 100.0) ** 2 * np.diag(M).real)
+        own, w = [np.diag(matrix) for matrix in (M, K, C)], 2 * np.pi * 100.0
+        scale = 1 / np.sqrt(abs(own[1]) + w * abs(own[2]) + w**2 * abs(own[0]))
         M, K, C, D = (matrix * scale[:, np.newaxis] * scale for matrix in (M, K, C, D))
         zero, one = np.zeros(M.shape), np.eye(len(M))
         w = 1e-2 * np.sqrt(np.linalg.norm(K) / np.linalg.norm(M))

@@ -273,10 +273,12 @@ class DenseAssembly:
         part, label, direction = point
         return self.parts[part].nodes[label][("x", "rz").index(direction)]
 
-    def elements(self, theta: Sequence[float]) -> list[Element]:
-        """All elements, the ground's left out."""
+    def elements(self, theta: Sequence[float], *, constant: bool = True, varying: bool = True) -> list[Element]:
+        """All elements but the ground's, or only those of joints with or without constant matrices."""
         values = self._values(theta)
-        return [*self._parts_elements, *(e for name in self._joints for e in self._joint_elements(name, values[name]))]
+        chosen = [name for name, joint in self._joints.items() if (varying if joint["model"] == "rubber" else constant)]
+        parts = self._parts_elements if constant else []
+        return [*parts, *(e for name in chosen for e in self._joint_elements(name, values[name]))]
 
     def _sum(self, elements: Sequence[Element], numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Z over the reduced DOFs (n_freq, n, n), and the sum of the magnitudes of its terms."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ import dovetail
 from dovetail.errors import DovetailError
 from dovetail.synthesis import DampedModes, natural_frequencies
 from dovetail.synthesis.frequency_laws import ContinuedStiffness
-from dovetail.synthesis.pole_search import Pencil, Wanted, few_poles
+from dovetail.synthesis.pole_search import Pencil, Wanted, all_poles, few_poles
 
 K, C, MASS = 1e6, 50.0, 2.0
 ONE = {
@@ -131,6 +132,47 @@ def test_a_growing_basis_finds_the_poles_that_are_found_all_at_once(seed, sparse
     poles, shapes = natural_frequencies.searched_poles(pencil, Wanted(8))
     np.testing.assert_allclose(poles, few_poles(dense, Wanted(8))[0], rtol=1e-9)
     assert shapes.shape == (8, 100)
+
+
+@pytest.mark.parametrize("inertia", [1e-6, 1.0, 1e4])
+@pytest.mark.parametrize("seed", range(6))
+def test_a_mass_that_nothing_holds_has_no_pole(seed, inertia):
+    """Its shape has nothing but the strain of rounding errors, which relative to itself is as large as any other."""
+    chained = random_chain(seed, 8)
+    kept = np.delete(np.arange(9), 4)
+    matrices = np.zeros((3, 1, 9, 9), dtype=np.complex128)
+    matrices[:, 0, kept[:, np.newaxis], kept] = chained.A, chained.C, chained.M
+    matrices[2, 0, 4, 4] = inertia
+    A, C, M = matrices[0], matrices[1].real, matrices[2].real
+    ((poles, shapes),) = all_poles(A, C, M, Wanted(20))
+    np.testing.assert_allclose(poles, few_poles(chained, Wanted(20))[0], rtol=1e-9)
+    np.testing.assert_allclose(shapes[:, 4], 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("moving", [True, False])
+def test_a_mass_within_a_joint_between_what_does_not_move_has_a_pole(moving):
+    """4 k (1 + g (s / 200 pi)^alpha) + m s^2 = 0, with or without another mass somewhere."""
+    k, g, alpha, m = 1e6, 0.05, 0.5, 0.01
+    description = copy.deepcopy(ONE)
+    masses = [{"position": 0.0, "mass": MASS if moving else 0.0}, {"position": 0.1, "mass": 1.0}]
+    description["substructures"]["mass"]["masses"] = masses
+    ends = {"a": {"to": "mass", "at": 0.1}, "b": {"to": "base", "at": 0.0}}
+    description["joints"]["held"] = {"model": "rigid", "direction": "both", "connect": ends}
+    description["joints"]["rubber"] = {
+        "model": "rubber",
+        "connect": ends,
+        "parameters": {
+            name: {"value": value} for name, value in zip(["k", "g", "alpha", "m"], (k, g, alpha, m), strict=True)
+        },
+    }
+    assembly = dovetail.load(description, plugins=str(Path(__file__).with_name("unusual_joints.py")))
+    s = 1j * np.sqrt(4 * k / m)
+    for _ in range(30):
+        power = g * (s / (200 * np.pi)) ** alpha
+        s -= (4 * k * (1 + power) + m * s**2) / (4 * k * alpha * power / s + 2 * m * s)
+    modes = assembly.modes([K, 0.0])
+    assert len(modes) == 1 + moving
+    assert modes[-1].pole == pytest.approx(s, rel=1e-9)
 
 
 def test_shapes_give_the_residues_of_the_receptance(assemblies):

@@ -367,3 +367,29 @@ def test_a_part_that_was_not_measured_reciprocal_is_the_mean_of_both_directions(
     attached = 1.0 / (1e6 + 30j * omega) - 1.0 / (0.7 * omega**2)  # receptance of mass and spring, at the spring
     expected = exact[:, 0, 0] - exact[:, 0, 1] ** 2 / (exact[:, 1, 1] + attached)
     np.testing.assert_allclose(assembly.frf({"k": 1e6}), expected, rtol=1e-8)
+
+
+def test_the_table_of_a_single_point_is_no_number_that_acts_on_the_values(tmp_path):
+    """Neither its position nor its row is a setting of the measurement."""
+    file = tmp_path / "part.npz"
+    table = {"nodes": ["end"], "directions": ["x"], "positions": [0.03], "rows": [3]}
+    np.savez(file, frequency=FREQUENCY, receptance=translations(), **table)
+    found = dovetail.load(
+        {
+            "dovetail": 1,
+            "name": "one point",
+            "frequency": lines(),
+            "substructures": {"part": {"model": "measured", "file": str(file)}},
+            "response": {"at": "part", "position": "end", "quantity": "receptance"},
+        }
+    )
+    expected = dovetail.load(
+        {
+            "dovetail": 1,
+            "name": "the beam",
+            "frequency": lines(),
+            "substructures": {"part": beam()},
+            "response": {"at": "part", "position": END, "quantity": "receptance"},
+        }
+    )
+    np.testing.assert_allclose(found.frf(), expected.frf(), rtol=1e-5)

@@ -176,7 +176,7 @@ class DampedModes:
     def _change(self, name: str, s: Any, x: Any, changes: Any, theta: Theta, row: int) -> NDArray[np.complex128]:
         """Return x^T (dZ/dp) x of a joint for each pole and each parameter, (k, n_params)."""
         if changes is not None:
-            m, k, c, eta = np.einsum("ni,apij,nj->anp", x, changes[:, :, row], x)
+            m, k, c, eta = np.sum((x @ changes[:, :, row]) * x, axis=-1).swapaxes(1, 2)
             return np.asarray(k + 1j * eta + s[:, np.newaxis] * (c + s[:, np.newaxis] * m))
         model = next(model for joint, model, _ in self._joints if joint == name)
         vector = theta[name][row : row + 1]
@@ -307,10 +307,11 @@ class DampedModes:
         laws = [law for _, law in self._laws(theta, row)]
         M, K, C, D = MKCD
         _check_mass(M.diagonal())
-        joined = abs(M) + abs(K) + abs(C) + abs(D)
+        joined, inertia = abs(M) + abs(K) + abs(C) + abs(D), M.diagonal()
         for L, stiffness in laws:
-            joined = joined + placed(L, np.abs(stiffness.at(2j * np.pi * _ANY)[0]))
-        active = dofs_with_inertia(joined != 0, M.diagonal())
+            own = placed(L, np.abs(stiffness.at(2j * np.pi * _ANY)[0]))
+            joined, inertia = joined + own, inertia + own.diagonal()  # which may have masses within
+        active = dofs_with_inertia(joined != 0, inertia)
         if not len(active):
             return _NONE[0], np.empty((0, M.shape[0]))
         M, K, C, D = (matrix[active][:, active] for matrix in MKCD)

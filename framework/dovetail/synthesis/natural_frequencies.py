@@ -145,8 +145,10 @@ def lowest_modes(
 
 
 def _median_square(K: Any, M: Any) -> float:
-    """Return the median of stiffness over mass of the DOFs with inertia [1/s^2], 1 where it vanishes."""
+    """Return the median of stiffness over mass of the DOFs with inertia [1/s^2], 1 where there is none."""
     inertia = M.diagonal() > 0
+    if not inertia.any():
+        return 1.0
     return float(np.median(K.diagonal()[inertia] / M.diagonal()[inertia])) or 1.0
 
 

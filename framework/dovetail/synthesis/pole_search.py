@@ -24,6 +24,9 @@ _STRAIN_FLOOR = 1e-13
 """As for undamped modes; see `natural_frequencies`."""
 _DOUBTFUL = 1e-9
 """The same, below which a shape may be that of a rigid-body mode with errors of the eigenvector."""
+_NEAR_ZERO = 1e-5
+"""Magnitude of a pole, over the root of all stiffness over all mass, below which the same holds: a double zero has
+errors of the root of rounding, 1e-8, and a mass that nothing holds a shape with the strain of rounding alone."""
 _CONVERGED = 1e-6
 """Relative change of a pole in the last step; convergence is cubic, so that another step would change nothing."""
 _MOST_ITERATIONS = 12
@@ -142,25 +145,36 @@ def all_poles(A: Any, C: Any, M: Any, wanted: Wanted) -> Iterator[tuple[Any, Any
     bodies. The Rayleigh quotient with its eigenvector gives the pole to rounding.
     """
     inertia, stiffness = (np.diagonal(part.real, axis1=1, axis2=2).sum(axis=1) for part in (M, A))
-    z = np.sqrt(np.where(stiffness > 0.0, stiffness / inertia, 1.0))[:, np.newaxis, np.newaxis]
+    both = (stiffness > 0.0) & (inertia > 0.0)  # joints that depend on frequency may have less than no mass near one
+    z = np.sqrt(np.divide(stiffness, inertia, out=np.ones(len(M)), where=both))[:, np.newaxis, np.newaxis]
     below = -np.linalg.solve(A + z * (C + z * M), np.concatenate([z**2 * M, z * (C + 2.0 * z * M)], axis=2))
     above = np.broadcast_to(np.eye(M.shape[1], 2 * M.shape[1], M.shape[1]), below.shape)
     values, vectors = np.linalg.eig(np.concatenate([above, below], axis=1))
     with np.errstate(divide="ignore", invalid="ignore"):  # massless DOFs have infinite poles
         poles = z[:, 0] * (1.0 + 1.0 / values)
     for row, (s, X) in enumerate(zip(poles, vectors[:, : M.shape[1]].swapaxes(1, 2), strict=True)):
-        turning = np.isfinite(s) & (s.imag > wanted.least_turn * np.abs(s)) & _deforms(A[row].real, X)
+        strain, largest = _strain(A[row].real, X)
+        turning = np.isfinite(s) & (s.imag > wanted.least_turn * np.abs(s)) & (strain > _STRAIN_FLOOR * largest)
+        doubtful = (np.abs(s) < _NEAR_ZERO * z[row, 0]) | (strain <= _DOUBTFUL * largest)
+        for index in np.flatnonzero(turning & doubtful):  # iteration finds which are rigid
+            s[index], X[index] = iterated(Pencil(A[row], C[row], M[row]), s[index], X[index])
+            turning[index] = np.isfinite(s[index]) and bool(_deforms(A[row].real, X[index : index + 1])[0])
         lowest = np.flatnonzero(turning)[wanted.lowest(s[turning])]
         s, X = s[lowest], X[lowest]
         quotient = s - _rayleigh(A[row], C[row], M[row], s, X)
         yield np.where(np.abs(quotient - s) < 1e-3 * np.abs(s), quotient, s), X
 
 
-def _deforms(K: Any, X: NDArray[np.complex128], floor: float = _STRAIN_FLOOR) -> NDArray[np.bool_]:
-    """Return which shapes (k, d) deform the structure; others are rigid-body modes."""
+def _strain(K: Any, X: NDArray[np.complex128]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the strain energy of each shape (k, d), and the largest possible one with its amplitudes."""
     strain = np.sum(X.conj() * (K @ X.T).T, axis=1).real
-    largest = np.sum(np.abs(X) * (abs(K) @ np.abs(X).T).T, axis=1)
-    return np.asarray(strain > floor * largest)
+    return strain, np.sum(np.abs(X) * (abs(K) @ np.abs(X).T).T, axis=1)
+
+
+def _deforms(K: Any, X: NDArray[np.complex128]) -> NDArray[np.bool_]:
+    """Return which shapes (k, d) deform the structure; others are rigid-body modes."""
+    strain, largest = _strain(K, X)
+    return np.asarray(strain > _STRAIN_FLOOR * largest)
 
 
 def _rayleigh(A: Any, C: Any, M: Any, s: Any, X: Any) -> Any:
@@ -196,16 +210,7 @@ def few_poles(pencil: Pencil, wanted: Wanted) -> tuple[NDArray[np.complex128], N
     if pencil.joints:
         return _swept(pencil, wanted)
     A, C, M = (matrix[np.newaxis] for matrix in (pencil.A, pencil.C, pencil.M))
-    ((poles, shapes),) = all_poles(A, C, M, replace(wanted, count=wanted.count + _RIGID_BODY_MODES))
-    elastic = np.ones(len(poles), dtype=np.bool_)
-    for index in np.flatnonzero(~_deforms(pencil.A.real, shapes, _DOUBTFUL)):  # iteration finds which are rigid
-        s, x = iterated(pencil, poles[index], shapes[index])
-        elastic[index] = np.isfinite(s) and bool(_deforms(pencil.A.real, x[np.newaxis])[0])
-        if elastic[index]:
-            poles[index], shapes[index] = s, x
-    poles, shapes = poles[elastic], shapes[elastic]
-    order = wanted.lowest(poles)
-    return poles[order], shapes[order]
+    return next(all_poles(A, C, M, wanted))
 
 
 def searched(

@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 
 from dovetail import DovetailError, Fault, read_bounded
 
-__all__ = ["DofTable", "read_dof_table", "table_in"]
+__all__ = ["TABLE_ARRAYS", "DofTable", "read_dof_table", "table_in"]
 
-_COLUMNS = ("node", "direction", "position", "row")
+TABLE_ARRAYS = {"nodes": "node", "directions": "direction", "positions": "position", "rows": "row"}
+"""Arrays of an archive that are its table, and the columns of a file of that table."""
+_COLUMNS = tuple(TABLE_ARRAYS.values())
 _EXAMPLE = "a first line 'node,direction' (and 'position', 'row'), then a line for each DOF"
 _LARGEST_FILE = 100_000_000
 
@@ -124,14 +126,13 @@ def table_in(archive: Mapping[str, Any], where: str, size: int) -> DofTable | No
     DovetailError
         The table does not fit the matrices.
     """
-    names = {"nodes": "node", "directions": "direction", "positions": "position", "rows": "row"}
-    columns = {column: _cells(archive[name]) for name, column in names.items() if name in archive}
+    columns = {column: _cells(archive[name]) for name, column in TABLE_ARRAYS.items() if name in archive}
     if not {"node", "direction"} & set(columns):
         return None
-    for name, column in list(names.items())[:2]:
+    for name, column in list(TABLE_ARRAYS.items())[:2]:
         if column not in columns:
             raise DovetailError(Fault(where, f"there is no '{name}' beside the other columns of the table of DOFs."))
-    lengths = {name: len(columns[column]) for name, column in names.items() if column in columns}
+    lengths = {name: len(columns[column]) for name, column in TABLE_ARRAYS.items() if column in columns}
     if len(set(lengths.values())) > 1:
         held = ", ".join(f"{name} {length}" for name, length in lengths.items())
         raise DovetailError(Fault(where, f"the columns of the table of DOFs differ in length: {held}."))

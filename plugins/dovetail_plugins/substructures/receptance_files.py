@@ -21,7 +21,7 @@ from dovetail import (
     read_frf,
     read_receptance,
 )
-from dovetail_plugins.substructures.dof_table import table_in
+from dovetail_plugins.substructures.dof_table import TABLE_ARRAYS, table_in
 from dovetail_plugins.substructures.matrix_files import read_archive
 
 __all__ = ["KnownReceptance", "from_archive", "from_sets"]
@@ -77,7 +77,7 @@ def _with_table(archive: Mapping[str, NDArray[np.generic]], file: str) -> KnownR
     if missing:
         raise DovetailError(Fault(file, f"there is no '{missing[0]}'; there is: {', '.join(sorted(archive)[:12])}."))
     frequency, values = _numbers(archive["frequency"], "f", file), _numbers(archive["receptance"], "c", file)
-    check_receptance_units(file, archive)
+    check_receptance_units(file, {name: array for name, array in archive.items() if name not in TABLE_ARRAYS})
     whole = _matrix(frequency, values.astype(np.complex128), file)
     table = table_in(archive, file, values.shape[1])
     assert table is not None
