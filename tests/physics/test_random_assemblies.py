@@ -18,7 +18,6 @@ from unittest.mock import patch
 
 import numpy as np
 import pytest
-from dense_modes import natural_frequencies
 from dense_poles import damped_poles
 from dense_solve import DenseAssembly, System
 from hypothesis import HealthCheck, Phase, given, seed, settings
@@ -230,6 +229,12 @@ def pole_of(mode) -> complex:
     return 2 * np.pi * mode.natural_frequency * (-zeta + 1j * np.sqrt(1 - zeta**2))
 
 
+def elastic_by_poles(dense: DenseAssembly, theta: list[float]) -> np.ndarray:
+    """Natural frequencies [Hz] with rigid contacts, without those of which rounding leaves nothing."""
+    poles, moved = damped_poles(dense, theta, rigid=True)
+    return abs(poles[EPS * moved < SETTINGS.useless * abs(poles)]) / (2 * np.pi)
+
+
 def check_shares(tally: Tally) -> None:
     assert tally.ill_posed <= SETTINGS.ill_posed * tally.assemblies
     assert tally.loose <= SETTINGS.loose * tally.entries
@@ -373,7 +378,7 @@ def test_a_rigid_contact_leaves_no_rounding_however_stiff_it_was(stiffness):
     }
     assembly, tip = dovetail.load(description).rigid(), [("beam", 0.01, "x")]
     dense = DenseAssembly(description, {})
-    expected, _ = natural_frequencies(dense, [stiffness], rigid=True)
+    expected = elastic_by_poles(dense, [stiffness])
     np.testing.assert_allclose(assembly.natural_frequencies([stiffness], 3), expected[:3], rtol=1e-7)
     receptance = assembly.receptance([stiffness], tip, tip)[:, 0, 0]
     np.testing.assert_allclose(receptance, assembly.frf([stiffness]), rtol=1e-9)
@@ -420,7 +425,7 @@ def test_stiffness_between_dofs_that_become_one_leaves_no_spring_to_the_ground()
         "response": {"at": "beam", "position": "n1", "direction": "x"},
     }
     theta = [2.355e10, 7.1e9]
-    expected, _ = natural_frequencies(DenseAssembly(description, {}), theta, rigid=True)
+    expected = elastic_by_poles(DenseAssembly(description, {}), theta)
     computed = dovetail.load(description).rigid().natural_frequencies(theta, count=4)
     np.testing.assert_allclose(computed, expected[:4], rtol=1e-8)
 
