@@ -339,7 +339,9 @@ def test_predict_in_another_assembly(run, results, heavier, tmp_path, given):
     source = results if given == "folder" else results / "result.json"
     done = run("predict", heavier, source, "-o", tmp_path / "heavier.csv", "-o", tmp_path / "heavier.png")
     k = json.loads((results / "result.json").read_text())["parameters"]["k"]["value"]
-    assert done.stdout.splitlines()[-1] == f"{np.sqrt(k / 2) / (2 * np.pi):.1f} Hz"
+    natural, damping = done.stdout.splitlines()[-2:]
+    assert natural == f"{np.sqrt(k / 2) / (2 * np.pi):.1f} Hz"
+    assert damping.startswith("damping ratio ")
     assembly = dovetail.load(heavier)
     c = json.loads((results / "result.json").read_text())["parameters"]["c"]["value"]
     np.testing.assert_allclose(dovetail.read_frf(tmp_path / "heavier.csv").values, assembly.frf({"k": k, "c": c}))

@@ -106,7 +106,8 @@ def test_describe_a_joint_as_json(run):
     (collet,) = json.loads(run("describe", "collet", "--json").stdout)
     assert [parameter["name"] for parameter in collet["parameters"]][:3] == ["Dc", "dc", "mn1"]
     assert collet["parameters"][0]["upper"] == pytest.approx(0.04)
-    assert collet["ports"] == [{"name": "tool", "nodes": 3}, {"name": "holder", "nodes": 3}]
+    assert [(port["name"], port["nodes"]) for port in collet["ports"]] == [("tool", 3), ("holder", 3)]
+    assert collet["ports"][1]["positions"] == pytest.approx([0.02, 0.03, 0.04])
 
 
 DEPENDENT = """

@@ -286,7 +286,7 @@ def _print(result: Identification, truth: Truth | None) -> None:
     ]
     headers = ["identified", "damping [%]", "truth", "error [%]", "FRF peak", "measured peak", "difference [%]"]
     if modes:
-        table(headers, modes, numbers=headers)
+        table(headers, modes, numbers=headers, split=True)
     else:
         say("none, as a note below says")
     say()

@@ -67,11 +67,11 @@ def _joint(model: type[JointModel]) -> dict[str, Any]:
     fixed = {name: _class_attribute(model, name) for name in ("parameters", "ports")}
     valid_for = ""
     if None in fixed.values():
-        try:
-            default = model()
+        try:  # options without a default may not matter for them
+            default = model(model.Config.model_construct())
             fixed = {"parameters": default.parameters, "ports": default.ports}
             valid_for = "with the default options"
-        except Exception:  # options without a default, or a stranger's own objection
+        except Exception:  # they do, or it is a stranger's own objection
             pass
     return {**fixed, "valid_for": valid_for}
 
