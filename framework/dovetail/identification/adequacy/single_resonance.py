@@ -49,6 +49,8 @@ class Settings:
     """Multiple of the errors of frequency, damping, gain and phase that intervals allow for."""
     least_background: float = 1e-6
     """Smallest background that they allow for."""
+    largest_phase: float = 1.0
+    """Phase [rad] beyond which it is another sign or another quantity, and no error of a phase."""
     negligible: float = 1e-6
     """Ratio of singular values below which a combination of parameters has no effect."""
     step: float = 1e-4
@@ -71,7 +73,7 @@ class SeparatedErrors:
     in_intervals : ModelError
         What intervals allow for.
     phases : tuple of float
-        By which the measurement at each response is ahead of the model [rad].
+        By which the measurement at each response is ahead of the model [rad]; empty where that is unknown.
     """
 
     theta: NDArray[np.float64]
@@ -103,14 +105,19 @@ def separate_errors(assembly: Assembly, target: Observations, fit: Fit) -> Separ
         return None
     turns = [one.features[3] - other.features[3] for one, other in zip(measured, described, strict=True)]
     phases = np.angle(np.exp(1j * np.array(turns)))
-    theta = _refitted(assembly, target, fit, fit.theta, measured, np.exp(1j * phases))
+    if np.abs(phases).max() > _SETTINGS.largest_phase:
+        return None
+    theta, turned = fit.theta, np.zeros_like(phases)
+    if np.isfinite(_known_phase(phases, measured)):  # otherwise phase and background explain each other
+        turned = phases
+        theta = _refitted(assembly, target, fit, theta, measured, np.exp(1j * turned))
     remaining = _errors_that_parameters_leave(assembly, target, fit, theta, measured)
     if remaining is None:
         return None
     errors, deviations = remaining
     gain = _if_certain(_rms(errors[2:]), _rms(deviations[2:]))
     if np.isfinite(gain):
-        theta = _refitted(assembly, target, fit, theta, measured, np.exp(errors[2:] + 1j * phases))
+        theta = _refitted(assembly, target, fit, theta, measured, np.exp(errors[2:] + 1j * turned))
     sizes = [_if_certain(abs(error), deviation) for error, deviation in zip(errors[:2], deviations[:2], strict=True)]
     return _separated(target, theta, measured, phases, ModelError(sizes[0], damping=sizes[1], magnitude=gain))
 
@@ -184,7 +191,8 @@ def _errors_that_parameters_leave(
             return None
         features.append(np.concatenate([one.features[:3] for one in fits]))
     rest = np.concatenate([one.features[:3] for one in measured]) - features[0]
-    slopes = (np.array(features[1:]) - features[0]).reshape(-1, len(rest)).T / _SETTINGS.step
+    moved = np.array(features[1:]).reshape(-1, len(rest))
+    slopes = (moved - features[0]).T / _SETTINGS.step
     noise = block_diag(*(one.covariance[:3, :3] for one in measured))
     count = len(measured)
     effects = np.zeros((3 * count, 2 + count))
@@ -217,8 +225,8 @@ def _separated(
     beside_parameters: ModelError,
 ) -> SeparatedErrors:
     """Return what is known of each error, and what intervals allow for."""
-    turned, turned_error = _rms(phases), _rms([np.sqrt(one.covariance[3, 3]) for one in measured])
-    phase = _if_certain(turned, turned_error)
+    turned, turned_error = _rms(phases), _error_of_phases(measured)
+    phase = _known_phase(phases, measured)
     levels = [float(np.median(frf.amplitude)) for frf in target.frfs]
     pairs = list(zip(measured, levels, strict=True))
     added = _rms([_rms(np.abs(mode.background)) / level for mode, level in pairs])
@@ -240,7 +248,16 @@ def _separated(
         background=max(added + added_error, _SETTINGS.least_background),
         quantities=_SETTINGS.in_intervals * known.natural_frequency,
     )
-    return SeparatedErrors(theta, size, in_intervals, tuple(phases.tolist()))
+    return SeparatedErrors(theta, size, in_intervals, tuple(phases.tolist()) if np.isfinite(phase) else ())
+
+
+def _known_phase(phases: NDArray[np.float64], measured: Sequence[SingleMode]) -> float:
+    """Return the size of the phase errors [rad], NaN where a background explains them as well."""
+    return _if_certain(_rms(phases), _error_of_phases(measured))
+
+
+def _error_of_phases(measured: Sequence[SingleMode]) -> float:
+    return _rms([np.sqrt(one.covariance[3, 3]) for one in measured])
 
 
 def _if_certain(size: float, deviation: float) -> float:
