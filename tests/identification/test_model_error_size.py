@@ -155,13 +155,14 @@ def test_where_damping_alone_is_wrong_natural_frequencies_are_not_said_to_be(cha
 
 @pytest.mark.parametrize("torque", [20, pytest.param(60, marks=pytest.mark.slow)])
 def test_a_mesh_that_is_too_coarse(collet, assemblies, torque):
-    """Parameters follow most of its error; EM, which did not converge, told six times as much."""
+    """Two resonances do not determine its size, which is unknown then; intervals allow for twice a size like it."""
     folder, name = assemblies / "campaign" / "measurements", f"h0_j{torque}_t0"
     frf = dovetail.read_frf(folder / f"{name}.uff", accelerometer_mass=1.2e-3)
     truth = json.loads((folder / "truth.json").read_text())["tests"][name]["parameters"]
-    told = dovetail.identify(collet, frf, "refined", **NO_CAUSES).adequacy.size.natural_frequency
+    adequacy = dovetail.identify(collet, frf, "refined", **NO_CAUSES).adequacy
     mesh = error_left(collet, truth, finer(collet, 4), truth)
-    assert mesh / 3.0 < told < 3.0 * mesh
+    assert np.isnan(adequacy.size.natural_frequency)
+    assert mesh / 3.0 < adequacy.in_intervals.natural_frequency / 2.0 < 3.0 * mesh
 
 
 def test_sizes_are_sought_with_the_derivatives_of_their_prior():

@@ -91,8 +91,10 @@ def separate_errors(assembly: Assembly, target: Observations, fit: Fit) -> Separ
         On the lines of the measurement.
     target : Observations
     fit : Fit
-        That does not reach the noise.
+        That does not reach the noise. Parameters that no search found, such as a plugin's, are judged as they are.
     """
+    if not fit.steps:
+        return None
     model = ModelFrfs.of(assembly)
     at_fit = target.split(model.frf(fit.theta[np.newaxis])[0])
     if not all(frf.has_phase for frf in target.frfs) or _single_pole(target.frfs, at_fit) is None:
