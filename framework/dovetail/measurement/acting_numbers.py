@@ -131,7 +131,7 @@ def _in_clause(key: str, clause: str) -> str:
 
 
 def _plain(number: str) -> str:
-    match = re.match(r"[-+]?[\d.,]+(?:[eE][-+]?\d+)?", number)
+    match = re.match(r"[-+]?(?:\d+(?:[.,]\d+)?|\.\d+)(?:[eE][-+]?\d+)?", number)
     return (match[0] if match else "0").rstrip(".,").replace(",", ".")
 
 
