@@ -39,7 +39,7 @@ def test_additive_noise_has_levels_over_three_decades_in_units_of_the_deviation(
 
 
 def test_a_share_of_the_frfs_stays_without_additive_noise():
-    untouched = np.all(augmented(flat(1000), clean=0.3, additive=1.0) == 100.0, axis=1)
+    untouched = np.all(augmented(flat(1000), clean=0.3, additive="100%") == 100.0, axis=1)
     assert np.mean(untouched) == pytest.approx(0.3, abs=0.05)
 
 
@@ -62,7 +62,7 @@ def test_circular_noise_is_that_of_a_complex_measurement():
     excess = np.mean(of_both**2, axis=1) / 49.0 - 1.0
     assert np.sqrt(excess.max()) == pytest.approx(0.3, rel=0.1)
     np.testing.assert_array_equal(augmented(flat(3), circular=1.0), flat(3))
-    some = augmented(flat(600, level=0.0), circular=0.3, additive=1.0, clean=0.0)
+    some = augmented(flat(600, level=0.0), circular=0.3, additive="100%", clean=0.0)
     is_circular = some.mean(axis=1) / some.std(axis=1) > 1.6  # 1.91 for Rayleigh, 1.32 for the magnitude of a normal
     assert np.mean(is_circular) == pytest.approx(0.3, abs=0.06)
 

@@ -228,8 +228,10 @@ def find_errors(assembly: Assembly, target: Observations, fit: Fit, progress: Pr
     model = ModelFrfs.of(assembly)
     separated = separate_errors(assembly, target, fit)
     if separated is not None:
+        progress("model error", 1, 2)
         there = replace(fit, theta=separated.theta)
         judged = judge_with_error(model, target, there, separated.in_intervals)
+        progress("model error", 2, 2)
         return FoundErrors(word_for(separated.size), separated.size, judged.size, judged, separated.phases)
     estimated = estimate_model_error(model, target, fit, progress)
     least = ModelError(

@@ -25,6 +25,7 @@ from dovetail.measurement.formats.column_names import (
     check_same_signal,
     column_word,
     combine_values,
+    plain_name,
     quantities_in,
     taken_for,
 )
@@ -310,11 +311,13 @@ def _statements(
     comments: Mapping[str, str],
 ) -> list[Statement]:
     """Return what the header and the comments above it state."""
-    axes = dict.fromkeys((axis, axis_unit_in_name(names[columns["frequency"]])))
-    statements = [Statement("axis unit", stated, where) for stated in axes if stated]
+    name = names[columns["frequency"]]
+    in_name = "" if plain_name(name) in FIELD_NAMES["frequency"] else axis_unit_in_name(name)
+    statements = [Statement("axis unit", stated, where) for stated in dict.fromkeys((axis, in_name)) if stated]
     statements += [Statement("unit", unit, where)] if unit else []
     labels = [names[columns[field]] for field in VALUE_FIELDS if field in columns]
-    statements += [Statement("label", label, where) for label in labels if label not in _PLAIN]
+    labels = [label for label in labels if label not in _PLAIN]
+    statements += [Statement("label", label, where) for label in labels]
     statements += [Statement("unit", stated, where) for label in labels if (stated := unit_in_name(label))]
     if word := comments.get("quantity", ""):
         statements.append(Statement("quantity", word, comments["quantity stands in"]))
