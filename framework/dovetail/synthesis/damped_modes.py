@@ -289,7 +289,8 @@ class DampedModes:
         both = (inertia > 0.0) & (stiffness > 0.0)
         lowest = min(stiffness[both] / inertia[both], default=1.0)
         scale = 1.0 / np.sqrt(np.where(stiffness > 0.0, stiffness, np.where(inertia > 0.0, lowest * inertia, 1.0)))
-        A, C, M = (matrix * scale[:, np.newaxis] * scale for matrix in (K + 1j * D, C, M))
+        with np.errstate(over="ignore", invalid="ignore"):  # the search refuses what is not finite
+            A, C, M = (matrix * scale[:, np.newaxis] * scale for matrix in (K + 1j * D, C, M))
         poles, shapes = few_poles(Pencil(A, C, M), replace(wanted, count=wanted.count + _RIGID_BODY_MODES))
         X = _on_all(shapes * scale, active, size) @ T.T
         strain = np.sum(shapes.conj() * (shapes @ A.real), axis=1).real

@@ -146,8 +146,13 @@ def all_poles(A: Any, C: Any, M: Any, wanted: Wanted) -> Iterator[tuple[Any, Any
     """
     inertia, stiffness = (np.diagonal(part.real, axis1=1, axis2=2).sum(axis=1) for part in (M, A))
     both = (stiffness > 0.0) & (inertia > 0.0)  # joints that depend on frequency may have less than no mass near one
-    z = np.sqrt(np.divide(stiffness, inertia, out=np.ones(len(M)), where=both))[:, np.newaxis, np.newaxis]
-    below = -np.linalg.solve(A + z * (C + z * M), np.concatenate([z**2 * M, z * (C + 2.0 * z * M)], axis=2))
+    with np.errstate(over="ignore", invalid="ignore"):
+        z = np.sqrt(np.divide(stiffness, inertia, out=np.ones(len(M)), where=both))[:, np.newaxis, np.newaxis]
+        below = -np.linalg.solve(A + z * (C + z * M), np.concatenate([z**2 * M, z * (C + 2.0 * z * M)], axis=2))
+    if not np.isfinite(below).all():
+        raise DovetailError(
+            "there are no natural frequencies: a stiffness is too large, or a mass too small, to compute with."
+        )
     above = np.broadcast_to(np.eye(M.shape[1], 2 * M.shape[1], M.shape[1]), below.shape)
     values, vectors = np.linalg.eig(np.concatenate([above, below], axis=1))
     with np.errstate(divide="ignore", invalid="ignore"):  # massless DOFs have infinite poles
