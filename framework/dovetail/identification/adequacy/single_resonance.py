@@ -109,17 +109,16 @@ def separate_errors(assembly: Assembly, target: Observations, fit: Fit) -> Separ
     phases = np.angle(np.exp(1j * np.array(turns)))
     if np.abs(phases).max() > _SETTINGS.largest_phase:
         return None
-    theta, turned = fit.theta, np.zeros_like(phases)
-    if np.isfinite(_known_phase(phases, measured)):  # otherwise phase and background explain each other
-        turned = phases
-        theta = _refitted(assembly, target, fit, theta, measured, np.exp(1j * turned))
+    if not np.isfinite(_known_phase(phases, measured)):
+        return None  # phase and background explain each other
+    theta = _refitted(assembly, target, fit, fit.theta, measured, np.exp(1j * phases))
     remaining = _errors_that_parameters_leave(assembly, target, fit, theta, measured)
     if remaining is None:
         return None
     errors, deviations = remaining
     gain = _if_certain(_rms(errors[2:]), _rms(deviations[2:]))
     if np.isfinite(gain):
-        theta = _refitted(assembly, target, fit, theta, measured, np.exp(errors[2:] + 1j * turned))
+        theta = _refitted(assembly, target, fit, theta, measured, np.exp(errors[2:] + 1j * phases))
     sizes = [_if_certain(abs(error), deviation) for error, deviation in zip(errors[:2], deviations[:2], strict=True)]
     return _separated(target, theta, measured, phases, ModelError(sizes[0], damping=sizes[1], magnitude=gain))
 

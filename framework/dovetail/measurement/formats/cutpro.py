@@ -131,7 +131,7 @@ def _labels(where: str, labels: str) -> tuple[Literal["real", "imag"], Meaning]:
                 problem = f"the word '{word[:40]}' in the labels '{labels[:60]}' is not understood."
                 raise MeasurementError(Fault(where, problem, _ACCEPTED))
             statements.append(Statement("label", plain, where))
-    if part_order and sorted(part_order) != ["imag", "real"]:
+    if part_order not in ([], ["real"], ["real", "imag"], ["imag", "real"]):
         raise MeasurementError(Fault(where, f"the labels '{labels[:60]}' do not name each part once.", _ACCEPTED))
     units = sorted({text for about, text, _ in statements if about == "unit"})
     if len({meaning_of_unit(unit, where) for unit in units}) > 1:
