@@ -22,19 +22,6 @@ from pathlib import Path
 
 from dovetail.errors import Fault, FileError
 
-__all__ = [
-    "LARGEST_FILE",
-    "beside",
-    "check_room",
-    "check_target",
-    "held",
-    "is_held",
-    "new_files",
-    "new_folder",
-    "read_bounded",
-    "write_whole",
-]
-
 LARGEST_FILE = 100_000_000
 """Bytes; a larger file is refused before it is opened."""
 

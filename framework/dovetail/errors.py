@@ -13,30 +13,6 @@ from typing import Self
 
 from dovetail.plain_text import terminal_text
 
-__all__ = [
-    "BundleError",
-    "DatasetError",
-    "DescriptionError",
-    "DovetailError",
-    "Fault",
-    "FileError",
-    "Importance",
-    "MeasurementError",
-    "Note",
-    "ParameterError",
-    "PluginError",
-    "UnitError",
-    "by_importance",
-    "damage_reported",
-    "did_you_mean",
-    "explained",
-    "is_decisive",
-    "limit_exceeded",
-    "listing",
-    "require_package",
-    "reworded",
-]
-
 _LEAST_ALIKE = 0.4
 """Ratio of common letters above which a spelling is suggested."""
 _LONGEST_WORD = 100

@@ -25,8 +25,6 @@ import numpy as np
 from dovetail.errors import DovetailError, Fault
 from dovetail.worker_processes import end_with_parent
 
-__all__ = ["call_guarded"]
-
 _START = "import sys; sys.path[:0] = sys.argv[5:]; from dovetail.guarded_process import main; main()"
 """The packages are those of this process; nothing of the current folder is ever imported."""
 _ENVIRONMENT = ("HOME", "LANG", "LC_ALL", "LC_CTYPE", "LD_LIBRARY_PATH", "PATH", "SYSTEMROOT", "TEMP", "TMPDIR")

@@ -17,8 +17,6 @@ from typing import Any, TypeVar
 from dovetail.errors import DovetailError, Fault, require_package
 from dovetail.worker_processes import run_tasks
 
-__all__ = ["FILE_MODULE", "cores", "on_cluster", "one_blas_thread", "require_cluster", "side_by_side"]
-
 Result = TypeVar("Result")
 Task = TypeVar("Task")
 

@@ -11,24 +11,6 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-__all__ = [
-    "ABSENT",
-    "DisplayUnit",
-    "csv_cell",
-    "csv_comment",
-    "display_unit",
-    "fixed",
-    "hertz",
-    "html_table",
-    "html_text",
-    "markdown_cell",
-    "markdown_table",
-    "number",
-    "readable",
-    "terminal_text",
-    "unit_text",
-]
-
 _OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 """Control characters, marks that turn the direction of writing, and halves of characters, which no file can hold."""
 

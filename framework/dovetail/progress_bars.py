@@ -9,8 +9,6 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskID, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
-__all__ = ["StageBars"]
-
 
 class _Clock(ProgressColumn):
     """The time left; the elapsed time if a stage does not report its progress."""

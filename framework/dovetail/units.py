@@ -24,20 +24,6 @@ if TYPE_CHECKING:
     import pint
     from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 
-__all__ = [
-    "CLEAR_FRACTION",
-    "Frequency",
-    "InUnit",
-    "Mass",
-    "dimension",
-    "find_homonym",
-    "format_quantity",
-    "is_unit",
-    "refuse_marks",
-    "to_fraction",
-    "to_si",
-]
-
 _LONGEST_TEXT = 100
 _WRITTEN_TOGETHER = ("newton_meter = N m = Nm", "newton_millimeter = N mm = Nmm", "newton_second = N s = Ns",
                      "newton_meter_second = N m s = Nms", "inch_per_second = inch / second = ips")  # fmt: skip

@@ -18,8 +18,6 @@ from typing import Any, TypeVar
 
 from dovetail.errors import DovetailError, Fault
 
-__all__ = ["end_with_parent", "run_tasks"]
-
 Result = TypeVar("Result")
 
 _LOOK = 0.25

@@ -9,8 +9,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from dovetail import DovetailError, Fault, State
 
-__all__ = ["checked_rows", "state_array", "state_number"]
-
 
 def checked_rows(values: ArrayLike, owner: str, *, width: int | None = None) -> NDArray[Any]:
     """Return `values` as a finite two-dimensional array in C order.

@@ -22,8 +22,6 @@ from pydantic import Field, model_validator
 from dovetail import ComponentConfig, DovetailError, Fault, State
 from dovetail_plugins.arrays import checked_rows, state_number
 
-__all__ = ["EstimatorConfig", "KeptEstimator"]
-
 Plain = bool | int | float | str | None | list[bool | int | float | str | None]
 """Types of options."""
 

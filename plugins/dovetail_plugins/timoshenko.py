@@ -14,9 +14,6 @@ from pydantic import Field
 
 from dovetail import ComponentConfig, InUnit, StructuralMatrices
 
-__all__ = ["CrossSection", "Material", "chain", "circle", "element_matrices", "rectangle", "shear_coefficient"]
-
-
 _NUMBERS = np.array([[0, 1, 2, 3], [1, 4, 5, 6], [2, 5, 7, 8], [3, 6, 8, 9]])
 """Index of each entry of a symmetric matrix among those of its upper triangle, row by row."""
 

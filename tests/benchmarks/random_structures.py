@@ -17,15 +17,6 @@ from dovetail.measurement import complex_noise
 from dovetail.synthesis.natural_frequencies import elastic_frequencies
 from dovetail.synthesis.reference import assembly_matrices
 
-__all__ = [
-    "JOINTS",
-    "Noise",
-    "draw_axis",
-    "draw_theta",
-    "measure",
-    "random_structure",
-]
-
 JOINTS = ("collet", "bolted", "interference_fit", "spring_damper", "bearing", "rigid")
 Noise = Literal["multiplicative", "additive", "H1"]
 NOISES: tuple[Noise, ...] = get_args(Noise)

@@ -20,8 +20,6 @@ from dovetail.identification.adequacy.perturbations import find_overhangs, list_
 from dovetail.identification.part_quantities import list_quantities
 from dovetail.identification.posterior.model_error import fit_resonances
 
-__all__ = ["ALTERATIONS", "KINDS", "SCALED", "Poles", "altered", "pole_errors", "wrong_structure"]
-
 _LINES = 1000
 """On which poles are found; without noise they need not be resolved."""
 _VISIBLE = 0.05

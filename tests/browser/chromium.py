@@ -16,8 +16,6 @@ from pathlib import Path
 from queue import Empty, Queue
 from typing import Any
 
-__all__ = ["Browser", "Page", "find_chromium"]
-
 PATIENCE = 30.0
 """Seconds for an answer."""
 FLAGS = (

@@ -17,8 +17,6 @@ from scipy.linalg import eig
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-__all__ = ["damped_poles"]
-
 _TURN = 0.02
 """Imaginary part over magnitude of the least oscillating pole."""
 _SAME = 1e-7

@@ -18,8 +18,6 @@ from part_formulas import part_of
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-__all__ = ["DenseAssembly", "Slope", "System", "merged_entries"]
-
 Point = tuple[str, str, str]
 """Substructure, label of a node, 'x' or 'rz'."""
 _COMPLEX_STEP = 1e-30

@@ -12,8 +12,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["Element", "beam_element", "inertia", "rectangular_section", "round_section", "spring"]
-
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 """Exact for polynomials up to the seventh degree; the mass matrix needs the sixth."""
 _DIFFERENCE = np.array([[1.0, -1.0], [-1.0, 1.0]])

@@ -12,8 +12,6 @@ from typing import Any
 import numpy as np
 from element_formulas import Element, beam_element, inertia, round_section, spring
 
-__all__ = ["JOINTS", "PARAMETERS", "inner_dofs", "joint_parameters", "merged"]
-
 Ports = Mapping[str, Sequence[tuple[int, int]]]
 _X, _RZ = 0, 1
 _AXES = {"x": (_X,), "rz": (_RZ,), "both": (_X, _RZ)}

@@ -9,8 +9,6 @@ from typing import Any
 import numpy as np
 from element_formulas import Element, beam_element, inertia, rectangular_section, round_section
 
-__all__ = ["Part", "part_of"]
-
 NewDofs = Callable[[int], list[int]]
 """Returns that many new full DOFs."""
 

@@ -12,8 +12,6 @@ import numpy as np
 from hypothesis import strategies as st
 from joint_formulas import PARAMETERS, joint_parameters
 
-__all__ = ["Drawn", "drawn_assemblies"]
-
 _MOST_PARTS = 6
 _MOST_UNKNOWN = 14
 _THOUSANDTHS = 1000

@@ -22,8 +22,6 @@ from dovetail.interfaces import Parameter
 from dovetail.plain_text import html_table
 from dovetail.synthesis import Engine, Graph, InterpolatedEngine, Point
 
-__all__ = ["Assembly"]
-
 _Axes: TypeAlias = Sequence[NDArray[np.float64]]
 _STRUCTURE_SAMPLES = 5
 """Random parameter vectors that show, with the ends of the ranges, which entries of joints are filled."""

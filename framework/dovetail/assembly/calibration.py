@@ -29,22 +29,6 @@ from dovetail.synthesis import Attachment, Connection, Graph
 from dovetail.synthesis.joint_evaluation import depends_on_frequency
 from dovetail.units import format_quantity
 
-__all__ = [
-    "CHAIN",
-    "SHARED",
-    "SIGN",
-    "Chain",
-    "entries_at_response",
-    "graph_between",
-    "graph_of",
-    "read_calibration",
-    "shared_by",
-    "unknown_gains",
-    "unknown_signs",
-    "with_signs",
-    "without_window",
-]
-
 _MASS = Parameter("mass", "kg", 0.0, 0.05, "linear", "Of the sensor at the response")
 _WINDOW = Parameter("window", "1/s", 0.0, 100.0, "linear", "Decay rate of an exponential window over the signals")
 CHAIN = (

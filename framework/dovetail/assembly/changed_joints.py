@@ -13,8 +13,6 @@ from dovetail.interfaces import ComponentConfig, JointModel, Parameter, Port, St
 from dovetail.synthesis.joint_evaluation import depends_on_frequency, joint_matrices
 from dovetail.units import Frequency
 
-__all__ = ["ChangedJoint", "DampingSection", "has_dampers", "structurally_damped", "with_damping"]
-
 
 class ChangedJoint(JointModel):
     """A joint between the same nodes as another one, by the same parameters, with other matrices.

@@ -17,8 +17,6 @@ from dovetail.errors import DovetailError, Fault, PluginError, listing
 from dovetail.interfaces import FileName, Kind
 from dovetail.registry import Offer, Registry
 
-__all__ = ["LabelledComponent", "build_component", "locate_files", "read_property"]
-
 
 @dataclass(frozen=True)
 class LabelledComponent:

@@ -19,17 +19,6 @@ from dovetail.interfaces import DIRECTIONS, IdentificationMethod, Parameter, Red
 from dovetail.synthesis import Connection, Point
 from dovetail.units import format_quantity
 
-__all__ = [
-    "Description",
-    "IdentificationSettings",
-    "JointEntry",
-    "ParameterEntry",
-    "Place",
-    "Response",
-    "Tie",
-    "fingerprint",
-]
-
 
 @dataclass(frozen=True)
 class Tie:

@@ -16,8 +16,6 @@ from dovetail.interfaces import Parameter, plugin_errors
 from dovetail.synthesis.lost_digits import lost_digits
 from dovetail.units import format_quantity
 
-__all__ = ["find_doubts", "numbers_within"]
-
 _USUAL = {"Pa": (1e6, 1.3e12), "kg/m^3": (10.0, 25e3), "m": (1e-6, 20.0)}
 """From soft rubber to diamond, from foam to osmium, from a micrometre to a building."""
 _MEANT = {

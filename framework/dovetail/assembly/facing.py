@@ -18,8 +18,6 @@ from dovetail.interfaces import JointModel, Port, SubstructureModel
 from dovetail.synthesis import Attachment, Connection
 from dovetail.units import format_quantity
 
-__all__ = ["Side", "check_facing", "facing_faults", "has_positions", "sides_of"]
-
 _ROUNDING = 1e-3
 """Difference of two distances, over the span of the port, that positions rounded to three digits may have."""
 _LEAST = 1e-9

@@ -22,8 +22,6 @@ from dovetail.registry import Registry
 from dovetail.synthesis import Attachment, Connection
 from dovetail.units import format_quantity
 
-__all__ = ["Substructures", "add_model_faults", "check_connected", "find_node", "find_point", "read_joint"]
-
 _KEYS = ("connect", "parameters", "structural_damping")
 """Of a joint, beside the options of its model."""
 

@@ -28,8 +28,6 @@ from dovetail.interfaces import KINDS, Component, JointModel, Kind, Parameter, P
 from dovetail.registry import Offer, Registry
 from dovetail.units import format_quantity
 
-__all__ = ["description_schema"]
-
 Schema = dict[str, Any]
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"

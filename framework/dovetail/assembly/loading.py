@@ -12,8 +12,6 @@ from dovetail.errors import Fault, ParameterError
 from dovetail.interfaces import logged
 from dovetail.registry import PluginPaths, components
 
-__all__ = ["AssemblySource", "as_assembly", "load"]
-
 AssemblySource: TypeAlias = Assembly | str | os.PathLike[str]
 """An assembly, or the path of its description."""
 

@@ -7,8 +7,6 @@ from dovetail.assembly.parameters import Theta
 from dovetail.assembly.vibration_modes import VibrationMode
 from dovetail.errors import DovetailError
 
-__all__ = ["modes_in_band"]
-
 
 def modes_in_band(assembly: Assembly, theta: Theta = None, *, count: int) -> tuple[tuple[VibrationMode, ...], str]:
     """Return those of the `count` lowest modes whose natural frequencies lie within the assembly's frequencies.

@@ -10,8 +10,6 @@ from pydantic_core import PydanticCustomError
 from dovetail.errors import UnitError
 from dovetail.units import to_fraction
 
-__all__ = ["NoiseLevel"]
-
 
 def _fraction(value: object) -> float:
     try:

@@ -15,8 +15,6 @@ from dovetail.interfaces import JointModel, Omission, Parameter, Port, Structura
 from dovetail.synthesis import Connection, DampedModes, Graph
 from dovetail.synthesis.joint_evaluation import Theta
 
-__all__ = ["find_omissions"]
-
 _MODES = 3
 """Natural frequencies that are compared, as many as ``dovetail check`` shows."""
 

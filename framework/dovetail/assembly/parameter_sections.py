@@ -17,8 +17,6 @@ from dovetail.errors import UnitError, did_you_mean, listing
 from dovetail.interfaces import Parameter, Prior, plugin_errors
 from dovetail.units import to_si
 
-__all__ = ["StatedParameters", "check_ranges", "check_ties", "ends_of", "read_parameters", "steps_of"]
-
 _KINDS = ("value", "about", "same_as", "range")
 """Keys of which a parameter's section has one."""
 _TOGETHER = {"range": ("scale",), "value": (), "about": ("sd", "scale"), "same_as": ("ratio",)}

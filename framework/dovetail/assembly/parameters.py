@@ -18,8 +18,6 @@ from dovetail.interfaces import Parameter
 from dovetail.synthesis import Engine, Point
 from dovetail.units import format_quantity, to_si
 
-__all__ = ["ParameterSpace", "ResponseFrfs", "Theta", "points_and_pairs"]
-
 Theta: TypeAlias = ArrayLike | Mapping[str, float | str] | None
 """Parameter values: a vector, a batch, a mapping of names to values (SI, or texts with units), or None.
 

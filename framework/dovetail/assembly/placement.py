@@ -17,8 +17,6 @@ from dovetail.interfaces import DIRECTIONS, JointModel, SubstructureModel
 from dovetail.synthesis.joint_evaluation import depends_on_frequency, joint_matrices
 from dovetail.units import format_quantity
 
-__all__ = ["placement_doubts"]
-
 _SLIGHT = 1e-3
 """Share of a part's length within which a joint is at its end."""
 

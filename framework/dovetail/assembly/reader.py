@@ -51,8 +51,6 @@ from dovetail.frf import HIGHEST_FREQUENCY, in_bands
 from dovetail.interfaces import SubstructureModel, node_faults
 from dovetail.registry import Registry
 
-__all__ = ["MOST_LINES", "read_description", "read_frequency", "read_responses"]
-
 MOST_LINES = 1_000_000
 _FEWEST_LINES = 2
 _FEWEST_SAMPLES = 2

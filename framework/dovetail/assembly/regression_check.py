@@ -7,8 +7,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from dovetail.assembly.assembly import Assembly
 
-__all__ = ["FRF_TOLERANCE", "largest_frf_difference"]
-
 FRF_TOLERANCE = 1e-6
 """Relative difference up to which amplitudes are the same; they are stored in single precision."""
 

@@ -15,8 +15,6 @@ from dovetail.documents.validation import validate
 from dovetail.errors import did_you_mean, listing
 from dovetail.synthesis import Point
 
-__all__ = ["RESPONSE", "RESPONSES", "calibration_place", "read_responses"]
-
 RESPONSE: Path = ("response",)
 RESPONSES: Path = ("responses",)
 

@@ -12,8 +12,6 @@ from pydantic import Field
 
 from dovetail.interfaces import ComponentConfig, Node, SparseMatrices, StructuralMatrices, SubstructureModel
 
-__all__ = ["NodesAlone", "OrientationSection", "ReversedPart", "opposite_rotations", "rotation_signs"]
-
 
 class OrientationSection(ComponentConfig):
     """How a part lies in the assembly.

@@ -16,22 +16,6 @@ from dovetail.frf import Quantity
 from dovetail.interfaces import FileName
 from dovetail.units import Frequency, InUnit, Mass, refuse_marks
 
-__all__ = [
-    "FORMAT",
-    "AttachmentSection",
-    "AugmentationSection",
-    "DescriptionSection",
-    "DescriptionSectionOfSeveral",
-    "ForceSection",
-    "FrequencyList",
-    "FrequencySection",
-    "IdentificationSection",
-    "NodePlace",
-    "ParameterSection",
-    "ResponseSection",
-    "SensorSection",
-]
-
 FORMAT = 1
 """Version of the format, the value of the key ``dovetail:``."""
 

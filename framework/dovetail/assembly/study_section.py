@@ -10,8 +10,6 @@ from dovetail.documents.fault_list import FaultList
 from dovetail.documents.validation import validate
 from dovetail.units import InUnit
 
-__all__ = ["SearchRange", "StudySection", "read_study"]
-
 _OPTIONS = ("reducer", "regressor", "augmentation")
 
 

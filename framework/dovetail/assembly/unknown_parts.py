@@ -31,16 +31,6 @@ from dovetail.synthesis import Attachment, Connection
 from dovetail.synthesis.condensation import inverted_receptance, substructure_matrices
 from dovetail.units import format_quantity
 
-__all__ = [
-    "UnknownOptions",
-    "UnknownPart",
-    "UnknownReceptance",
-    "add_unknown_part",
-    "objection",
-    "take_unknown_options",
-]
-
-
 _NEAR = 0.9
 """Lower end, over the value, of the range within which matrices are differentiated by an option without a range."""
 _LONGEST_CHAIN = 20

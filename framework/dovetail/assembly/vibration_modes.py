@@ -14,8 +14,6 @@ from dovetail.interfaces import DIRECTIONS
 from dovetail.synthesis import DampedModes, Graph, Point, Poles
 from dovetail.synthesis.joint_evaluation import Theta
 
-__all__ = ["SeenPoles", "VibrationMode", "natural"]
-
 
 @dataclass(frozen=True, eq=False)
 class VibrationMode:

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from dovetail.interfaces import IdentificationMethod
     from dovetail.report.content import ParameterRow
 
-__all__ = ["check_batch", "identify_batch", "is_batch"]
-
 _SUMMARY = "summary.csv"
 _TABLES = (_SUMMARY, "parameters.csv")
 _PAGE = "summary.html"

@@ -15,8 +15,6 @@ from dovetail.plain_text import markdown_table
 if TYPE_CHECKING:
     from dovetail.evaluation import Calibration
 
-__all__ = ["calibrate"]
-
 _FILES = (
     "calibration.json",
     "calibration.md",

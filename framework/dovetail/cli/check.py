@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from dovetail.assembly import Assembly
     from dovetail.assembly.description import Place, Response
 
-__all__ = ["check"]
-
 
 def check(
     assembly: AssemblyFile,

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     from dovetail.testing import CheckResult
 
-__all__ = ["check_plugin"]
-
 
 def check_plugin(model: ModelName, plugin: PluginFiles = None, as_json: AsJson = False) -> None:
     """Check a model against its contract: the conformance kit.

@@ -22,17 +22,6 @@ from dovetail.plain_text import terminal_text
 if TYPE_CHECKING:
     from dovetail.identification.result_file import AnyIdentification
 
-__all__ = [
-    "INTERRUPTED",
-    "Believable",
-    "Commands",
-    "exit_if_failed",
-    "exit_unless_believable",
-    "measurement_names",
-    "report_bug",
-    "say_caveat",
-]
-
 _HELP_LENGTH = 90
 """Largest number of characters of the sentence that describes a command."""
 

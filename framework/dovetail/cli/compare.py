@@ -15,8 +15,6 @@ from dovetail.cli.terminal import heading, print_json, progress_bars, table, tit
 if TYPE_CHECKING:
     from dovetail.evaluation import Comparison
 
-__all__ = ["compare"]
-
 _FILES = ("comparison.html", "parameters.csv", "coherence.csv", "frequencies.csv", "times.csv")
 _HEADINGS = {
     "coherence": "Mean coherence",

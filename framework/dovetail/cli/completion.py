@@ -6,8 +6,6 @@ import os
 from contextlib import suppress
 from pathlib import Path
 
-__all__ = ["complete_files", "complete_methods", "complete_models", "complete_parameters"]
-
 
 def complete_files(incomplete: str) -> list[str]:
     """Return folders and files whose paths begin with a text; hidden ones only if it begins with a dot."""

@@ -11,8 +11,6 @@ from dovetail.cli.terminal import heading, print_json, range_text, say, table, t
 if TYPE_CHECKING:
     from dovetail.registry import Offer, Registry
 
-__all__ = ["describe", "plugins"]
-
 
 def plugins(plugin: PluginFiles = None, as_json: AsJson = False) -> None:
     """List the models at hand.

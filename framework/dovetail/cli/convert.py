@@ -15,8 +15,6 @@ from dovetail.cli.terminal import note, say, title
 if TYPE_CHECKING:
     from dovetail.frf import Frf
 
-__all__ = ["convert", "describe_frf"]
-
 _WRITTEN = (".uff", ".unv", ".csv", ".npz")
 
 _OtherFile = typer.Option(metavar="FILE", help="For a transfer FRF: another FRF of the same test.")

@@ -13,8 +13,6 @@ from dovetail.cli.completion import complete_files
 from dovetail.cli.options import AssemblyFile, PluginFiles, load_assembly
 from dovetail.cli.terminal import note, say
 
-__all__ = ["explore"]
-
 
 def explore(
     assembly: AssemblyFile,

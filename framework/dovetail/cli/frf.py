@@ -14,8 +14,6 @@ from dovetail.cli.options import Overwrite, one_of, quantity_in
 from dovetail.cli.reading import Columns, ForceDof, Names, ResponseDof, columns_of, names_of
 from dovetail.cli.terminal import note, say, title
 
-__all__ = ["frf"]
-
 _seconds = quantity_in("s")
 
 

@@ -13,8 +13,6 @@ from dovetail.cli.options import check_new_files
 if TYPE_CHECKING:
     from dovetail.frf import Frf
 
-__all__ = ["FrfFiles", "check_frf_files", "write_frf_files"]
-
 _SUFFIXES = (".csv", ".uff", ".unv", ".npz", ".png")
 
 FrfFiles = Annotated[

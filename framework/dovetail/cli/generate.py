@@ -18,8 +18,6 @@ from dovetail.cli.terminal import progress_bars, say, say_on_stderr
 if TYPE_CHECKING:
     from dovetail.dataset import Storage
 
-__all__ = ["generate"]
-
 
 class StorageChoice(StrEnum):
     """What is stored of each FRF."""

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from dovetail.report.content import ParameterRow
     from dovetail.report.truth import Truth
 
-__all__ = ["identify"]
-
 _STARTED = ("refined", "posterior")
 """Methods that start from a network's answer."""
 _WORDS = ("unit", "precision", "verdict", "best fit lies", "range")

@@ -9,8 +9,6 @@ import typer
 
 from dovetail.cli.terminal import say
 
-__all__ = ["merge"]
-
 
 def merge(
     shards: Annotated[list[Path], typer.Argument(metavar="SHARD...", help="Folders that 'generate --shard' wrote.")],

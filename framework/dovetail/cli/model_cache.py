@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from dovetail.assembly import Assembly
     from dovetail.identification import Identifier
 
-__all__ = ["cache_folder", "kept_model", "trained_model"]
-
 VARIABLE = "DOVETAIL_CACHE_DIR"
 """Environment variable that names another folder."""
 

@@ -11,8 +11,6 @@ from dovetail.interfaces import JointModel, option_schema, parameter_faults, por
 from dovetail.registry import Offer
 from dovetail.units import format_quantity
 
-__all__ = ["describe_offer"]
-
 _DEEPEST = 8
 """Largest depth of options that are listed; a Config that contains itself has no end."""
 

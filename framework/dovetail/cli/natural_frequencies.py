@@ -9,8 +9,6 @@ from dovetail.cli.terminal import say
 if TYPE_CHECKING:
     from dovetail.assembly import Assembly, Theta
 
-__all__ = ["natural_frequencies", "say_natural_frequencies"]
-
 _MOST = 10
 
 

@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from dovetail.interfaces import JointModel
     from dovetail.registry import Registry
 
-__all__ = ["new_assembly"]
-
 _MATERIALS = {
     "steel": (206, 7850, 0.3),
     "aluminium": (70, 2700, 0.33),

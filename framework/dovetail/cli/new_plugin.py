@@ -13,8 +13,6 @@ import typer
 from dovetail.cli.options import one_of
 from dovetail.cli.terminal import say
 
-__all__ = ["new_plugin"]
-
 _COMMON = {
     "pyproject.toml": "pyproject.toml",
     "README.md": "README.md",

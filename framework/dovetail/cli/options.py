@@ -16,26 +16,6 @@ if TYPE_CHECKING:
     from dovetail.identification import Identifier
     from dovetail.interfaces import IdentificationMethod
 
-__all__ = [
-    "AsJson",
-    "AssemblyFile",
-    "ModelName",
-    "Overwrite",
-    "PluginFiles",
-    "PointNumber",
-    "Scheduler",
-    "assembly_or_model",
-    "at_point",
-    "check_new_files",
-    "chosen_method",
-    "load_assembly",
-    "note_doubts",
-    "one_of",
-    "part",
-    "quantity_in",
-]
-
-
 _Choice = TypeVar("_Choice", bound=str)
 
 

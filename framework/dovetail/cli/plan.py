@@ -13,8 +13,6 @@ from dovetail.cli.terminal import heading, print_json, progress_bars, say, table
 if TYPE_CHECKING:
     from dovetail.evaluation import Plan, PlannedPoint
 
-__all__ = ["plan"]
-
 _SHOWN = 8
 
 

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     from dovetail.frf import Frf
 
-__all__ = ["plot", "write_figure", "write_figures"]
-
 _PEAKS = 6
 """Largest number of resonances of an FRF that are listed."""
 

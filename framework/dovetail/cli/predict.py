@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from dovetail.frf import Frf
     from dovetail.identification import Band
 
-__all__ = ["predict"]
-
 
 def predict(
     assembly: AssemblyFile,

@@ -16,29 +16,6 @@ from dovetail.cli.terminal import note
 if TYPE_CHECKING:
     from dovetail.frf import Frf
 
-__all__ = [
-    "AccelerometerMass",
-    "Columns",
-    "ForceDof",
-    "ForceDofs",
-    "IgnoreDofs",
-    "Index",
-    "Indices",
-    "Names",
-    "QuantityOfFile",
-    "Reader",
-    "ResponseDof",
-    "ResponseDofs",
-    "UnitOfFile",
-    "columns_of",
-    "names_of",
-    "read_measured",
-    "read_selected",
-    "reading_options",
-    "selections",
-    "warnings_as_notes",
-]
-
 _Given = TypeVar("_Given")
 _HEAVY = 0.1
 """Mass [kg] of an accelerometer above which a number without a unit was probably meant in grams."""

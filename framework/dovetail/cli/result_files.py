@@ -18,20 +18,6 @@ if TYPE_CHECKING:
     from dovetail.identification import AtPoint, Identification, ModalIdentification
     from dovetail.report.truth import Truth
 
-__all__ = [
-    "MANIFEST",
-    "MODAL_FILES",
-    "caveat_comment",
-    "csv_text",
-    "json_text",
-    "prepare_folder",
-    "write_folder",
-    "write_modal_results",
-    "write_results",
-    "write_texts",
-    "writing",
-]
-
 MANIFEST = "SHA256SUMS"
 """File with the names and hashes of all files of a run, for ``sha256sum --check``."""
 _RESULT = "result.json"

@@ -15,8 +15,6 @@ from dovetail.cli.terminal import print_json, progress_bars, table, title
 if TYPE_CHECKING:
     from dovetail.evaluation import RobustnessRow
 
-__all__ = ["robustness"]
-
 _FILES = ("robustness.json", "robustness.csv", "robustness.png")
 
 

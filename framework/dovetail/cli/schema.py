@@ -10,8 +10,6 @@ import typer
 from dovetail.cli.options import Overwrite, PluginFiles, check_new_files
 from dovetail.cli.terminal import note, print_json
 
-__all__ = ["schema"]
-
 
 def schema(
     output: Annotated[

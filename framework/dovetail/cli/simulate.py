@@ -27,8 +27,6 @@ from dovetail.cli.terminal import heading, note, print_json, quantity_text, rang
 if TYPE_CHECKING:
     from dovetail.assembly import Assembly
 
-__all__ = ["simulate"]
-
 
 def simulate(
     assembly: AssemblyFile,

@@ -11,8 +11,6 @@ from dovetail.cli import reading
 from dovetail.cli.options import Overwrite, PluginFiles, check_new_files, one_of, quantity_in
 from dovetail.cli.terminal import note, say, title
 
-__all__ = ["spindle"]
-
 _length = quantity_in("m")
 
 

@@ -15,8 +15,6 @@ from dovetail.cli.terminal import heading, note, print_json, progress_bars, say,
 if TYPE_CHECKING:
     from dovetail.evaluation import Study
 
-__all__ = ["study"]
-
 _FILES = ("study.json", "study.md", "trials.csv", "best.yaml")
 _SWEEPS, _SEARCH = "sweeps.png", "search.png"
 _WORK = "work"

@@ -22,22 +22,6 @@ if TYPE_CHECKING:
 
     from dovetail.interfaces import Progress
 
-__all__ = [
-    "choose",
-    "heading",
-    "note",
-    "print_json",
-    "progress_bars",
-    "quantity_text",
-    "range_text",
-    "room",
-    "say",
-    "say_on_stderr",
-    "table",
-    "title",
-    "waiting",
-]
-
 _UNLIMITED = 10_000
 """Width in a pipe, where each row of a table stays on one line, for grep."""
 _GAP = 3

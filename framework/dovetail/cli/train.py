@@ -14,8 +14,6 @@ from dovetail.cli.terminal import note, print_json, progress_bars, say, table, t
 if TYPE_CHECKING:
     from dovetail.identification import Evaluation, Identifier
 
-__all__ = ["train"]
-
 
 def train(
     assembly: AssemblyFile,

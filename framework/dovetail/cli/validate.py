@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from dovetail.identification import Identification
     from dovetail.interfaces import IdentificationMethod
 
-__all__ = ["validate"]
-
 _FILES = ("validation.json", "validation.csv", "table.md", "frfs.png", "validation.html")
 _HEADERS = ("case", "measured [Hz]", "compensated [Hz]", "predicted [Hz]", "error [%]", "shift [%]", "joint")
 _SERIES = "series.png"

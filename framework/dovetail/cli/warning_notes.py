@@ -12,8 +12,6 @@ from typing import Any, cast
 
 from dovetail.cli.terminal import note
 
-__all__ = ["warnings_as_notes"]
-
 
 @contextmanager
 def warnings_as_notes() -> Iterator[None]:

@@ -23,8 +23,6 @@ from dovetail.measurement.frf_units import is_si
 from dovetail.measurement.resampling import on_grid
 from dovetail.measurement.statements import interpret
 
-__all__ = ["ReceptanceMatrix", "check_receptance_units", "read_receptance", "write_receptance"]
-
 
 @dataclass(frozen=True, eq=False)
 class ReceptanceMatrix:

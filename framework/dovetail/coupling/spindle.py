@@ -16,8 +16,6 @@ from dovetail.frf import Frf
 from dovetail.measurement import ModelDof, Role, check_roles, remove_accelerometer_mass
 from dovetail.units import format_quantity
 
-__all__ = ["ROTATIONS", "Rotations", "difference_receptance", "error_gain", "spindle_flange"]
-
 _STEP = 1e-6
 """Relative change of a test for derivatives by differences."""
 

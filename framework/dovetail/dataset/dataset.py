@@ -15,8 +15,6 @@ from dovetail.dataset.storage import ARRAYS, READING_ERRORS, Storage, StoredFrfs
 from dovetail.errors import DatasetError, Fault
 from dovetail.plain_text import html_table
 
-__all__ = ["FORMAT", "Dataset"]
-
 FORMAT = 1
 
 _PROBES = 64

@@ -25,8 +25,6 @@ from dovetail.frf import conversion
 from dovetail.interfaces import Progress, logged, progress_reporter
 from dovetail.parallel import on_cluster, require_cluster
 
-__all__ = ["complex_accelerance", "generate"]
-
 _CHUNK_BYTES = 8e6
 """Size of a chunk of FRFs on disk."""
 

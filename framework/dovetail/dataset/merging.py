@@ -14,8 +14,6 @@ from dovetail.dataset.dataset import Dataset
 from dovetail.dataset.storage import ARRAYS
 from dovetail.errors import DatasetError, Fault, FileError, listing
 
-__all__ = ["merge"]
-
 _MOST_LISTED = 8
 
 

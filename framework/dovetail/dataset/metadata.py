@@ -17,8 +17,6 @@ import numpy as np
 from dovetail.atomic_files import read_bounded
 from dovetail.errors import DatasetError, Fault, FileError
 
-__all__ = ["LARGEST_ARRAY", "check_attributes", "check_metadata", "chunk_bytes", "read_metadata"]
-
 _LARGEST_CHUNK = 200_000_000
 """Bytes."""
 LARGEST_ARRAY = 500_000_000

@@ -11,8 +11,6 @@ from dovetail.assembly import Assembly
 from dovetail.dataset.metadata import LARGEST_ARRAY
 from dovetail.errors import DatasetError, Fault
 
-__all__ = ["check_number", "latin_hypercube"]
-
 
 def latin_hypercube(assembly: Assembly, samples: int, seed: int | Sequence[int]) -> NDArray[np.float64]:
     """Draw a Latin hypercube sample of the ranges, on each parameter's scale.

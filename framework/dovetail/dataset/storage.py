@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from dovetail.dataset.metadata import chunk_bytes
 from dovetail.errors import DatasetError, Fault
 
-__all__ = ["ARRAYS", "READING_ERRORS", "Storage", "StoredFrfs", "read_array", "read_flags"]
-
 Storage = Literal["amplitude", "complex"]
 """What is stored of each accelerance: its amplitude (float32), or amplitude and phase (complex64)."""
 

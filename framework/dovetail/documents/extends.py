@@ -12,8 +12,6 @@ from dovetail.documents.tree import Entry, Item, Path, format_value, replace_ite
 from dovetail.documents.yaml_reader import read_yaml
 from dovetail.errors import DescriptionError
 
-__all__ = ["Alternatives", "read_source", "settle_alternatives"]
-
 Alternatives: TypeAlias = Sequence[Sequence[str]]
 """Keys of a section of which only those of one group may be stated."""
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dovetail.documents.tree import Item, Mark, Path, format_path
 from dovetail.errors import DescriptionError, Fault
 
-__all__ = ["MOST_FAULTS", "FaultList"]
-
 MOST_FAULTS = 500
 """Number of faults at which the search for more ends."""
 

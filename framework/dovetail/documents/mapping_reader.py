@@ -10,8 +10,6 @@ from dovetail.documents.fault_list import FaultList
 from dovetail.documents.tree import Entry, Item, Mark, Path, Scalar, format_value
 from dovetail.documents.yaml_reader import LARGEST_TREE, LARGEST_WHOLE, MOST_LEVELS, UNPRINTABLE
 
-__all__ = ["DICT", "read_mapping"]
-
 DICT = "<dict>"
 """Name of a dict in messages, instead of a file's name."""
 

@@ -6,19 +6,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
-__all__ = [
-    "Entry",
-    "Item",
-    "Mark",
-    "Path",
-    "Scalar",
-    "format_path",
-    "format_value",
-    "plain_values",
-    "replace_item",
-    "replace_value",
-]
-
 Scalar: TypeAlias = str | int | float | bool | None
 Path: TypeAlias = tuple[str | int, ...]
 """Keys and list indices from the root of the document."""

@@ -15,8 +15,6 @@ from dovetail.documents.tree import Item, Path, format_path, format_value, plain
 from dovetail.errors import did_you_mean, listing
 from dovetail.units import InUnit
 
-__all__ = ["check_format", "number_unit", "validate"]
-
 _Model = TypeVar("_Model", bound=BaseModel)
 
 _WHOLE, _NUMBER, _LIST, _SECTION = "a whole number", "a number", "a list", "a section of keys and values"

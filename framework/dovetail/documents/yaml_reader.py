@@ -19,8 +19,6 @@ from dovetail.documents.fault_list import FaultList
 from dovetail.documents.tree import Entry, Item, Mark, Path, Scalar, format_value
 from dovetail.errors import DescriptionError
 
-__all__ = ["LARGEST_FILE", "LARGEST_TREE", "LARGEST_WHOLE", "MOST_LEVELS", "UNPRINTABLE", "read_yaml"]
-
 LARGEST_FILE = 256 * 1024
 """Bytes."""
 LARGEST_TREE = 50_000

@@ -23,8 +23,6 @@ from dovetail.measurement import noisy_frf
 from dovetail.measurement.noise import NoiseKind
 from dovetail.parallel import cores, side_by_side
 
-__all__ = ["CalibratedParameter", "Calibration", "Setting", "calibrate"]
-
 
 @dataclass(frozen=True)
 class Setting:

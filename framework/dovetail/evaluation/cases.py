@@ -17,8 +17,6 @@ from dovetail.frf import Frf
 from dovetail.measurement import read_frf
 from dovetail.units import Mass
 
-__all__ = ["FORMAT", "Case", "Cases", "JointSource", "Measurement", "read_cases"]
-
 FORMAT = 1
 """Version of the format, which is what ``dovetail_cases:`` says."""
 

@@ -32,8 +32,6 @@ from dovetail.interfaces import IdentificationMethod, Progress, progress_reporte
 from dovetail.measurement import check_cover, within_band
 from dovetail.registry import components
 
-__all__ = ["RIGID", "Compared", "Comparison", "compare", "read_truths"]
-
 RIGID = "rigid"
 """The joint's contacts rigid and its other parameters in the middle of their ranges: nothing is identified."""
 _FITS = tuple(name for name in METHODS if name != "network")

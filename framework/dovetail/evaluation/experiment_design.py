@@ -20,8 +20,6 @@ from dovetail.identification.posterior import PRIOR_PRECISION
 from dovetail.interfaces import Progress, progress_reporter
 from dovetail.units import format_quantity
 
-__all__ = ["NOISE", "Plan", "PlannedPoint", "plan"]
-
 NOISE = 0.01
 """Noise of every line, the same at all points, over the standard deviation of the FRF at the described response."""
 

@@ -7,8 +7,6 @@ from contextlib import contextmanager
 
 from dovetail.errors import DovetailError, ParameterError, explained
 
-__all__ = ["Failures"]
-
 
 class Failures:
     """Why cases have failed.

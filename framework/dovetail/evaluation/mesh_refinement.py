@@ -11,8 +11,6 @@ from dovetail.errors import Fault, ParameterError
 from dovetail.interfaces import SubstructureModel
 from dovetail.synthesis import Attachment, Connection
 
-__all__ = ["finer"]
-
 _SAME_PLACE = 1e-9
 """m within which a node of the finer mesh is that of the coarser one."""
 

@@ -24,8 +24,6 @@ from dovetail.interfaces import Progress, progress_reporter
 from dovetail.measurement import data_noise
 from dovetail.registry import Registry, components
 
-__all__ = ["LEVELS", "RobustnessRow", "robustness", "storage_for", "variant", "with_noise"]
-
 _ROBUST = "robust"
 
 LEVELS = (0.0, 0.01, 0.02, 0.05, 0.1, 0.15, 0.2)

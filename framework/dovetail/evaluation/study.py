@@ -31,8 +31,6 @@ from dovetail.interfaces import Progress, progress_reporter, silent
 from dovetail.parallel import on_cluster, require_cluster
 from dovetail.registry import PluginPaths, Registry, components
 
-__all__ = ["Study", "study", "words"]
-
 _FIRST_PART = 0.25
 """Share of the samples on which a search's proposal is tried first."""
 _PAUSE = 1.0

@@ -21,8 +21,6 @@ from typing import Any, Literal, TypeAlias
 from dovetail.atomic_files import held, is_held, read_bounded, write_whole
 from dovetail.errors import DovetailError, Fault
 
-__all__ = ["Kind", "Ledger", "Proposal", "Trial"]
-
 Kind: TypeAlias = Literal["described", "sweep", "together", "search", "test"]
 State: TypeAlias = Literal["waiting", "running", "done", "pruned", "failed"]
 

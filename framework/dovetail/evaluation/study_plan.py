@@ -17,8 +17,6 @@ from dovetail.identification.network.training import needs_phase
 from dovetail.interfaces import Progress, silent
 from dovetail.registry import Registry
 
-__all__ = ["StudyPlan", "Sweep"]
-
 
 @dataclass(frozen=True)
 class Sweep:

@@ -15,8 +15,6 @@ from dovetail.assembly import SearchRange
 from dovetail.errors import DovetailError, Fault
 from dovetail.evaluation.study_ledger import Trial
 
-__all__ = ["SearchSpace"]
-
 _FEWEST = 4
 """Trials that have ended on all samples, with which a median on the first part means something."""
 

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["RemainingUncertainty", "remaining_uncertainty"]
-
 _NOISE_DRAWS = 2
 """Number of measurements that are drawn for each parameter vector."""
 _STEPS, _FORGOTTEN = 800, 100

@@ -25,8 +25,6 @@ from dovetail.identification.result_file import AnyIdentification, load_result
 from dovetail.interfaces import IdentificationMethod, Progress, progress_reporter
 from dovetail.measurement import check_cover, within_band
 
-__all__ = ["Identify", "PeakRow", "ValidatedCase", "Validation", "validate"]
-
 PROMINENCE = 1.5
 """dB by which a peak must stand out: modes that the joint damps have low peaks."""
 

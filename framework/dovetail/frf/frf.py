@@ -12,22 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 from dovetail.errors import Fault, MeasurementError
 from dovetail.plain_text import html_table, terminal_text
 
-__all__ = [
-    "HIGHEST_FREQUENCY",
-    "LARGEST_VALUE",
-    "LOW_COHERENCE",
-    "MOST_AVERAGES",
-    "QUANTITIES",
-    "Frf",
-    "Quantity",
-    "coherence_spectrum",
-    "coherence_with_model",
-    "conversion",
-    "in_bands",
-    "poor_bands",
-    "unit_of",
-]
-
 Quantity = Literal["receptance", "mobility", "accelerance"]
 QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
 

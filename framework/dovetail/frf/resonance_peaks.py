@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from dovetail.frf.frf import Frf
 
-__all__ = ["PairedPeaks", "PeakPair", "counterpart", "noise_deviation", "pair_peaks", "resonance_peaks"]
-
 
 @dataclass(frozen=True)
 class Settings:

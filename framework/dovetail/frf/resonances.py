@@ -13,8 +13,6 @@ from scipy.interpolate import AAA
 
 from dovetail.frf.frf import Frf, conversion
 
-__all__ = ["Resonances", "fit_resonances"]
-
 
 @dataclass(frozen=True)
 class Settings:

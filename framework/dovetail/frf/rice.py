@@ -14,8 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import i0e, i1e
 
-__all__ = ["noise_in_scatter", "rice_mean", "rice_surprise"]
-
 _CLEAR = 1e4
 """Argument of Bessel's functions above which their asymptotic series are exact to double precision."""
 _LEVELS = np.linspace(0.0, 1.0, 1001)

@@ -8,8 +8,6 @@ from scipy.optimize import least_squares
 
 from dovetail.frf.frf import Frf, conversion
 
-__all__ = ["UNKNOWNS", "SingleMode", "background_shapes"]
-
 _POWERS = -2.0, 0.0, 2.0, 4.0
 """Of the frequency, in the receptance that resonances outside the band add: a free body below, and the first terms of
 the series of those above."""

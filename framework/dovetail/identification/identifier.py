@@ -29,8 +29,6 @@ from dovetail.plain_text import html_table, terminal_text
 from dovetail.registry import PluginPaths
 from dovetail.units import format_quantity
 
-__all__ = ["Batch", "Identifier", "identify_many", "load_model", "train", "unique_names"]
-
 
 class Identifier(TrainedNetwork):
     """A trained network that identifies joints of the assembly it was trained for.

@@ -30,8 +30,6 @@ from dovetail.measurement import ModalParameters, is_modal_table, read_frf
 from dovetail.parallel import one_blas_thread
 from dovetail.registry import Registry, installed_components
 
-__all__ = ["Measurement", "find_method", "identify", "method_options"]
-
 Measurement = Frf | str | Path | Sequence[Frf | str | Path]
 """An FRF or its file; one for each response, if there are several."""
 

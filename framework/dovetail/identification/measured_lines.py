@@ -24,8 +24,6 @@ from dovetail.interfaces import Progress
 from dovetail.measurement import ModelDof, Role, check_roles, find_gaps, find_missing_ends, on_grid, within_band
 from dovetail.measurement.roles import PHASE_ERROR, SUSPICIOUS, contradictions, power_given_out
 
-__all__ = ["MeasuredLines", "batch_contradictions", "check_measured", "roles_of"]
-
 _RECIPROCITY, _EXCESS = 0.05, 3.0
 """Relative difference of two reciprocal FRFs that is reported, and its ratio to the one that random errors explain."""
 _LINES_OF_WIDTH = 2.0

@@ -33,8 +33,6 @@ from dovetail.identification.reconstruction import reconstruct
 from dovetail.identification.result import Identification
 from dovetail.interfaces import Estimate, IdentificationMethod, IdentificationProblem, Progress, plugin_errors, silent
 
-__all__ = ["DEFAULT_METHOD", "METHODS", "by_plugin"]
-
 _LEAST_GAIN = 25.0
 """Decrease of the sum of squares, per parameter, from which another fit is clearly better: five standard deviations."""
 _LEAST_PART = 0.5

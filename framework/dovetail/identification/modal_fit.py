@@ -31,8 +31,6 @@ from dovetail.interfaces import Progress, silent
 from dovetail.measurement import ModalParameters
 from dovetail.synthesis import DampedModes
 
-__all__ = ["identify_from_modes"]
-
 _LEAST_FREEDOM = 0.5
 """Degrees of freedom below which the residuals of a fit say nothing about errors."""
 _LEAST_ERRORS = (TYPICAL.natural_frequency, TYPICAL.damping)

@@ -17,18 +17,6 @@ from dovetail.identification.posterior.posterior import Posterior
 from dovetail.identification.posterior.verdicts import NOT_BELIEVED, Group, Verdict
 from dovetail.interfaces import Parameter, Prior, Scale
 
-__all__ = [
-    "ROUNDING",
-    "Follower",
-    "IdentifiedParameter",
-    "TableRow",
-    "dataframe",
-    "inference_data",
-    "is_in_range",
-    "parameter_table",
-    "place_on_range",
-]
-
 ROUNDING = 1e-9
 """Part of its range by which a value may lie outside."""
 

@@ -17,16 +17,6 @@ from dovetail.identification.fitting.residuals import ModelFrfs
 from dovetail.interfaces import SubstructureModel
 from dovetail.units import InUnit
 
-__all__ = [
-    "MOST_DOFS",
-    "ConfigQuantity",
-    "known_quantities",
-    "list_quantities",
-    "materials_in_common",
-    "quantity_derivatives",
-    "with_part",
-]
-
 MOST_DOFS = 2000
 """Largest number of DOFs of a substructure that is changed; it takes too long to condense larger ones again."""
 

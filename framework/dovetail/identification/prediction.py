@@ -21,8 +21,6 @@ from dovetail.identification.posterior.likelihood import normal_from_unit, unit_
 from dovetail.identification.result_file import AnyIdentification, load_result
 from dovetail.units import to_si
 
-__all__ = ["Band", "determined_signs", "joint_values", "predict", "predict_band", "predicted_band", "predicted_frf"]
-
 
 def predict(assembly: AssemblySource, result: AnyIdentification | str | Path | Mapping[str, float | str]) -> Frf:
     """Predict the FRF of an assembly with a joint that was identified in another.

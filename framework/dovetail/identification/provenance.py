@@ -26,18 +26,6 @@ from dovetail.interfaces import Component, Parameter, logged
 from dovetail.measurement import ModalParameters
 from dovetail.registry import installed_components
 
-__all__ = [
-    "Evaluation",
-    "ParameterMetrics",
-    "StageTimer",
-    "component_sources",
-    "description_hash",
-    "file_hash",
-    "package_versions",
-    "parameter_metrics",
-    "provenance",
-]
-
 _PACKAGES = ("dovetail-frf", "numpy", "scipy", "scikit-learn", "umap-learn", "torch")
 
 

@@ -25,8 +25,6 @@ from dovetail.interfaces import Parameter
 from dovetail.synthesis import Point
 from dovetail.units import format_quantity
 
-__all__ = ["identified_parameters", "known_parameters", "paired_modes", "reconstruct", "unpaired_peaks"]
-
 _LEAST_SHARE = 0.2
 """Magnitude of a mode's part of the FRF at a peak, over the FRF's, below which the mode does not make the peak."""
 _CLOSENESS = 0.15

@@ -20,8 +20,6 @@ from dovetail.measurement import ModalParameters
 from dovetail.plain_text import html_table, terminal_text
 from dovetail.units import format_quantity
 
-__all__ = ["AtPoint", "Identification", "MatchedMode", "ModalIdentification", "Mode", "caveats_of"]
-
 _CAVEAT = "The model does not fit the measurement: do not believe the numbers."
 """At most 80 characters of ASCII, the length of an id line in UFF."""
 

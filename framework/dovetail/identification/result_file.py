@@ -22,8 +22,6 @@ from dovetail.identification.posterior.posterior import central_fractions
 from dovetail.identification.result import AtPoint, Identification, MatchedMode, ModalIdentification, Mode
 from dovetail.measurement import ModalParameters
 
-__all__ = ["RESULT_FILE", "AnyIdentification", "load_result"]
-
 AnyIdentification: TypeAlias = Identification | ModalIdentification
 """From FRFs, or from a table of modal parameters."""
 

@@ -16,16 +16,6 @@ from pydantic import BaseModel, ConfigDict, ValidationInfo, field_validator
 from dovetail.errors import DovetailError, Fault, PluginError
 from dovetail.units import refuse_marks
 
-__all__ = [
-    "INTERFACE_VERSION",
-    "KINDS",
-    "Component",
-    "ComponentConfig",
-    "Kind",
-    "plugin_errors",
-    "source_file",
-]
-
 Kind = Literal["substructure", "joint", "reducer", "regressor", "reader", "method"]
 KINDS: tuple[Kind, ...] = ("substructure", "joint", "reducer", "regressor", "reader", "method")
 INTERFACE_VERSION = 1

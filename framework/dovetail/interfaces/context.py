@@ -10,8 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["FeatureContext", "fit_in_context", "takes_context"]
-
 
 @dataclass(frozen=True, eq=False)
 class FeatureContext:

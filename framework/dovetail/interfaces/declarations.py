@@ -15,8 +15,6 @@ from dovetail.interfaces.matrices import DIRECTIONS
 from dovetail.interfaces.substructure import Node
 from dovetail.units import is_unit
 
-__all__ = ["joint_faults", "node_faults", "parameter_faults", "port_faults"]
-
 
 def joint_faults(model: JointModel) -> tuple[Fault, ...]:
     """Return the faults in the declarations of a joint.

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from dovetail.interfaces.matrices import StructuralMatrices
 
-__all__ = ["Differentiation", "differences"]
-
 Matrices = Callable[[NDArray[np.float64]], StructuralMatrices]
 """Matrices (n, d, d) of parameter vectors (n, n_params)."""
 

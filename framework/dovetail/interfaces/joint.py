@@ -20,8 +20,6 @@ from dovetail.interfaces.differentiation import Differentiation, differences
 from dovetail.interfaces.matrices import DIRECTIONS, StructuralMatrices
 from dovetail.interfaces.substructure import SubstructureModel
 
-__all__ = ["JointModel", "Omission", "Parameter", "Port", "Prior", "Scale"]
-
 Scale = Literal["linear", "log"]
 Prior = Literal["uniform", "normal"]
 

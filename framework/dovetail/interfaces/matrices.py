@@ -12,8 +12,6 @@ import numpy as np
 import scipy  # loads a part of it when that is first used
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["DIRECTIONS", "SparseMatrices", "StructuralMatrices"]
-
 DIRECTIONS = ("x", "rz")
 """The DOFs of a node, in their order: displacement along x [m] and rotation about z [rad]."""
 

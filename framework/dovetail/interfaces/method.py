@@ -15,9 +15,6 @@ from dovetail.interfaces.component import Component, Kind
 from dovetail.interfaces.joint import Parameter
 from dovetail.interfaces.progress import Progress, silent
 
-__all__ = ["Estimate", "IdentificationMethod", "IdentificationProblem"]
-
-
 TAKEN_NAMES = ("network", "refined", "multistart", "posterior", "rigid")
 """Names of Dovetail's methods for ``--method`` and ``compare``; a plugin's method must not have one of them."""
 

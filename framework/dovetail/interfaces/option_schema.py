@@ -7,8 +7,6 @@ from typing import Any
 
 from pydantic import BaseModel
 
-__all__ = ["option_schema"]
-
 
 def option_schema(config: type[BaseModel]) -> dict[str, Any]:
     """Return the JSON Schema of a Config, with the descriptions of its options as far as there are any.

@@ -8,8 +8,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Protocol
 
-__all__ = ["Progress", "logged", "progress_reporter", "silent"]
-
 
 class Progress(Protocol):
     """Function that is called from time to time with the steps done, their total number, and a note."""

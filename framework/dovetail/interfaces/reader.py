@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 
 from dovetail.interfaces.component import Component, Kind
 
-__all__ = ["FrfReader", "RecordedFrf"]
-
 
 @dataclass(frozen=True, eq=False)
 class RecordedFrf:

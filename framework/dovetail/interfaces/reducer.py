@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from dovetail.interfaces.component import Component, Kind
 from dovetail.interfaces.state import State
 
-__all__ = ["FittedReducer", "Reducer"]
-
 
 class FittedReducer(ABC):
     """A reducer after fitting."""

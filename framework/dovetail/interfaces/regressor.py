@@ -16,8 +16,6 @@ from dovetail.interfaces.context import FeatureContext, takes_context
 from dovetail.interfaces.progress import Progress, silent
 from dovetail.interfaces.state import State
 
-__all__ = ["Epoch", "FittedRegressor", "Regressor", "TargetDistribution", "spread_normal"]
-
 Epoch = Callable[[int], tuple[NDArray[np.float32], NDArray[np.float64]]]
 """From the index of an epoch to its features (n_samples, n_features) and targets (n_samples, n_targets)."""
 

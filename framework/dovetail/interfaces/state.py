@@ -7,8 +7,6 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["State"]
-
 StateValue = NDArray[np.generic] | int | float | str | bool
 State = Mapping[str, StateValue]
 """Arrays, numbers, texts or booleans by name; arrays are stored as safetensors, the others as JSON."""

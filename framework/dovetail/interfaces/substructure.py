@@ -14,8 +14,6 @@ from dovetail.errors import Fault, PluginError
 from dovetail.interfaces.component import Component, Kind
 from dovetail.interfaces.matrices import DIRECTIONS, SparseMatrices, StructuralMatrices
 
-__all__ = ["Node", "SubstructureModel"]
-
 
 @dataclass(frozen=True)
 class Node:

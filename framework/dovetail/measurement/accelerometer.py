@@ -11,8 +11,6 @@ from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf
 from dovetail.measurement.roles import IGNORE, ModelDof, Role, check_roles, contradictions
 
-__all__ = ["add_accelerometer_mass", "remove_accelerometer_mass"]
-
 _LARGEST_MASS = 1000.0
 """kg; with a heavier one, the FRF would consist of rounding errors."""
 

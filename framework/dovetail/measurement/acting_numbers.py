@@ -8,8 +8,6 @@ from collections.abc import Sequence
 from dovetail.measurement.frf_units import read_unit
 from dovetail.measurement.quantity_words import word_set, words_of
 
-__all__ = ["find_acting_number", "is_harmless_number", "may_act"]
-
 _MULTIPLIES = re.compile(
     r"gain|verst[äa]e?rk|amplif|preamp|attenu|a[bu]schw[äa]e?ch|fac?tor|faktor|facteur|fattore|\bscal(?:e|ing)|skalier"
     r"|sensitiv|\bsens\b|empfindl|calib|kalib|[ée]talon|corr?ect|\bcorr\b|korrekt|multipl|divi[ds]|conversion"

@@ -17,8 +17,6 @@ from dovetail.measurement.frf_units import frequency_factor, read_unit
 from dovetail.measurement.quantity_words import inverse_quantity, read_label, word_set, words_of
 from dovetail.measurement.statements import About, Statement
 
-__all__ = ["SKIP", "FreeText", "read_texts"]
-
 _UNIT_WORDS = word_set(
     "unit units einheit einheiten unite unites unité unités unidad unidades unità unita eenheid enhet jednostka eu uom"
     " dimension dimensions engineering"

@@ -28,8 +28,6 @@ from dovetail.measurement.recording import ReadOptions, Recording, parse_quantit
 from dovetail.measurement.writing import FrfToWrite, prepare_for_writing
 from dovetail.registry import PluginPaths, Registry, components
 
-__all__ = ["frf_suffixes", "read_frf", "write_frf"]
-
 
 class Format(NamedTuple):
     """How files with one suffix are read and written; `encode` is None if they are only read."""

@@ -11,20 +11,6 @@ from dovetail.errors import Fault, MeasurementError, UnitError
 from dovetail.frf import QUANTITIES, Quantity, unit_of
 from dovetail.units import find_homonym, is_unit, to_si
 
-__all__ = [
-    "UnitKind",
-    "UnitMeaning",
-    "UnitReading",
-    "conversion_factor",
-    "frequency_factor",
-    "is_angular",
-    "is_si",
-    "meaning_of_unit",
-    "motion_unit",
-    "pint_spelling",
-    "read_unit",
-]
-
 _SQUARE = re.compile(r"(?<=[a-z])2(?![\d.])|²")
 _GRAVITY = re.compile(r"^\(?[gG]\)?(?=\s*/|$)")
 _NO_LABEL = ("", "none")

@@ -12,8 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf, in_bands
 
-__all__ = ["check_cover", "find_gaps", "find_missing_ends", "within_band"]
-
 
 @dataclass(frozen=True)
 class Settings:

@@ -18,8 +18,6 @@ from dovetail.measurement.formats.tables import names_and_units
 from dovetail.measurement.formats.text_tables import find_table, read_rows, split_lines
 from dovetail.measurement.frf_units import frequency_factor
 
-__all__ = ["ModalParameters", "is_modal_table", "read_modal_parameters"]
-
 _SUFFIXES = (".csv", ".tsv", ".txt")
 _NAMES = {
     "frequency": ("frequency", "natural_frequency", "natural_freq", "eigenfrequency", "freq", "f", "fn", "f_n", "f0"),

@@ -10,8 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from dovetail.frf import Frf
 
-__all__ = ["NOISE_KINDS", "NoiseKind", "complex_noise", "data_noise", "noisy_frf"]
-
 NoiseKind = Literal["proportional", "uniform"]
 NOISE_KINDS = get_args(NoiseKind)
 

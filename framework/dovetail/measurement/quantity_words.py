@@ -9,8 +9,6 @@ from typing import NamedTuple
 from dovetail.frf import Quantity
 from dovetail.measurement.frf_units import frequency_factor, read_unit
 
-__all__ = ["Label", "axis_unit_in_name", "inverse_quantity", "read_label", "unit_in_name", "word_set", "words_of"]
-
 _RATIOS: dict[str, Quantity] = {
     **dict.fromkeys(("receptance", "compliance", "flexibility", "nachgiebigkeit"), "receptance"),
     **dict.fromkeys(("mobility", "beweglichkeit"), "mobility"),

@@ -18,15 +18,6 @@ from dovetail.frf import QUANTITIES, Frf, Quantity, check_size, unit_of
 from dovetail.measurement.frf_units import UnitMeaning, is_si, meaning_of_unit, read_unit
 from dovetail.measurement.statements import About, Statement, interpret
 
-__all__ = [
-    "DOF",
-    "MOST_LINES",
-    "ReadOptions",
-    "Recording",
-    "are_opposite",
-    "parse_quantity",
-]
-
 MOST_LINES = 1_000_000
 """Largest number of lines of an FRF."""
 _COHERENCE_ROUNDING = 1e-4

@@ -11,8 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf
 
-__all__ = ["on_grid"]
-
 
 @dataclass(frozen=True)
 class Settings:

@@ -20,18 +20,6 @@ from dovetail.frf import Frf, conversion
 from dovetail.frf.resonance_peaks import noise_deviation
 from dovetail.measurement.recording import DOF
 
-__all__ = [
-    "IGNORE",
-    "PHASE_ERROR",
-    "SUSPICIOUS",
-    "ModelDof",
-    "Role",
-    "check_roles",
-    "contradictions",
-    "power_balance",
-    "power_given_out",
-]
-
 _MOST_GIVEN_OUT = 0.95
 """Share of the power at a drive point that is given out above which a sign or a phase is certainly wrong: of 300 random
 structures with a reversed sign and 10 % noise it was 1, of genuine measurements with an unknown delay up to 0.8."""

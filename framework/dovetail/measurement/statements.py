@@ -18,8 +18,6 @@ from dovetail.measurement.frf_units import UnitReading, frequency_factor, motion
 from dovetail.measurement.quantity_words import read_label
 from dovetail.units import find_homonym
 
-__all__ = ["About", "Meaning", "Statement", "check_axis", "fields_of", "interpret"]
-
 About = Literal["quantity", "motion quantity", "unit", "motion unit", "load unit", "axis unit", "label", "load label",
                 "axis label", "unclear unit", "disputed unit"]  # fmt: skip
 """What a statement is about.

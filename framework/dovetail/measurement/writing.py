@@ -12,8 +12,6 @@ from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf
 from dovetail.measurement.frf_units import meaning_of_unit
 
-__all__ = ["FrfToWrite", "prepare_for_writing"]
-
 
 @dataclass(frozen=True)
 class FrfToWrite:

@@ -20,8 +20,6 @@ from dovetail.interfaces import (
 )
 from dovetail.interfaces.method import TAKEN_NAMES, TAKEN_OPTIONS
 
-__all__ = ["contained", "reason_against", "reason_of"]
-
 _CONTRACTS = (SubstructureModel, JointModel, Reducer, Regressor, FrfReader, IdentificationMethod)
 
 

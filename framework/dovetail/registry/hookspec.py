@@ -9,8 +9,6 @@ import pluggy
 
 from dovetail.interfaces import Component
 
-__all__ = ["GROUP", "HookSpecification", "hookimpl"]
-
 GROUP = "dovetail"
 """Entry-point group, and pluggy's project name."""
 

@@ -25,8 +25,6 @@ from dovetail.parallel import FILE_MODULE
 from dovetail.registry.component_checks import contained, reason_against, reason_of
 from dovetail.registry.hookspec import GROUP, HookSpecification
 
-__all__ = ["HOW_TO_OFFER", "LoadFailure", "Offer", "PluginPaths", "Registry", "components", "installed_components"]
-
 PluginPaths: TypeAlias = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
 """One plugin file, or several."""
 

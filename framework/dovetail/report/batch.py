@@ -11,8 +11,6 @@ from dovetail.identification import Batch, Identification
 from dovetail.report.content import parameter_rows, verdict, warnings_of
 from dovetail.report.pages import write_page
 
-__all__ = ["write_batch"]
-
 
 def write_batch(batch: Batch, path: str | Path, title: str, reports: Mapping[str, str]) -> Path:
     """Write a batch as one self-contained HTML file without scripts, which loads nothing.

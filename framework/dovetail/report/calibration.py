@@ -10,8 +10,6 @@ from dovetail.report.calibration_figures import coverage_figure, rank_figure
 from dovetail.report.pages import write_page
 from dovetail.report.svg import page_figure
 
-__all__ = ["CALIBRATION_HEADERS", "calibration_rows", "calibration_times", "write_calibration"]
-
 CALIBRATION_HEADERS = (
     "parameter",
     "90 % intervals hold the truth",

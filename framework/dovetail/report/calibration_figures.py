@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["coverage_figure", "rank_figure"]
-
 _COLUMNS = 4
 _CASES_A_BIN, _FEWEST_BINS, _MOST_BINS = 10, 4, 20
 _LEVELS = np.linspace(0.02, 0.98, 49)

@@ -15,8 +15,6 @@ from dovetail.report.comparison_figures import parameter_comparison
 from dovetail.report.pages import as_data, chart_data, write_page
 from dovetail.report.svg import page_figure
 
-__all__ = ["coherence_rows", "frequency_rows", "parameter_value_rows", "time_rows", "write_comparison"]
-
 Row = list[Any]
 
 _MOST_LINES = 1600

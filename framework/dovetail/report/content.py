@@ -21,25 +21,6 @@ from dovetail.plain_text import ABSENT, display_unit, fixed, hertz, number, read
 from dovetail.report.truth import Truth
 from dovetail.units import format_quantity
 
-__all__ = [
-    "GroupRow",
-    "ModeRow",
-    "ParameterRow",
-    "adequacy_sentences",
-    "columns_sentence",
-    "fit_sentence",
-    "is_synthetic",
-    "known_rows",
-    "misfit_sentence",
-    "mode_rows",
-    "parameter_rows",
-    "posterior_sentence",
-    "provenance_rows",
-    "truth_sentence",
-    "verdict",
-    "warnings_of",
-]
-
 _LABELS = {
     "measurement": "Measurement",
     "measured_quantity": "Quantity measured",

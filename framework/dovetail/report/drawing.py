@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["assembly_figure", "drawing_text", "mode_shapes"]
-
 _ALONG, _LEAST, _MOST = WIDTH - 1.0, 0.9, 3.5
 """Size in inches along the axis, and limits across it for all rows: thinner drawings are stretched, thicker reduced."""
 _STRETCHES = (1, 2, 3, 4, 5, 10, 20, 30, 50, 100)

@@ -29,8 +29,6 @@ from dovetail.report.drawing import mode_shapes
 from dovetail.report.pages import chart_data, curve_data
 from dovetail.report.report import write_report
 
-__all__ = ["SAVED", "Explorer"]
-
 SAVED = {"json": "application/json", "yaml": "application/yaml", "html": "text/html"}
 """Media types of the files that can be saved, by suffix."""
 

@@ -21,32 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = [
-    "AGREEMENT",
-    "GRID",
-    "INK",
-    "LINES",
-    "MARKERS",
-    "MEASURED",
-    "MUTED",
-    "PHASE_CENTRE",
-    "RECONSTRUCTED",
-    "WIDTH",
-    "draw_amplitude",
-    "draw_phase",
-    "frf_figure",
-    "load_matplotlib",
-    "measured_figure",
-    "new_figure",
-    "panel_grid",
-    "png_bytes",
-    "robustness_figure",
-    "save_png",
-    "set_title",
-    "simulated_figure",
-    "style_axes",
-]
-
 WIDTH = 9.0
 """Width of figures in inches: 900 pixels at the usual 100 per inch."""
 

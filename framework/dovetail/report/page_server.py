@@ -20,8 +20,6 @@ from dovetail.report.explorer import SAVED, Explorer
 from dovetail.report.pages import environment, web_text
 from dovetail.version import __version__
 
-__all__ = ["PageServer"]
-
 _ASSETS = {
     "uPlot.js": ("vendor/uPlot.iife.min.js", "text/javascript"),
     "uPlot.css": ("vendor/uPlot.min.css", "text/css"),

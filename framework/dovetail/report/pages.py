@@ -23,19 +23,6 @@ from dovetail.version import __version__
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-__all__ = [
-    "as_data",
-    "chart_data",
-    "chart_scripts",
-    "curve_data",
-    "environment",
-    "packed",
-    "script_hash",
-    "thinned",
-    "web_text",
-    "write_page",
-]
-
 _WEB = Path(__file__).parent / "web"
 
 

@@ -11,8 +11,6 @@ from dovetail.report.figures import frf_figure, load_matplotlib, simulated_figur
 load_matplotlib()
 from matplotlib.figure import Figure  # noqa: E402
 
-__all__ = ["plot_assembly", "plot_frf"]
-
 
 def plot_frf(result: Identification | Frf, response: int = 0) -> Figure:
     """Draw an FRF, or the measured and the reconstructed one of an identification with their coherence below.

@@ -21,8 +21,6 @@ from dovetail.report.pages import as_data, chart_data, write_page
 from dovetail.report.svg import page_figure
 from dovetail.report.truth import Truth
 
-__all__ = ["EvaluationRow", "evaluation_rows", "write_report"]
-
 _MOST_SHAPES = 10
 _MOST_LINES = 3000
 """Largest number of lines of an FRF in a chart, including peaks and dips."""

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["TRIAL_HEADERS", "option_rows", "search_figure", "study_markdown", "sweeps_figure", "trial_rows"]
-
 TRIAL_HEADERS = ("trial", "kind", "settings", "MAE, % of range", "R2", "reducer, s", "regressor, s", "outcome")
 _OPTION_HEADERS = ("option", "tried", "best of its sweep", "chosen")
 _COLUMNS = 2

@@ -12,8 +12,6 @@ from dovetail.report.figures import GRID, INK, png_bytes
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["FIGURE_SUFFIXES", "figure_bytes", "inline_svg", "page_figure"]
-
 FIGURE_SUFFIXES = (".png", ".svg", ".html")
 
 _REFERENCE = re.compile(r'(\bid="|url\(#|href="#)')

@@ -14,8 +14,6 @@ from dovetail.errors import Fault, MeasurementError, UnitError, did_you_mean, li
 from dovetail.identification.parameters import IdentifiedParameter
 from dovetail.units import to_si
 
-__all__ = ["Truth", "read_truth"]
-
 _FORM = '{"parameters": {"k": "3 MN/m"}}, each by its name, with a unit'
 _KEYS = ("synthetic", "note", "parameters", "natural_frequencies_Hz")
 

@@ -12,8 +12,6 @@ from dovetail.report.pages import as_data, chart_data, write_page
 from dovetail.report.svg import page_figure
 from dovetail.report.validation_figures import series_figure
 
-__all__ = ["write_validation"]
-
 _MOST_LINES = 2400
 """Largest number of lines of an FRF in a chart, including peaks and dips."""
 

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["series_figure", "validation_figure"]
-
 _PANEL_HEIGHT = 2.5
 _COMPENSATED = LINES[2]
 

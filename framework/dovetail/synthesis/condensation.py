@@ -20,8 +20,6 @@ from dovetail.interfaces.matrices import refusing_complex_values
 from dovetail.synthesis.elimination import plan_elimination, run_elimination
 from dovetail.synthesis.sparse_condensation import PartitionedMatrices, condense_on_basis
 
-__all__ = ["BoundaryStiffness", "boundary_stiffness", "inverted_receptance", "substructure_matrices"]
-
 
 @dataclass(frozen=True)
 class Settings:

@@ -24,8 +24,6 @@ from dovetail.synthesis.joint_evaluation import (
 )
 from dovetail.synthesis.relative_coordinates import in_coordinates, relative_coordinates, stiff_springs
 
-__all__ = ["CoupledSystem", "Point", "condense"]
-
 Point = tuple[str, int]
 """A DOF: the name of a substructure, and the index of the DOF there."""
 

@@ -35,8 +35,6 @@ from dovetail.synthesis.relative_coordinates import (
     warn_of_lost_digits,
 )
 
-__all__ = ["DampedModes", "Poles"]
-
 _FEW_DOFS = 16
 """Number of DOFs up to which computing all poles takes less time than iterating from the undamped modes."""
 _SPARSE_DOFS = 300

@@ -9,8 +9,6 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Program", "plan_elimination", "run_elimination"]
-
 
 @dataclass(frozen=True, eq=False)
 class Program:

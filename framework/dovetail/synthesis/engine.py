@@ -31,8 +31,6 @@ from dovetail.synthesis.joint_evaluation import (
 )
 from dovetail.synthesis.plan import Factors, FactorsLike, Plan
 
-__all__ = ["Engine", "Settings"]
-
 
 @dataclass(frozen=True)
 class Settings:

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from dovetail.errors import DovetailError
 
-__all__ = ["ContinuedStiffness"]
-
 _REACHES = (8.0, 1.6)
 """Factors from the middle of the sampled frequencies to their ends; the second if the joint cannot be evaluated or is
 not smooth within the first."""

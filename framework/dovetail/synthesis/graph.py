@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from dovetail.interfaces import DIRECTIONS, JointModel, SubstructureModel
 
-__all__ = ["Attachment", "Connection", "Graph"]
-
 HELD = -1
 """Global number of a DOF that does not move."""
 

@@ -21,8 +21,6 @@ from dovetail.synthesis.graph import Graph
 from dovetail.synthesis.joint_evaluation import Theta, sample_count
 from dovetail.synthesis.plan import FactorsLike
 
-__all__ = ["InterpolatedEngine", "RationalInterpolant", "chebyshev_lines"]
-
 
 @dataclass(frozen=True)
 class Settings:

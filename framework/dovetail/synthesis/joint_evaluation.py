@@ -15,23 +15,6 @@ from dovetail.interfaces.matrices import refusing_complex_values
 from dovetail.synthesis.codegen.layout import MATRICES
 from dovetail.synthesis.graph import Graph
 
-__all__ = [
-    "JointSparsity",
-    "MatrixRows",
-    "Sparsity",
-    "Theta",
-    "UnplannedEntries",
-    "depends_on_frequency",
-    "filled_entries",
-    "joint_jacobian",
-    "joint_matrices",
-    "joint_stiffness",
-    "joint_stiffness_jacobian",
-    "probe_derivatives",
-    "probe_matrices",
-    "sample_count",
-]
-
 Theta = Mapping[str, NDArray[np.float64]]
 """All parameters of each joint, (n, n_params), by the joint's name."""
 

@@ -26,9 +26,6 @@ from dovetail.synthesis.joint_evaluation import (
     joint_stiffness_jacobian,
 )
 
-__all__ = ["KernelInputs", "SpectralInputs"]
-
-
 _Set = tuple[tuple[int, ...], int, NDArray[np.bool_]]
 """First part of the keys of a set of matrices, before slot and matrix; its index, and its entries (4, d, d)."""
 

@@ -11,8 +11,6 @@ from dovetail.synthesis.engine import Engine
 from dovetail.synthesis.joint_evaluation import Theta
 from dovetail.synthesis.pivoting import PivotedSolver
 
-__all__ = ["lost_digits"]
-
 _LEAST = 1e-7
 """Relative change of an FRF by rounding above which digits are lost: a tenth of the error of 1e-6 that is reported,
 since a few draws show a tenth of it or less. Chosen on uniform beams of 10 to 1000 elements."""

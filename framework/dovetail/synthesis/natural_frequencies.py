@@ -18,8 +18,6 @@ from dovetail.errors import DovetailError
 from dovetail.interfaces import SparseMatrices, StructuralMatrices
 from dovetail.synthesis.pole_search import Pencil, Wanted, few_poles, searched
 
-__all__ = ["dense_modes", "dofs_with_inertia", "elastic_frequencies", "lowest_modes", "lowest_poles", "searched_poles"]
-
 _BASIS_DOFS, _DENSE_DOFS = 40, 120
 """Numbers of DOFs up to which all poles are computed if the iteration does not find them, and if neither does one from
 the poles on a basis; with 120 that takes 0.2 s."""

@@ -14,8 +14,6 @@ from dovetail.synthesis.coupled_system import CoupledSystem, Point
 from dovetail.synthesis.joint_evaluation import Theta, joint_stiffness, joint_stiffness_jacobian
 from dovetail.synthesis.relative_coordinates import in_coordinates, rounded, warn_of_lost_digits
 
-__all__ = ["PivotedSolver"]
-
 _DENSE_BYTES = 64e6
 """Memory for the systems that are solved at a time."""
 

@@ -22,8 +22,6 @@ from dovetail.synthesis.joint_evaluation import Sparsity
 from dovetail.synthesis.kernel_inputs import KernelInputs, SpectralInputs
 from dovetail.synthesis.pivoting import PivotedSolver
 
-__all__ = ["Factors", "FactorsLike", "Plan", "Settings"]
-
 
 @dataclass(frozen=True)
 class Settings:

@@ -15,8 +15,6 @@ from dovetail.errors import DovetailError
 from dovetail.synthesis.frequency_laws import ContinuedStiffness
 from dovetail.synthesis.sparse_condensation import extended_basis
 
-__all__ = ["LEAST_TURN", "Pencil", "Wanted", "all_poles", "few_poles", "iterated", "placed", "searched"]
-
 LEAST_TURN = 0.02
 """Imaginary part of a pole over its magnitude below which it is overdamped: a damping ratio above 0.9998. With
 structural damping the poles of an overdamped motion are not exactly real: a loss factor of 0.05 gives 0.0125."""

@@ -16,8 +16,6 @@ from dovetail.synthesis.condensation import substructure_matrices
 from dovetail.synthesis.graph import HELD, Graph
 from dovetail.synthesis.joint_evaluation import depends_on_frequency, joint_matrices
 
-__all__ = ["LiteralSynthesis", "assembly_matrices", "direct_receptance"]
-
 _CANCELLED = 1e-15
 """Sum, over the size of its terms, below which it is rounding, as for stiffness between DOFs that a joint merges."""
 

@@ -14,8 +14,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["in_coordinates", "relative_coordinates", "rounded", "stiff_springs", "warn_of_lost_digits"]
-
 _NOTICED = 1e-6
 """Relative error from which lost digits are reported."""
 

@@ -20,14 +20,6 @@ from dovetail.errors import DovetailError
 from dovetail.interfaces import SparseMatrices
 from dovetail.parallel import cores
 
-__all__ = [
-    "PartitionedMatrices",
-    "ReducedCondensation",
-    "condense_on_basis",
-    "extended_basis",
-    "relative_difference",
-]
-
 
 @dataclass(frozen=True)
 class Settings:

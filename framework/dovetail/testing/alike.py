@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from dovetail.testing.outcomes import Nonconformity
 
-__all__ = ["require_alike"]
-
 _OF_DEVIATION = 1e-4
 """Relative to a column's standard deviation, since features are standardised: single precision, and order of sums."""
 _OF_SIZE = 1e-6

@@ -24,8 +24,6 @@ from dovetail.testing.outcomes import Nonconformity, Reservation
 from dovetail.testing.specimen import Specimen
 from dovetail.testing.surroundings import changes, surroundings
 
-__all__ = ["Report", "main", "report_of_another_process", "written"]
-
 _LIMIT = 120
 _ENVIRONMENT = dict(os.environ)
 """Environment before any component was called, which may change it."""

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from dovetail.interfaces import DIRECTIONS, JointModel, SparseMatrices, StructuralMatrices, SubstructureModel
 from dovetail.testing.linear_algebra import dense, has_idle_motion
 
-__all__ = ["PARTS", "answers", "copied", "declarations", "difference", "has_receptance", "varied"]
-
 PARTS = {"M": "mass", "K": "stiffness", "C": "viscous damping", "D": "structural damping"}
 _VECTORS = 6
 _LINES = np.array([400.0, 30.0, 1500.0])

@@ -14,8 +14,6 @@ from dovetail.interfaces import Component, ComponentConfig, option_schema
 from dovetail.testing.outcomes import Nonconformity
 from dovetail.units import dimension, is_unit, to_si
 
-__all__: list[str] = []
-
 _LONGEST_SUMMARY = 150
 _CONTRACTS = "dovetail.interfaces."
 _NEARLY = 0.85

@@ -18,8 +18,6 @@ from dovetail.testing.outcomes import Nonconformity
 from dovetail.testing.surroundings import with_other_random_numbers
 from dovetail.testing.training_sets import TrainingSet
 
-__all__: list[str] = []
-
 _FEW = 12
 _BATCH = 500
 """Larger than a block of 256 rows, and not a multiple of it."""

@@ -13,8 +13,6 @@ from dovetail.testing.fitted_specimens import FittedSpecimen
 from dovetail.testing.outcomes import Nonconformity, NotApplicable
 from dovetail.testing.training_sets import TrainingSet
 
-__all__: list[str] = []
-
 _FEW = 30
 _LINES = 5000
 """More than the 4451 of the published measurements."""

@@ -20,8 +20,6 @@ from dovetail.testing.specimen import SEED, Specimen
 from dovetail.testing.surroundings import Observation, observe
 from dovetail.testing.training_sets import TrainingSet, fit, frf_samples, regression_samples
 
-__all__ = ["FittedSpecimen", "ReducerSpecimen", "RegressorSpecimen", "with_other_options"]
-
 _SAMPLES = 160
 _LINES, _FEATURES = 120, 6
 """Features of a reducer and of a regressor; the latter are fewer than seven targets."""

@@ -11,8 +11,6 @@ from dovetail.testing.alike import require_alike
 from dovetail.testing.fitted_specimens import FittedSpecimen
 from dovetail.testing.outcomes import Nonconformity, Reservation
 
-__all__: list[str] = []
-
 _GROWTH = 1.5
 """Growth of the state with four times as many samples above which it contains something of each sample; a state whose
 size is only limited by the number of samples grows less."""

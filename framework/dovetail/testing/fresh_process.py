@@ -21,16 +21,6 @@ from dovetail.interfaces import Component, State
 from dovetail.testing.outcomes import Nonconformity
 from dovetail.testing.training_sets import TrainingSet, fit
 
-__all__ = [
-    "WORK",
-    "FreshAnswers",
-    "ask_a_fresh_process",
-    "main",
-    "read_request",
-    "requested_class",
-    "run_in_fresh_process",
-]
-
 _LIMIT = 300
 WORK = "work"
 """Working folder of a fresh process, initially empty."""

@@ -7,8 +7,6 @@ import json
 from dovetail.testing.outcomes import Nonconformity
 from dovetail.testing.specimens import Specimen
 
-__all__: list[str] = []
-
 
 def check_config_survives_json(specimen: Specimen) -> None:
     """Options that are written to a model's folder as JSON and read again are the same."""

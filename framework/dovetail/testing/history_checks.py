@@ -10,8 +10,6 @@ from dovetail.testing.answers import answers, copied, declarations, difference, 
 from dovetail.testing.outcomes import Nonconformity
 from dovetail.testing.specimens import JointSpecimen, Specimen, SubstructureSpecimen, specimen_of
 
-__all__: list[str] = []
-
 _ROUNDING = 1e-9
 """Difference between two processes, relative to the largest entry, that the order of sums may cause."""
 

@@ -15,8 +15,6 @@ from dovetail.testing.outcomes import Nonconformity, NotApplicable
 from dovetail.testing.specimens import FREQUENCY, JointSpecimen
 from dovetail.units import dimension
 
-__all__: list[str] = []
-
 _ROUNDING = 1e-9
 """Relative to the largest entry: sums in another order differ by about 1e-15 for each of up to a thousand terms."""
 _SINGLE = 1e-3

@@ -16,8 +16,6 @@ from dovetail.testing.linear_algebra import condensed, relative_difference, unit
 from dovetail.testing.outcomes import Nonconformity, NotApplicable, Reservation
 from dovetail.testing.specimens import FREQUENCY, JointSpecimen
 
-__all__: list[str] = []
-
 
 @dataclass(frozen=True)
 class Settings:

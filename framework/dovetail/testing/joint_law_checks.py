@@ -9,8 +9,6 @@ from dovetail.testing.linear_algebra import asymmetry, least_eigenvalue, relativ
 from dovetail.testing.outcomes import Nonconformity, NotApplicable
 from dovetail.testing.specimens import FREQUENCY, JointSpecimen
 
-__all__: list[str] = []
-
 _ROUNDING = 1e-9
 """Relative to the largest entry."""
 _VECTORS = 64

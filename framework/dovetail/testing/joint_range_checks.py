@@ -13,8 +13,6 @@ from dovetail.testing.outcomes import Nonconformity, NotApplicable
 from dovetail.testing.specimen import SEED
 from dovetail.testing.specimens import JointSpecimen
 
-__all__: list[str] = []
-
 _PARTS_OF_RANGES = 40
 _ROUNDING = 1e-9
 _FACTORS = (2, 4)

@@ -38,8 +38,6 @@ from dovetail.testing import (
 from dovetail.testing.outcomes import CheckResult, Nonconformity, NotApplicable, Reservation
 from dovetail.testing.specimens import Specimen, specimen_of
 
-__all__ = ["check_component", "check_names", "components_named", "each_check"]
-
 _Check = Callable[[Any], str | None]
 """A check raises an exception if something is wrong, and may return a text with what it measured."""
 

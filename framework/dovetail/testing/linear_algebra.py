@@ -7,18 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = [
-    "asymmetry",
-    "condensed",
-    "dense",
-    "has_idle_motion",
-    "least_effort",
-    "least_eigenvalue",
-    "loosest",
-    "relative_difference",
-    "unit_free",
-]
-
 _SINGULAR = 1e-12
 """Eigenvalue of a scaled matrix below which a motion needs no effort."""
 

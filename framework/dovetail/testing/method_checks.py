@@ -14,8 +14,6 @@ from dovetail.testing.outcomes import Nonconformity, NotApplicable
 from dovetail.testing.specimen import SEED, Specimen
 from dovetail.testing.surroundings import observe
 
-__all__ = ["MethodSpecimen"]
-
 _MASS = 1.0
 _TRUTH = np.array([2.0e6, 60.0])
 _PARAMETERS = (

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-__all__ = ["CheckResult", "Nonconformity", "NotApplicable", "Outcome", "Reservation"]
-
 Outcome = Literal["passed", "warning", "failed", "not run", "not applicable"]
 
 

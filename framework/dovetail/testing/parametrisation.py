@@ -13,8 +13,6 @@ from dovetail.testing.outcomes import CheckResult
 if TYPE_CHECKING:
     import pytest
 
-__all__ = ["ConformanceCheck", "conformance"]
-
 
 @dataclass(frozen=True)
 class ConformanceCheck:

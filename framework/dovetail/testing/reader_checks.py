@@ -19,8 +19,6 @@ from dovetail.testing.outcomes import Nonconformity
 from dovetail.testing.specimen import SEED, Specimen
 from dovetail.testing.surroundings import observe
 
-__all__ = ["ReaderSpecimen"]
-
 _HEAD = 4096
 _DAMAGES = 200
 _STRANGERS = (

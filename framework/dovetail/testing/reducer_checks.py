@@ -9,8 +9,6 @@ from dovetail.testing.fitted_shape_checks import SMALL
 from dovetail.testing.fitted_specimens import ReducerSpecimen
 from dovetail.testing.outcomes import Nonconformity, NotApplicable, Reservation
 
-__all__: list[str] = []
-
 
 def check_features_are_not_multiplied(specimen: ReducerSpecimen) -> None:
     """A reducer returns no more features than it gets."""

@@ -13,8 +13,6 @@ from dovetail.testing.fitted_specimens import RegressorSpecimen
 from dovetail.testing.outcomes import Nonconformity, NotApplicable
 from dovetail.testing.specimen import SEED
 
-__all__: list[str] = []
-
 _FEWEST_DRAWS = 50
 
 _SKILL = 0.6

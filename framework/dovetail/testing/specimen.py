@@ -8,8 +8,6 @@ from typing import Any
 
 from dovetail.interfaces import Component
 
-__all__ = ["SEED", "Specimen"]
-
 SEED = 7
 
 

@@ -25,15 +25,6 @@ from dovetail.testing.method_checks import MethodSpecimen
 from dovetail.testing.reader_checks import ReaderSpecimen
 from dovetail.testing.specimen import SEED, Specimen
 
-__all__ = [
-    "FREQUENCY",
-    "WIDE",
-    "JointSpecimen",
-    "Specimen",
-    "SubstructureSpecimen",
-    "specimen_of",
-]
-
 FREQUENCY: NDArray[np.float64] = np.geomspace(20.0, 2000.0, 9)
 """Lines [Hz] at which components are evaluated; the examples of substructures known by FRFs must cover them."""
 

@@ -16,8 +16,6 @@ from dovetail.testing.linear_algebra import asymmetry, dense, least_effort, leas
 from dovetail.testing.outcomes import Nonconformity, NotApplicable, Reservation
 from dovetail.testing.specimens import FREQUENCY, SubstructureSpecimen
 
-__all__: list[str] = []
-
 _ROUNDING = 1e-9
 _SOLVED = 1e-6
 _FACTORS = (2, 4)

@@ -16,8 +16,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["Observation", "changes", "observe", "surroundings", "with_other_random_numbers"]
-
 _OPENMP = "KMP_"
 """Prefix of the environment variables that OpenMP's libraries set when they are first imported."""
 _OTHER_SEED = 20_011

@@ -16,8 +16,6 @@ from dovetail.testing.regressor_checks import require_skill
 from dovetail.testing.specimen import SEED
 from dovetail.testing.surroundings import observe
 
-__all__: list[str] = []
-
 _HOW_TO_REPORT = "Call progress(stage, done, total, note) with done from 1 to total, or not at all."
 _NOT_A_LOSS = re.compile(r"\b(nan|inf|infinity)\b", re.IGNORECASE)
 

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from dovetail.interfaces import FeatureContext, fit_in_context
 
-__all__ = ["TrainingSet", "fit", "frf_samples", "regression_samples"]
-
 _FIRST_LINE, _LAST_LINE = 50.0, 1000.0
 """Hz."""
 _LINES = 120

@@ -16,8 +16,6 @@ from dovetail.testing.outcomes import Nonconformity, NotApplicable, Reservation
 from dovetail.testing.specimens import FREQUENCY, WIDE, JointSpecimen, Specimen, SubstructureSpecimen, specimen_of
 from dovetail.units import dimension
 
-__all__: list[str] = []
-
 
 @dataclass(frozen=True)
 class Settings:

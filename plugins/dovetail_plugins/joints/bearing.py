@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 
 from dovetail import JointModel, Parameter, Port, StructuralMatrices
 
-__all__ = ["Bearing"]
-
 
 class Bearing(JointModel):
     """A spring and a damper in the radial and in the tilting direction, with the inertia of the ring on the shaft.

@@ -22,8 +22,6 @@ from dovetail import (
 )
 from dovetail_plugins.substructures.timoshenko_beam import TimoshenkoBeam
 
-__all__ = ["Bolted", "Preload"]
-
 _LAYER = (
     Parameter("kt", "N/m", 1e6, 1e10, "log", "translational stiffness, per node"),
     Parameter("kr", "N m/rad", 1e2, 1e7, "log", "rotational stiffness, per node"),

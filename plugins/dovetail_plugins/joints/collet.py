@@ -14,8 +14,6 @@ from pydantic import Field
 from dovetail import ComponentConfig, InUnit, JointModel, Parameter, Port, StructuralMatrices
 from dovetail_plugins.timoshenko import Material, circle, element_matrices
 
-__all__ = ["Collet"]
-
 _PARAMETERS = (
     Parameter("Dc", "m", 26e-3, 40e-3, "linear", "equivalent outer diameter of the collet"),
     Parameter("dc", "m", 10e-3, 18e-3, "linear", "equivalent inner diameter of the collet"),

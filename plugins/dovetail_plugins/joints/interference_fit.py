@@ -12,8 +12,6 @@ from pydantic import Field
 
 from dovetail import ComponentConfig, InUnit, JointModel, Parameter, Port, StructuralMatrices
 
-__all__ = ["InterferenceFit"]
-
 _DISTRIBUTED = (
     Parameter("k", "N/m^2", 1e8, 1e12, "log", "radial stiffness per unit length"),
     Parameter("kr", "N", 1e4, 1e8, "log", "tilting stiffness per unit length (N m/rad per m)"),

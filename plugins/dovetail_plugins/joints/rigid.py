@@ -12,8 +12,6 @@ from pydantic import Field
 
 from dovetail import ComponentConfig, JointModel, Parameter, Port, StructuralMatrices
 
-__all__ = ["Rigid"]
-
 
 class Rigid(JointModel):
     """Facing nodes share displacement and rotation, or only the displacement (a hinge).

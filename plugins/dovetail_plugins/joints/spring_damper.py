@@ -13,8 +13,6 @@ from pydantic import Field
 
 from dovetail import ComponentConfig, JointModel, Parameter, Port, StructuralMatrices
 
-__all__ = ["SpringDamper"]
-
 _TRANSLATION = (
     Parameter("k", "N/m", 1e4, 1e10, "log", "translational stiffness, per node"),
     Parameter("c", "N s/m", 1.0, 1e4, "log", "translational damping, per node"),

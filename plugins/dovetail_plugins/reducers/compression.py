@@ -8,8 +8,6 @@ from typing import Any, Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["METRICS", "Compression", "Metric"]
-
 Metric = Literal["correlation", "cosine", "euclidean"]
 METRICS: tuple[Metric, ...] = ("correlation", "cosine", "euclidean")
 

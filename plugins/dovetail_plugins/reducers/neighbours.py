@@ -11,8 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-__all__ = ["Neighbours", "membership_strengths"]
-
 
 @dataclass(frozen=True)
 class Settings:

@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 import dovetail
 from dovetail_plugins.arrays import checked_rows, state_number
 
-__all__ = ["FittedNoReducer", "NoReducer"]
-
 _OWNER = "reducer 'none'"
 
 

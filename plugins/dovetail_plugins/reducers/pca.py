@@ -10,8 +10,6 @@ from threadpoolctl import threadpool_limits
 import dovetail
 from dovetail_plugins.arrays import checked_rows, state_array
 
-__all__ = ["PCA", "FittedPCA"]
-
 _OWNER = "reducer 'pca'"
 _BLOCK = 1024
 

@@ -14,8 +14,6 @@ import dovetail
 from dovetail_plugins.arrays import checked_rows
 from dovetail_plugins.scikit_learn import EstimatorConfig, KeptEstimator
 
-__all__ = ["FittedTransformer", "Transformer"]
-
 
 class FittedTransformer(dovetail.FittedReducer):
     """A transformer as arrays and plain values.

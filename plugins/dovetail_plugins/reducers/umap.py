@@ -17,8 +17,6 @@ from dovetail_plugins.arrays import checked_rows, state_array, state_number
 from dovetail_plugins.reducers.compression import METRICS, Compression, Metric
 from dovetail_plugins.reducers.neighbours import Neighbours, membership_strengths
 
-__all__ = ["UMAP", "FittedUMAP"]
-
 _OWNER = "reducer 'umap'"
 _LAYOUT = "_nb_optimize_layout_euclidean_single_epoch"
 

@@ -25,8 +25,6 @@ from dovetail_plugins.regressors.network_regressor import (
 if TYPE_CHECKING:
     import torch
 
-__all__ = ["FittedFlow", "Flow"]
-
 _OWNER = "regressor 'flow'"
 _SIZES = "sizes"
 _DRAWS, _DRAWS_OF_MEAN = 500, 32

@@ -9,8 +9,6 @@ from contextlib import nullcontext
 import torch
 from torch import nn
 
-__all__ = ["GatedNetwork", "is_faster_in_bfloat16"]
-
 _CLEARLY_FASTER = 0.8
 
 

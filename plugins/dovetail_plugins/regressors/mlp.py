@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     import torch
 
 
-__all__ = ["MLP", "FittedMLP"]
-
 Activation = Literal["relu", "silu", "gated"]
 
 _OWNER = "regressor 'mlp'"

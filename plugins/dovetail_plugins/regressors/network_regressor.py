@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
     Tensors = tuple[torch.Tensor, torch.Tensor]
 
-__all__ = ["LARGEST_FEATURE", "NetworkRegressor", "TrainingConfig", "normal_quantiles", "one_thread"]
-
 LARGEST_FEATURE = 8.0
 """Largest feature, in standard deviations, for a distribution: an unusual FRF must not get a certain answer."""
 _LARGEST_GRADIENT = 5.0

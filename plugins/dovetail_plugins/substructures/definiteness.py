@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from dovetail import DovetailError, Fault
 
-__all__ = ["check_definiteness"]
-
 _FEW = 400
 """DOFs up to which all eigenvalues are computed; signs of pivots are counted beyond."""
 _WORK = 2e9

@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 
 from dovetail import DovetailError, Fault, read_bounded
 
-__all__ = ["TABLE_ARRAYS", "DofTable", "read_dof_table", "table_in"]
-
 TABLE_ARRAYS = {"nodes": "node", "directions": "direction", "positions": "position", "rows": "row"}
 """Arrays of an archive that are its table, and the columns of a file of that table."""
 _COLUMNS = tuple(TABLE_ARRAYS.values())

@@ -9,8 +9,6 @@ from pydantic import Field
 
 from dovetail import ComponentConfig, InUnit, Node, StructuralMatrices, SubstructureModel
 
-__all__ = ["Ground"]
-
 
 class Ground(SubstructureModel):
     """Points that do not move."""

@@ -13,8 +13,6 @@ from pydantic import Field, model_validator
 
 from dovetail import ComponentConfig, InUnit, Node, StructuralMatrices, SubstructureModel
 
-__all__ = ["Lumped", "LumpedMass"]
-
 
 class LumpedMass(ComponentConfig):
     """A mass, with or without rotary inertia, at a position.

@@ -25,8 +25,6 @@ from dovetail_plugins.substructures.definiteness import check_definiteness
 from dovetail_plugins.substructures.dof_table import DofTable, read_dof_table, table_in
 from dovetail_plugins.substructures.matrix_files import matrix_in, read_archive, read_matrix_market, sound_matrix
 
-__all__ = ["FileUnits", "Matrices"]
-
 _OptionalFile = Annotated[str | None, FileName()]
 _SMALL = 60
 """Number of DOFs up to which matrices are full, so that they are condensed for all frequencies at once."""

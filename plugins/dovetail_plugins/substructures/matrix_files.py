@@ -16,8 +16,6 @@ import numpy as np
 
 from dovetail import DovetailError, Fault, call_guarded, read_bounded
 
-__all__ = ["matlab_arrays", "matrix_in", "matrix_market_parts", "read_archive", "read_matrix_market", "sound_matrix"]
-
 _LARGEST_FILE = 1_000_000_000
 """Largest size in bytes of a file, and of the unpacked contents of an archive."""
 _ALWAYS_UNPACKED, _MOST_TIMES = 100_000_000, 20

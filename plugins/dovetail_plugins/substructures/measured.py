@@ -23,8 +23,6 @@ from dovetail import (
 )
 from dovetail_plugins.substructures.receptance_files import KnownReceptance, from_archive, from_sets
 
-__all__ = ["Measured", "MeasuredFrf"]
-
 
 class MeasuredFrf(ComponentConfig):
     """An FRF in the file, and its nodes.

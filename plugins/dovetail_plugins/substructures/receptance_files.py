@@ -24,8 +24,6 @@ from dovetail import (
 from dovetail_plugins.substructures.dof_table import TABLE_ARRAYS, table_in
 from dovetail_plugins.substructures.matrix_files import read_archive
 
-__all__ = ["KnownReceptance", "from_archive", "from_sets"]
-
 _DIRECTIONS = ("x", "rz")
 
 _MOST_ANTISYMMETRIC = 2.0

@@ -14,8 +14,6 @@ from pydantic import Field, model_validator
 from dovetail import ComponentConfig, InUnit, Node, StructuralMatrices, SubstructureModel
 from dovetail_plugins.timoshenko import CrossSection, Material, chain, circle, element_matrices, rectangle
 
-__all__ = ["Section", "TimoshenkoBeam"]
-
 _Side = Annotated[float, Field(gt=0), InUnit("m")]
 _Bore = Annotated[float, Field(ge=0), InUnit("m")]
 _NO_PLASTIC = 2500.0

@@ -15,18 +15,6 @@ from dovetail.identification.posterior.model_error import TYPICAL, ModelError, t
 from dovetail.interfaces import Parameter
 from dovetail.units import format_quantity
 
-__all__ = [
-    "NOTHING_LEFT",
-    "NOTHING_SHOWN",
-    "Adequacy",
-    "AdequacyWord",
-    "AtPoint",
-    "Cause",
-    "errors_in_intervals",
-    "plain_frf",
-    "word_for",
-]
-
 AdequacyWord: TypeAlias = Literal["to the noise", "good", "rough", "does not fit", "not judged"]
 """From best to worst; "not judged" if a method does not judge the model."""
 NOTHING_LEFT = "The measurement has no more values than there are unknowns: nothing is left to judge the fit by."

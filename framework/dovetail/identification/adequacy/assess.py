@@ -41,8 +41,6 @@ from dovetail.identification.posterior import typical_model_error
 from dovetail.identification.posterior.model_error import ModelError
 from dovetail.interfaces import Progress, logged, silent
 
-__all__ = ["FoundErrors", "assess", "check_limits", "find_errors", "is_noise", "judge_fit"]
-
 
 @dataclass(frozen=True)
 class Settings:

@@ -28,8 +28,6 @@ from dovetail.identification.fitting.least_squares import without
 from dovetail.identification.fitting.residuals import ModelFrfs
 from dovetail.interfaces import Progress, silent
 
-__all__ = ["CAUSE_SECONDS", "find_causes"]
-
 
 @dataclass(frozen=True)
 class Settings:

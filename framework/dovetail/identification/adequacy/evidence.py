@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 
 from dovetail.identification.posterior.model_error import KINDS
 
-__all__ = ["marginalised_products", "misfit_and_moments", "removed_variance"]
-
 
 def marginalised_products(
     residuals: NDArray[np.float64], changes: dict[str, NDArray[np.float64]]

@@ -13,8 +13,6 @@ from dovetail.identification.adequacy.model_causes import Candidate
 from dovetail.identification.adequacy.trials import Trial, Trials
 from dovetail.identification.posterior.model_error import Resonances, fit_resonances
 
-__all__ = ["try_damping_growth", "try_levels"]
-
 
 @dataclass(frozen=True)
 class Settings:

@@ -22,16 +22,6 @@ from dovetail.interfaces import Parameter
 from dovetail.synthesis import Point
 from dovetail.units import format_quantity
 
-__all__ = [
-    "Candidate",
-    "try_damping",
-    "try_exchanges",
-    "try_missing_resonances",
-    "try_points",
-    "try_ranges",
-    "try_window",
-]
-
 
 @dataclass(frozen=True)
 class Settings:

@@ -33,8 +33,6 @@ from dovetail.identification.posterior.model_error import (
 )
 from dovetail.interfaces import Progress, silent
 
-__all__ = ["FitWithError", "estimate_model_error", "fit_with_error", "judge_with_error"]
-
 
 @dataclass(frozen=True)
 class Settings:

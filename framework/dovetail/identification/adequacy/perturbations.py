@@ -31,14 +31,6 @@ from dovetail.identification.part_quantities import (
 from dovetail.interfaces import StructuralMatrices, SubstructureModel
 from dovetail.units import format_quantity
 
-__all__ = [
-    "Overhang",
-    "Perturbation",
-    "PerturbedResiduals",
-    "find_overhangs",
-    "list_perturbations",
-]
-
 
 @dataclass(frozen=True)
 class Settings:

@@ -13,8 +13,6 @@ from dovetail.frf import Frf
 from dovetail.frf.resonance_peaks import PairedPeaks
 from dovetail.identification.posterior.model_error import fit_resonances
 
-__all__ = ["describe_lacking", "lacking_resonances"]
-
 
 @dataclass(frozen=True)
 class Settings:

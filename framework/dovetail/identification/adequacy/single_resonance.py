@@ -23,8 +23,6 @@ from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import ModelFrfs
 from dovetail.identification.posterior.model_error import TYPICAL, ModelError, fit_resonances
 
-__all__ = ["SeparatedErrors", "separate_errors"]
-
 
 @dataclass(frozen=True)
 class Settings:

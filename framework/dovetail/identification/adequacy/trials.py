@@ -23,8 +23,6 @@ from dovetail.identification.fitting.search_lines import lines_represented, sear
 from dovetail.identification.posterior.likelihood import MarginalisedResiduals
 from dovetail.measurement.roles import power_balance
 
-__all__ = ["MOST_GIVEN_OUT", "LogRatio", "Trial", "Trials", "power_given_out"]
-
 
 @dataclass(frozen=True)
 class Settings:

@@ -21,20 +21,6 @@ from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs
 from dovetail.identification.fitting.whiteness import NOISE_ALARM, has_size_of_noise, is_white, log_improbability
 from dovetail.interfaces import Parameter, Progress, Scale, silent
 
-__all__ = [
-    "Fit",
-    "Objective",
-    "allow_for_unknown_noise",
-    "bounds_reached",
-    "count_agreeing",
-    "end_reached",
-    "fit_at",
-    "highest_agreeing",
-    "is_noise",
-    "multistart",
-    "shows_structure",
-]
-
 Objective: TypeAlias = Literal["frf", "weighted"]
 """Residuals that are minimised: differences of the FRFs as they are, or over their random error."""
 

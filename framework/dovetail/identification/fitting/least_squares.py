@@ -13,8 +13,6 @@ import scipy
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-__all__ = ["Linearisation", "Minima", "Profiles", "SumOfSquares", "cuts", "minimise", "profiles", "without"]
-
 _AT_BOUND = 1e-5
 """Distance from a face of the cube within which a search that is driven towards the face is moved onto it; the method
 itself keeps all positions inside."""

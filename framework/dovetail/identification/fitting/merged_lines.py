@@ -13,8 +13,6 @@ from dovetail.frf import Frf
 from dovetail.identification.fitting.random_error import known_variance
 from dovetail.measurement import find_gaps
 
-__all__ = ["MOST_LINES", "every_nth_line", "frf_in_blocks", "merged_lines"]
-
 MOST_LINES = 50_000
 """Largest number of lines that are fitted, and that an FRF is computed on at once. A fit with a posterior takes 12 kB a
 line; chosen so that it stays below 1 GB."""

@@ -27,8 +27,6 @@ from dovetail.identification.fitting.random_error import (
 )
 from dovetail.identification.fitting.residuals import LogAmplitude, StackedResiduals, Weighted, split_by_response
 
-__all__ = ["Observations", "Weights", "one_per_response", "weighted_variance"]
-
 Weights = Literal["coherence", "amplitude"] | NDArray[np.float64]
 """How much each line counts if not by its random error; see `weighted_variance`."""
 _LEAST_COHERENCE = 1e-3

@@ -18,22 +18,6 @@ from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf, conversion
 from dovetail.frf.rice import noise_in_scatter, rice_surprise
 
-__all__ = [
-    "ASSUMED_NOISE",
-    "FOURTH_DIFFERENCE",
-    "MeasuredNoise",
-    "error_parts",
-    "estimated_variance",
-    "is_too_short",
-    "isolated_lines",
-    "known_variance",
-    "least_variance",
-    "most_likely_parts",
-    "normal_residuals",
-    "random_error_variance",
-    "residual_variance",
-]
-
 Surprise = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
 """Negative log densities (n,) of errors at their variances (n,), and the derivatives."""
 

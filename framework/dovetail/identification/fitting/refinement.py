@@ -21,8 +21,6 @@ from dovetail.identification.fitting.search_lines import Smoothed, missed_resona
 from dovetail.identification.fitting.whiteness import NOISE_ALARM, has_size_of_noise, is_of_few_lines, is_white
 from dovetail.interfaces import Progress, logged, silent
 
-__all__ = ["refine"]
-
 
 @dataclass(frozen=True)
 class Settings:

@@ -18,17 +18,6 @@ from dovetail.frf import Frf
 from dovetail.frf.rice import rice_mean
 from dovetail.identification.fitting.least_squares import Linearisation, SumOfSquares
 
-__all__ = [
-    "FrfResiduals",
-    "LogAmplitude",
-    "ModelFrfs",
-    "Residual",
-    "StackedResiduals",
-    "Weighted",
-    "WithPrior",
-    "split_by_response",
-]
-
 
 @dataclass(frozen=True)
 class Settings:

@@ -13,8 +13,6 @@ from scipy.ndimage import uniform_filter1d
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import Residual
 
-__all__ = ["Smoothed", "lines_represented", "missed_resonances", "search_lines", "thinned_lines"]
-
 
 @dataclass(frozen=True)
 class Settings:

@@ -8,16 +8,6 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-__all__ = [
-    "NOISE_ALARM",
-    "assess_runs",
-    "find_deviating_bands",
-    "has_size_of_noise",
-    "is_of_few_lines",
-    "is_white",
-    "log_improbability",
-]
-
 NOISE_ALARM = 1e-6
 """Probability of a false alarm: that a run of lines, or the sum of squares, of noise is taken for a misfit."""
 

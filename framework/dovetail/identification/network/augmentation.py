@@ -26,16 +26,6 @@ from dovetail.identification.network.preprocessing import accelerances, log10p1
 from dovetail.measurement import read_frf
 from dovetail.parallel import cores
 
-__all__ = [
-    "TRAINING_TOLERANCE",
-    "Augmentation",
-    "FreshEpochs",
-    "NoisyFeatures",
-    "ReducedEpochs",
-    "measured_noises",
-    "with_noise",
-]
-
 TRAINING_TOLERANCE = 1e-7
 """Estimated relative error of FRFs that are interpolated for a training alone: features have single precision."""
 

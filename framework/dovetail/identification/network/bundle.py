@@ -41,8 +41,6 @@ from dovetail.identification.provenance import Evaluation, component_sources, fi
 from dovetail.interfaces import FittedReducer, FittedRegressor, Reducer, Regressor, State, plugin_errors
 from dovetail.registry import PluginPaths
 
-__all__ = ["TrainedNetwork", "check_replaceable", "read_bundle", "write_bundle"]
-
 FILES = "files"
 """Folder of the files that the description names, each under its SHA-256."""
 _CHECK_FRACTIONS = (0.3, 0.5, 0.7)

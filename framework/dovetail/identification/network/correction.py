@@ -28,8 +28,6 @@ from dovetail.identification.posterior.likelihood import normal_density, normal_
 from dovetail.interfaces import FittedRegressor, Regressor, State, TargetDistribution
 from dovetail.parallel import cores, one_blas_thread
 
-__all__ = ["Correction", "GaussNewtonFeatures", "correction_states", "restore_corrections"]
-
 _CAUTIONS = (0.03, 0.3, 3.0, 30.0)
 """Degrees of caution: the factor of the answer's variance at a line that is added to the random error there. For an
 average of several lines it is divided by their number."""

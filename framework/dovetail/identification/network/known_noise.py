@@ -21,8 +21,6 @@ from dovetail.identification.fitting.random_error import FOURTH_DIFFERENCE
 from dovetail.identification.network.augmentation import Augmentation, NoisyFeatures, with_noise
 from dovetail.identification.network.preprocessing import accelerance_amplitudes, accelerances, log10p1
 
-__all__ = ["KnownNoise"]
-
 
 @dataclass(frozen=True)
 class Settings:

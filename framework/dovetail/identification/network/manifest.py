@@ -13,21 +13,6 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from dovetail.errors import BundleError, Fault
 from dovetail.identification.provenance import Evaluation
 
-__all__ = [
-    "FORMAT",
-    "MANIFEST",
-    "SECTIONS",
-    "VERSION",
-    "Manifest",
-    "PlainValue",
-    "Section",
-    "TensorFile",
-    "damaged",
-    "is_bundle",
-    "manifest_hash",
-    "read_manifest",
-]
-
 MANIFEST = "manifest.json"
 FORMAT: Final = "dovetail-model"
 VERSION: Final = 3

@@ -26,18 +26,6 @@ from dovetail.interfaces import (
     silent,
 )
 
-__all__ = [
-    "FEWEST_DRAWS",
-    "Network",
-    "Pair",
-    "Reduction",
-    "check_contract",
-    "check_rows",
-    "component_label",
-    "no_distribution",
-    "reduce_features",
-]
-
 Pair = tuple[NDArray[np.float32], NDArray[np.float64]]
 """Features (n, n_components) and targets (n, n_targets)."""
 

@@ -23,8 +23,6 @@ from dovetail.identification.network.network import Network
 from dovetail.identification.network.preprocessing import log10p1
 from dovetail.measurement import noisy_frf
 
-__all__ = ["Novelty", "PrincipalComponents", "learn_novelty"]
-
 
 @dataclass(frozen=True)
 class Settings:

@@ -19,17 +19,6 @@ from dovetail.errors import DatasetError, Fault
 from dovetail.frf import Frf
 from dovetail.interfaces import Parameter, Progress
 
-__all__ = [
-    "TargetScaling",
-    "ZScore",
-    "accelerance_amplitudes",
-    "accelerances",
-    "blocks",
-    "draw_test_samples",
-    "log10p1",
-    "read_frfs",
-]
-
 _SPLIT_STREAM = 1
 """Keeps the split's random numbers apart from those that sampled the dataset with the same seed."""
 

@@ -58,8 +58,6 @@ from dovetail.interfaces import (
 )
 from dovetail.parallel import one_blas_thread
 
-__all__ = ["needs_phase", "train_and_evaluate", "train_network"]
-
 _WORTH_FORECASTING = 10.0
 """Seconds for the FRFs from which a training says beforehand how long it will take."""
 _CORRECTION_EPOCH = 2**31

@@ -21,8 +21,6 @@ from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import Residual, StackedResiduals
 from dovetail.identification.posterior.model_error import ModelError, fit_resonances
 
-__all__ = ["AveragedResiduals", "needs_average", "unshaped_deviation", "weigh", "with_deviation"]
-
 
 @dataclass(frozen=True)
 class Settings:

@@ -22,8 +22,6 @@ from dovetail.identification.posterior.posterior import Posterior, check_options
 from dovetail.identification.posterior.unknown_chain import UnknownChain
 from dovetail.interfaces import Progress, silent
 
-__all__ = ["LaplaceApproximation", "half_about_the_fit", "laplace_posterior"]
-
 
 @dataclass(frozen=True)
 class Settings:

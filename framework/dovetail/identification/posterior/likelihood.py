@@ -28,20 +28,6 @@ from dovetail.identification.part_quantities import quantity_derivatives
 from dovetail.identification.posterior.frequency_average import needs_average, unshaped_deviation, weigh
 from dovetail.identification.posterior.model_error import ModelError, error_shapes
 
-__all__ = [
-    "PRIOR_PRECISION",
-    "Z_LIMIT",
-    "Likelihood",
-    "MarginalisedResiduals",
-    "PosteriorResiduals",
-    "ReducedResiduals",
-    "build_likelihood",
-    "marginalised_squares",
-    "normal_from_unit",
-    "squared_norms",
-    "unit_from_normal",
-]
-
 
 @dataclass(frozen=True)
 class Settings:

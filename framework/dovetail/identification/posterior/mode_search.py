@@ -29,8 +29,6 @@ from dovetail.identification.posterior.likelihood import (
 from dovetail.identification.posterior.model_error import ModelError
 from dovetail.interfaces import Progress, silent
 
-__all__ = ["CubeResiduals", "likelihood_at_mode", "maximise_posterior", "search_modes", "starts_near"]
-
 
 @dataclass(frozen=True)
 class Settings:

@@ -16,18 +16,6 @@ from dovetail.frf import Frf
 from dovetail.frf.resonances import Resonances, fit_resonances
 from dovetail.frf.single_mode import background_shapes
 
-__all__ = [
-    "KINDS",
-    "MODEL_ERROR",
-    "TYPICAL",
-    "ModelError",
-    "Resonances",
-    "error_shapes",
-    "fit_resonances",
-    "hat_functions",
-    "typical_model_error",
-]
-
 MODEL_ERROR = 5e-4
 """Relative error of natural frequencies (standard deviation) that a model is allowed by default."""
 

@@ -34,8 +34,6 @@ from dovetail.identification.posterior.verdicts import (
     word_for_groups,
 )
 
-__all__ = ["Form", "Posterior", "central_fractions", "check_options", "split_half_difference"]
-
 _NUMBERS = {2: "two", 3: "three", 4: "four"}
 _FEWEST_SAMPLES = 20  # of fewer, the ends of an interval would be the outermost samples
 

@@ -23,8 +23,6 @@ from numpy.typing import NDArray
 from dovetail.identification.posterior.likelihood import Z_LIMIT, PosteriorResiduals, squared_norms
 from dovetail.interfaces import Progress, silent
 
-__all__ = ["LinearisedPoints", "TangentMap", "decorrelate", "metropolis_step"]
-
 
 @dataclass(frozen=True)
 class Settings:

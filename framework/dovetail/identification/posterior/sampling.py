@@ -34,8 +34,6 @@ from dovetail.identification.posterior.unknown_chain import UnknownChain
 from dovetail.identification.posterior.verdicts import drawn_by_weight
 from dovetail.interfaces import Progress, logged, silent
 
-__all__ = ["draw", "sample_posterior"]
-
 
 @dataclass(frozen=True)
 class Settings:

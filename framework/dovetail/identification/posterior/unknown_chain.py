@@ -23,8 +23,6 @@ from dovetail.identification.posterior.model_error import TYPICAL, ModelError
 from dovetail.identification.posterior.posterior import Posterior
 from dovetail.interfaces import Parameter
 
-__all__ = ["UnknownChain"]
-
 _INFORMATION = 1e3
 """Fisher information of the chain's fractions with which the sampler begins to explore."""
 

@@ -9,29 +9,6 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = [
-    "FIXED",
-    "LEVEL",
-    "LIMITS",
-    "NOT_BELIEVED",
-    "Group",
-    "Known",
-    "Limits",
-    "Verdict",
-    "Word",
-    "drawn_by_weight",
-    "ends_cut",
-    "ends_of",
-    "heaviest_combination",
-    "how_little",
-    "precision_text",
-    "quantiles",
-    "relative_error",
-    "separate_groups",
-    "word_for",
-    "word_for_groups",
-]
-
 LEVEL = 0.9
 """Probability that an interval holds the true value."""
 

@@ -9,8 +9,6 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-__all__ = ["LARGEST_ARRAY", "SMALL_ARRAY", "Archive", "Entry"]
-
 LARGEST_ARRAY = 40_000_000
 """Largest size of an unpacked array in bytes."""
 SMALL_ARRAY = 16_000

@@ -14,8 +14,6 @@ from dovetail.measurement.formats.tables import SAY_COLUMNS, check_columns, read
 from dovetail.measurement.free_text import FreeText
 from dovetail.measurement.recording import ReadOptions, Recording
 
-__all__ = ["columns_of_array", "find_matrix"]
-
 
 def find_matrix(archive: Archive, options: ReadOptions) -> str | None:
     """Return the name of the matrix whose columns are the FRF, or None if the FRF is in several arrays.

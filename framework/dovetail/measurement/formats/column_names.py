@@ -13,21 +13,6 @@ from numpy.typing import NDArray
 from dovetail.errors import Fault, MeasurementError, did_you_mean, listing
 from dovetail.frf import Quantity
 
-__all__ = [
-    "FIELD_NAMES",
-    "NUMERIC_FIELDS",
-    "PHASES",
-    "VALUE_FIELDS",
-    "assign_fields",
-    "check_same_signal",
-    "column_word",
-    "combine_values",
-    "plain_name",
-    "quantities_in",
-    "quantity_of_name",
-    "taken_for",
-]
-
 _QUANTITY_NAMES: dict[str, Quantity] = {
     "receptance": "receptance",
     "compliance": "receptance",

@@ -10,8 +10,6 @@ from dovetail.errors import Fault, MeasurementError
 from dovetail.measurement.writing import FrfToWrite
 from dovetail.plain_text import csv_comment
 
-__all__ = ["encode"]
-
 
 def encode(content: FrfToWrite, path: Path, _binary: bool | None) -> bytes:
     """Return a CSV file with every digit of the numbers, and the FRF's other data in comments.

@@ -21,8 +21,6 @@ from dovetail.measurement.recording import ReadOptions, Recording
 from dovetail.measurement.statements import Meaning, Statement, check_axis, fields_of, interpret
 from dovetail.units import plain_float
 
-__all__ = ["decode"]
-
 _COLUMNS = 3
 _GAP = re.compile(r"[\s,;]+")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")

@@ -16,8 +16,6 @@ from dovetail.measurement.formats.archives import Archive, Entry
 from dovetail.measurement.formats.column_names import FIELD_NAMES, plain_name
 from dovetail.measurement.recording import MOST_LINES
 
-__all__ = ["with_even_axis"]
-
 _STEPS = (
     *("df", "df_hz", "delta_f", "deltaf", "f_step", "fstep", "freq_step", "frequency_step", "increment", "step"),
     *("freq_increment", "frequency_increment", "frequency_resolution", "freq_resolution"),

@@ -15,8 +15,6 @@ from dovetail.errors import Fault, MeasurementError
 from dovetail.measurement.formats.archives import Entry
 from dovetail.measurement.formats.column_names import FIELD_NAMES, plain_name
 
-__all__ = ["closed_entry", "with_frd_units"]
-
 _MODELS = ("frd", "idfrd", "genfrd", "ufrd")
 """Classes of frequency response data."""
 _HERTZ = {

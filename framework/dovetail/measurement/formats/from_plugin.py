@@ -17,8 +17,6 @@ from dovetail.measurement.recording import DOF, ReadOptions, Recording
 from dovetail.measurement.statements import Statement, fields_of, interpret
 from dovetail.registry import Registry
 
-__all__ = ["decode", "find_reader"]
-
 _HEAD = 4096
 """Number of bytes from which a reader recognises its format."""
 _MOST_LISTED = 20

@@ -20,8 +20,6 @@ from dovetail.measurement.quantity_words import words_of
 from dovetail.measurement.recording import ReadOptions, Recording
 from dovetail.measurement.statements import Statement
 
-__all__ = ["answer", "decode", "read_arrays"]
-
 Form = Literal["HDF5", "MATLAB 7.3", "MATLAB 5"]
 _HELD = tuple(field.name for field in fields(Recording) if field.name not in ("where", "label", "locate"))
 """Fields of a recording that the guarded process returns."""

@@ -19,8 +19,6 @@ from dovetail.measurement.formats.frd import closed_entry, with_frd_units
 if TYPE_CHECKING:
     import h5py
 
-__all__ = ["SIGNATURE", "check_signature", "open_hdf5"]
-
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _STARTS = (0, *(512 << power for power in range(18)))
 _MOST_OBJECTS = 2000

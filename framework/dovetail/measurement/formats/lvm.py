@@ -17,8 +17,6 @@ from dovetail.measurement.formats.text_tables import split_lines
 from dovetail.measurement.free_text import read_texts
 from dovetail.measurement.recording import MOST_LINES, ReadOptions, Recording
 
-__all__ = ["Segment", "decode", "read_segments", "texts_of"]
-
 _MOST_CELLS = MOST_LINES
 """Largest number of cells, enough for an FRF of 250,000 lines: the library stores each cell as an object."""
 _READ = (

@@ -19,8 +19,6 @@ from dovetail.measurement.formats.archives import LARGEST_ARRAY, SMALL_ARRAY, Ar
 from dovetail.measurement.formats.frd import closed_entry, with_frd_units
 from dovetail.measurement.formats.hdf5 import SIGNATURE
 
-__all__ = ["check_version", "workspace"]
-
 _VERSION = slice(124, 128)
 _VERSION_5 = (b"\x00\x01IM", b"\x01\x00MI")
 _CELL, _STRUCT, _OBJECT, _SPARSE, _FUNCTION, _OPAQUE = 1, 2, 3, 5, 16, 17

@@ -28,8 +28,6 @@ from dovetail.measurement.quantity_words import axis_unit_in_name, unit_in_name
 from dovetail.measurement.recording import ReadOptions, Recording, parse_quantity
 from dovetail.measurement.statements import Statement, check_axis, fields_of, interpret
 
-__all__ = ["read_recording"]
-
 _LONGEST_TEXT = 1000
 _SAY_UNIT = "Save a text frequency_unit with the array, or the frequencies in Hz."
 

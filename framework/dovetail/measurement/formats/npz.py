@@ -21,8 +21,6 @@ from dovetail.measurement.formats.named_arrays import read_recording
 from dovetail.measurement.recording import MOST_LINES, ReadOptions, Recording
 from dovetail.measurement.writing import FrfToWrite
 
-__all__ = ["archive_of_fields", "decode", "decode_array", "encode", "open_archive", "read_array"]
-
 _MOST_ARRAYS = 1000
 _ENTRY = b"PK\x01\x02"
 """First bytes of each entry in the directory; counted, since the number at the end of the archive may be wrong."""

@@ -40,16 +40,6 @@ from dovetail.measurement.recording import (
 )
 from dovetail.measurement.statements import Statement, check_axis, fields_of, interpret
 
-__all__ = [
-    "SAY_COLUMNS",
-    "Header",
-    "check_columns",
-    "decode",
-    "names_and_units",
-    "read_header",
-    "recording_of",
-]
-
 _COMMENT = re.compile(r"[#%]\s*(quantity|unit|averages|note|response|force)\s*[:=]\s*(.*?)\s*$", re.IGNORECASE)
 _BRACKET = re.compile(r"([^\[(]*?)\s*[\[(](.*)[\])]")
 _SLASH = re.compile(r"(.+?)\s+/\s+(\S.*)")

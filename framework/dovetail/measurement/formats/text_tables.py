@@ -20,17 +20,6 @@ from numpy.typing import NDArray
 from dovetail.errors import Fault, MeasurementError
 from dovetail.measurement.recording import MOST_LINES
 
-__all__ = [
-    "TextTable",
-    "check_end",
-    "find_rows",
-    "find_table",
-    "is_number",
-    "read_rows",
-    "split_lines",
-    "suffix_by_content",
-]
-
 _MOST_ABOVE = 10_000
 """Largest number of lines above a table; the longest headers of analysers have some hundred."""
 _LONGEST_LINE = 100_000

@@ -35,8 +35,6 @@ from dovetail.measurement.formats.uff_writer import VARIANCE
 from dovetail.measurement.recording import MOST_LINES, ReadOptions, Recording
 from dovetail.measurement.statements import check_axis
 
-__all__ = ["decode", "read_data"]
-
 Array = NDArray[np.float64]
 _REAL, _COMPLEX = (2, 4), (5, 6)
 _DOUBLE = (4, 6)

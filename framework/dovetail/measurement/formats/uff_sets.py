@@ -20,26 +20,6 @@ from dovetail.frf import QUANTITIES, Quantity, unit_of
 from dovetail.measurement.frf_units import conversion_factor, is_angular, motion_unit, pint_spelling
 from dovetail.measurement.recording import ReadOptions
 
-__all__ = [
-    "ABSCISSA_TYPES",
-    "COHERENCE",
-    "DIRECTIONS",
-    "END",
-    "FORCE",
-    "FRF",
-    "GENERAL",
-    "ORDINATE",
-    "TIME",
-    "Meaning",
-    "UffSet",
-    "clean_header",
-    "is_dof",
-    "meaning_of",
-    "parse_set",
-    "scan_sets",
-    "select_set",
-]
-
 GENERAL, TIME, FRF, COHERENCE = 0, 1, 4, 6
 _FUNCTIONS = {
     GENERAL: "general function",

@@ -12,8 +12,6 @@ from dovetail.measurement.recording import ReadOptions
 from dovetail.measurement.statements import About, Statement, interpret
 from dovetail.measurement.statements import Meaning as StatedMeaning
 
-__all__ = ["check_unit_system", "interpret_set", "statements_of", "texts_of"]
-
 _NO_LABEL = ("", "none")
 _SI_SYSTEM = 1
 _OWN_LINE = re.compile(r"\s*(averages|response|force)\s*[:=]", re.IGNORECASE)

@@ -17,8 +17,6 @@ from dovetail.measurement.frf_units import motion_unit
 from dovetail.measurement.recording import DOF, are_opposite
 from dovetail.measurement.writing import FrfToWrite
 
-__all__ = ["VARIANCE", "encode"]
-
 VARIANCE = "variance of the FRF"
 """First words in the id line of a set with the variance of each line."""
 _BYTE_COUNT = slice(38, 50)

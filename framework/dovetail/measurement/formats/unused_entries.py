@@ -18,8 +18,6 @@ from dovetail.measurement.free_text import SKIP, FreeText, read_texts
 from dovetail.measurement.frf_units import read_unit
 from dovetail.measurement.statements import Statement
 
-__all__ = ["read_unused"]
-
 _FRF_WORDS = frozenset(word for field in (*VALUE_FIELDS, "frequency") for word in FIELD_NAMES[field])
 _FACTOR = re.compile(r"(.*)unit_transformation[./]factor")
 _SUBJECTS = {"frequency": "frequency", "phase_deg": "phase", "phase_rad": "phase"}

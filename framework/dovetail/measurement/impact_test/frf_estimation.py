@@ -15,8 +15,6 @@ from dovetail.measurement.impact_test.offsets import remove_force_offset, remove
 from dovetail.measurement.impact_test.signal_quality import check_signals
 from dovetail.measurement.recording import parse_quantity
 
-__all__ = ["ESTIMATORS", "EstimatedFrf", "Estimator", "frf_from_signals", "without_window_damping"]
-
 Estimator = Literal["H1", "H2"]
 ESTIMATORS: tuple[Estimator, ...] = get_args(Estimator)
 _FEWEST_SAMPLES = 16

@@ -21,8 +21,6 @@ from dovetail.measurement.impact_test.sensitivity import read_sensitivity, volts
 from dovetail.measurement.quantity_words import read_label
 from dovetail.measurement.statements import Statement, interpret
 
-__all__ = ["Choice", "Scale", "choose_points", "sampling_rate", "scale_of"]
-
 Array = NDArray[np.float64]
 _SAME_RATE = 1e-3
 """Largest relative difference of two rates that are equal, since files write steps with few digits."""

@@ -16,8 +16,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Offsets", "remove_force_offset", "remove_response_offset"]
-
 Array = NDArray[np.float64]
 
 

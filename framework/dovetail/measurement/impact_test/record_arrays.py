@@ -18,8 +18,6 @@ from dovetail.measurement.impact_test.signal_names import SignalName, read_name
 from dovetail.measurement.quantity_words import words_of
 from dovetail.measurement.statements import Statement
 
-__all__ = ["WANTED_WORDS", "read_archive"]
-
 Array = NDArray[np.float64]
 _PARTS = {"force": "force", "response": "response", "rate": "rate", "time": "times"}
 """Parts that the caller may name, and their roles."""

@@ -19,8 +19,6 @@ from dovetail.measurement.impact_test.remarks import Remarks
 from dovetail.measurement.quantity_words import read_label
 from dovetail.measurement.statements import Statement
 
-__all__ = ["read_sets"]
-
 Array = NDArray[np.float64]
 _UNKNOWN = (0, 1)
 _WORDS = {number: name for number, name, _ in ORDINATE.values()}

@@ -20,8 +20,6 @@ from dovetail.measurement.impact_test.remarks import Remarks
 from dovetail.measurement.impact_test.signal_names import Role, SignalName, read_name
 from dovetail.measurement.statements import Statement
 
-__all__ = ["read_columns", "read_labview", "read_table"]
-
 Array = NDArray[np.float64]
 _HEADERS = "time,force,response | time,force 1,response 1,..."
 _SKIP = "skip"

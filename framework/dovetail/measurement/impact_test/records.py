@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 
 from dovetail.measurement.statements import Statement
 
-__all__ = ["AxisFact", "Pair", "Point", "TimeRecord"]
-
 Array = NDArray[np.float64]
 
 

@@ -15,8 +15,6 @@ from dovetail.measurement.impact_test.signal_names import Role, read_name
 from dovetail.measurement.quantity_words import read_label, word_set, words_of
 from dovetail.measurement.statements import Statement
 
-__all__ = ["Remarks"]
-
 _UNIT_WORDS = word_set("unit units einheit einheiten uom eu")
 _QUANTITY_WORDS = word_set("quantity type measurand dimension signal response motion label name")
 _FORCE_WORDS = word_set("force forces excitation hammer exc load kraft")

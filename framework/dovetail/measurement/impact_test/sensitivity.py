@@ -10,8 +10,6 @@ from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Quantity
 from dovetail.measurement.frf_units import conversion_factor, pint_spelling, read_unit
 
-__all__ = ["Sensitivity", "read_sensitivity", "volts"]
-
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*?)\s*")
 _ACCEPTED = {"force": "2.25 mV/N, 10 mV/lbf", "response": "100 mV/g, 10.2 mV/(m/s^2), 4 V/(m/s)"}
 

@@ -27,8 +27,6 @@ from dovetail.measurement.impact_test.records import Pair
 from dovetail.measurement.impact_test.remarks import Remarks
 from dovetail.measurement.impact_test.sensitivity import volts
 
-__all__ = ["Signals", "read_signals"]
-
 _ARCHIVES = (".npz", ".mat", ".h5", ".hdf5")
 _TABLES = (".csv", ".tsv", ".txt", ".txf", ".asc", ".dat")
 _SUFFIXES = (*_ARCHIVES, ".npy", *_TABLES, ".lvm", ".uff", ".unv")

@@ -8,8 +8,6 @@ from typing import Literal, NamedTuple
 from dovetail.measurement.frf_units import frequency_factor, read_unit
 from dovetail.measurement.quantity_words import read_label, word_set, words_of
 
-__all__ = ["Role", "SignalName", "read_name"]
-
 Role = Literal["force", "response", "times", "rate", "step", "start", ""]
 
 _FORCES = frozenset(("force", "forces", "excitation", "hammer", "exc"))

@@ -8,8 +8,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["SignalFault", "check_signals"]
-
 Array = NDArray[np.float64]
 
 

@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 
 from dovetail.synthesis.codegen.vector_ir import WIDTH
 
-__all__ = ["MachineKernel", "aligned_empty", "as_vectors", "compiled"]
-
 _INTEGERS, _ARRAYS = 3, 11
 _CACHE_LINE = 64
 

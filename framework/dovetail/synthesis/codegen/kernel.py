@@ -21,8 +21,6 @@ from dovetail.synthesis.codegen.vector_ir import (
 )
 from dovetail.synthesis.elimination import Program
 
-__all__ = ["ZERO", "KernelWriter"]
-
 ZERO = constant(0.0)
 _PAIRS = f"<{2 * WIDTH} x double>"
 """A vector of complex numbers, real and imaginary parts alternating."""

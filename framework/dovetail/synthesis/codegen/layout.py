@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["MATRICES", "Derivative", "Layout", "SpectralDerivative", "Term"]
-
 MATRICES = "KDCM"
 """The matrices of a joint's dynamic stiffness K + iD + i omega C - omega^2 M."""
 

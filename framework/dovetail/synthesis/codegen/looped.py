@@ -15,8 +15,6 @@ from dovetail.synthesis.codegen.layout import MATRICES, Layout
 from dovetail.synthesis.codegen.vector_ir import MASK, VECTOR, ComplexVector
 from dovetail.synthesis.elimination import Program
 
-__all__ = ["looped_kernel_source"]
-
 _IMAGINARY = {"K": 0, "M": 0, "D": 1, "C": 1}
 """Whether a matrix belongs to the real (0) or to the imaginary part (1) of the dynamic stiffness."""
 

@@ -14,8 +14,6 @@ from dovetail.synthesis.codegen.layout import Layout
 from dovetail.synthesis.codegen.vector_ir import MASK, ComplexVector
 from dovetail.synthesis.elimination import Program
 
-__all__ = ["kernel_source"]
-
 
 class _StraightLineKernel(KernelWriter):
     """Writes the kernel of a program without loops over its steps."""

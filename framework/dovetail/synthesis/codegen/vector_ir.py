@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-__all__ = ["MASK", "VECTOR", "WIDTH", "ComplexVector", "VectorWriter", "constant", "declarations"]
-
 WIDTH = 8
 """Number of frequencies in a vector."""
 VECTOR = f"<{WIDTH} x double>"
