@@ -89,7 +89,7 @@ def few_mode_searches() -> Iterator[None]:
 
     These searches are most of the time that a posterior of two parameters takes.
     """
-    from dovetail.identification.posterior import mode_search
+    from dovetail.inference.posterior import mode_search
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(mode_search, "_SETTINGS", replace(mode_search._SETTINGS, searches=2))

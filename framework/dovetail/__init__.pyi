@@ -115,9 +115,9 @@ from .measurement import remove_accelerometer_mass as remove_accelerometer_mass
 from .measurement import without_window_damping as without_window_damping
 from .measurement import write_frf as write_frf
 from .registry import hookimpl as hookimpl
+from .report.html_report import write_report as write_report
 from .report.plots import plot_assembly as plot_assembly
 from .report.plots import plot_frf as plot_frf
-from .report.report import write_report as write_report
 from .report.truth import Truth as Truth
 from .report.truth import read_truth as read_truth
 from .units import InUnit as InUnit

@@ -29,7 +29,7 @@ from scipy.stats import multivariate_normal
 
 import dovetail
 from dovetail.dataset import latin_hypercube
-from dovetail.identification.fitting import refine
+from dovetail.inference.fitting import refine
 from dovetail.measurement import noisy_frf
 
 WIDER = 1.2

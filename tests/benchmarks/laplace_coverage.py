@@ -19,8 +19,8 @@ import numpy as np
 import dovetail
 from dovetail.dataset import latin_hypercube
 from dovetail.evaluation.mesh_refinement import finer
-from dovetail.identification.fitting import Fit, refine
-from dovetail.identification.posterior import (
+from dovetail.inference.fitting import Fit, refine
+from dovetail.inference.posterior import (
     Posterior,
     laplace_posterior,
     quantiles,

@@ -31,10 +31,10 @@ from pathlib import Path
 from measured_data import cases, convert, measured
 
 import dovetail
-from dovetail.identification.adequacy.causes import CAUSE_SECONDS, Settings
-from dovetail.identification.adequacy.trials import Trials
-from dovetail.identification.fitting import refine
 from dovetail.identification.measured_lines import MeasuredLines
+from dovetail.inference.adequacy.candidates import Trials
+from dovetail.inference.adequacy.causes import CAUSE_SECONDS, Settings
+from dovetail.inference.fitting import refine
 
 SAME = {
     "unaltered": ("",),

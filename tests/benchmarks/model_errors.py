@@ -41,14 +41,14 @@ from random_structures import JOINTS, NOISES, draw_axis, draw_theta, measure, ra
 from wrong_structures import ALTERATIONS, KINDS, SCALED, Poles, altered, dampers, pole_errors, wrong_structure
 
 import dovetail
-from dovetail.identification.adequacy.adequacy import Adequacy, word_for
-from dovetail.identification.adequacy.assess import is_noise
-from dovetail.identification.adequacy.causes import CAUSE_SECONDS
-from dovetail.identification.adequacy.model_error_size import estimate_model_error, fit_with_error
-from dovetail.identification.fitting import fit_at, refine
-from dovetail.identification.fitting.observations import Observations
-from dovetail.identification.fitting.residuals import ModelFrfs
-from dovetail.identification.posterior import laplace_posterior, sample_posterior, typical_model_error
+from dovetail.inference.adequacy.assess import is_noise
+from dovetail.inference.adequacy.causes import CAUSE_SECONDS
+from dovetail.inference.adequacy.model_error_size import estimate_model_error, fit_with_error
+from dovetail.inference.adequacy.verdict import Adequacy, word_for
+from dovetail.inference.fitting import fit_at, refine
+from dovetail.inference.posterior import laplace_posterior, sample_posterior, typical_model_error
+from dovetail.problem.observations import Observations
+from dovetail.problem.residuals import ModelFrfs
 
 STRUCTURES = 25
 MOST_LINES = 5000

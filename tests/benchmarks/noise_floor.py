@@ -18,7 +18,7 @@ import numpy as np
 
 import dovetail
 from dovetail.dataset import latin_hypercube
-from dovetail.identification.fitting import multistart, refine
+from dovetail.inference.fitting import multistart, refine
 from dovetail.measurement import noisy_frf
 
 ASSEMBLY = Path(__file__).resolve().parents[2] / "assemblies" / "bt40_er32.yaml"

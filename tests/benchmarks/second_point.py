@@ -17,10 +17,10 @@ import numpy as np
 
 import dovetail
 from dovetail.dataset import latin_hypercube
+from dovetail.design.experiment_design import NOISE
 from dovetail.evaluation import plan
-from dovetail.evaluation.experiment_design import NOISE
-from dovetail.identification.fitting import refine
-from dovetail.identification.posterior import ModelError, Posterior, quantiles, sample_posterior
+from dovetail.inference.fitting import refine
+from dovetail.inference.posterior import ModelError, Posterior, quantiles, sample_posterior
 
 ASSEMBLY = Path(__file__).resolve().parents[2] / "assemblies" / "bt40_er32.yaml"
 

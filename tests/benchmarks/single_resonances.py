@@ -33,7 +33,7 @@ import numpy as np
 
 import dovetail
 from dovetail.frf import conversion
-from dovetail.identification.fitting import refinement
+from dovetail.inference.fitting import refinement
 
 QUANTITIES = "accelerance", "mobility", "receptance"
 KINDS = "natural_frequency", "damping", "magnitude", "phase", "background"

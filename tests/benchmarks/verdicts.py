@@ -29,13 +29,13 @@ import numpy as np
 
 import dovetail
 from dovetail.dataset import latin_hypercube
-from dovetail.identification.fitting import refine
-from dovetail.identification.fitting.least_squares import Linearisation, SumOfSquares, minimise
-from dovetail.identification.fitting.residuals import FrfResiduals, Weighted
-from dovetail.identification.posterior import ModelError, sample_posterior
-from dovetail.identification.posterior.likelihood import PosteriorResiduals, normal_from_unit, unit_from_normal
-from dovetail.identification.posterior.mode_search import CubeResiduals
+from dovetail.inference.fitting import refine
+from dovetail.inference.posterior import ModelError, sample_posterior
+from dovetail.inference.posterior.likelihood import PosteriorResiduals, normal_from_unit, unit_from_normal
+from dovetail.inference.posterior.mode_search import CubeResiduals
 from dovetail.measurement import noisy_frf
+from dovetail.problem.least_squares import Linearisation, SumOfSquares, minimise
+from dovetail.problem.residuals import FrfResiduals, Weighted
 
 ASSEMBLY = Path(__file__).resolve().parents[2] / "assemblies" / "bt40_er32.yaml"
 NOISE = 0.01

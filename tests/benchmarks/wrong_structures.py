@@ -16,9 +16,9 @@ import dovetail
 from dovetail.assembly.changed_joints import with_damping
 from dovetail.errors import DovetailError
 from dovetail.evaluation.mesh_refinement import finer
-from dovetail.identification.adequacy.perturbations import find_overhangs, list_perturbations
-from dovetail.identification.part_quantities import list_quantities
-from dovetail.identification.posterior.model_error import fit_resonances
+from dovetail.inference.adequacy.perturbations import find_overhangs, list_perturbations
+from dovetail.inference.posterior.model_error import fit_resonances
+from dovetail.problem.part_quantities import list_quantities
 
 _LINES = 1000
 """On which poles are found; without noise they need not be resolved."""

@@ -21,8 +21,8 @@ import dovetail
 from dovetail.cli.result_files import write_results
 from dovetail.frf import LOW_COHERENCE, poor_bands
 from dovetail.frf.resonance_peaks import PairedPeaks
-from dovetail.identification.adequacy.resonances import lacking_resonances
-from dovetail.identification.fitting import refinement
+from dovetail.inference.adequacy.resonances import lacking_resonances
+from dovetail.inference.fitting import refinement
 from dovetail.report.batch import write_batch
 
 identify, in_batches = (import_module(f"dovetail.cli.{name}") for name in ("identify", "batch"))

@@ -20,8 +20,8 @@ import pytest
 import dovetail
 from dovetail.cli.result_files import write_results
 from dovetail.identification import methods
-from dovetail.identification.fitting import refinement
 from dovetail.identification.result_file import load_result
+from dovetail.inference.fitting import refinement
 
 pytestmark = pytest.mark.usefixtures("few_mode_searches")
 CAVEAT = "The model does not fit the measurement: do not believe the numbers."
@@ -98,7 +98,7 @@ def each_fit_once():
     refined, posterior = once(methods.by_refined_fit), once(methods.by_posterior)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(refinement, "_SETTINGS", replace(refinement._SETTINGS, more_batches=0))
-        patch.setattr(import_module("dovetail.identification.adequacy.assess"), "find_causes", lambda *_, **__: ())
+        patch.setattr(import_module("dovetail.inference.adequacy.assess"), "find_causes", lambda *_, **__: ())
         patch.setattr(methods, "by_refined_fit", refined)
         patch.setitem(methods.METHODS, "refined", refined)
         patch.setitem(methods.METHODS, "posterior", posterior)

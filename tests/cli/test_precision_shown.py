@@ -16,7 +16,7 @@ import pytest
 
 import dovetail
 from dovetail.cli.result_files import write_results
-from dovetail.identification.posterior import Posterior, typical_model_error
+from dovetail.inference.posterior import Posterior, typical_model_error
 from dovetail.report import content
 from dovetail.report.batch import write_batch
 from dovetail.report.comparison import parameter_value_rows

@@ -9,7 +9,7 @@ import pytest
 
 import dovetail
 from dovetail.errors import DatasetError
-from dovetail.identification.network.augmentation import NoisyFeatures
+from dovetail.network.augmentation import NoisyFeatures
 
 TRAINED = {
     "samples": 200,

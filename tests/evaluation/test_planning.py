@@ -13,11 +13,11 @@ from typer.testing import CliRunner
 import dovetail
 from dovetail.cli import app
 from dovetail.dataset import latin_hypercube
+from dovetail.design.truncated_gaussian import remaining_uncertainty
 from dovetail.errors import ParameterError
 from dovetail.evaluation import plan
-from dovetail.evaluation.truncated_gaussian import remaining_uncertainty
-from dovetail.identification.fitting import refine
-from dovetail.identification.posterior import ModelError, sample_posterior
+from dovetail.inference.fitting import refine
+from dovetail.inference.posterior import ModelError, sample_posterior
 
 
 def test_the_best_point_of_the_collet_tells_more_than_the_described_one(collet):

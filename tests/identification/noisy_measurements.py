@@ -10,7 +10,7 @@ import dovetail
 from dovetail.measurement import noisy_frf
 
 
-def frf_on(frequency: np.ndarray, quantity: dovetail.frf.frf.Quantity = "receptance") -> dovetail.Frf:
+def frf_on(frequency: np.ndarray, quantity: dovetail.frf.frequency_response.Quantity = "receptance") -> dovetail.Frf:
     """Return an FRF of this quantity that is 1 at each frequency."""
     return dovetail.Frf(frequency, np.ones(len(frequency)), quantity)
 

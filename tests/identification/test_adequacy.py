@@ -15,16 +15,16 @@ import dovetail
 from dovetail.assembly import Assembly
 from dovetail.cli import app
 from dovetail.frf.resonance_peaks import PairedPeaks
-from dovetail.identification.adequacy.adequacy import Adequacy, Cause, ModelError
-from dovetail.identification.adequacy.assess import _distance_of_lost_peaks
-from dovetail.identification.adequacy.perturbations import PerturbedResiduals, find_overhangs, list_perturbations
-from dovetail.identification.adequacy.resonances import describe_lacking, lacking_resonances
-from dovetail.identification.adequacy.trials import LogRatio
-from dovetail.identification.fitting.observations import Observations
-from dovetail.identification.fitting.residuals import Weighted
-from dovetail.identification.fitting.whiteness import find_deviating_bands
-from dovetail.identification.part_quantities import list_quantities
 from dovetail.identification.result_file import load_result
+from dovetail.inference.adequacy.assess import _distance_of_lost_peaks
+from dovetail.inference.adequacy.candidates import LogRatio
+from dovetail.inference.adequacy.perturbations import PerturbedResiduals, find_overhangs, list_perturbations
+from dovetail.inference.adequacy.resonances import describe_lacking, lacking_resonances
+from dovetail.inference.adequacy.verdict import Adequacy, Cause, ModelError
+from dovetail.inference.fitting.whiteness import find_deviating_bands
+from dovetail.problem.observations import Observations
+from dovetail.problem.part_quantities import list_quantities
+from dovetail.problem.residuals import Weighted
 from dovetail.report.content import adequacy_sentences
 
 FREQUENCY = np.arange(1.0, 2049.0)

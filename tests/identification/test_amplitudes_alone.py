@@ -10,8 +10,8 @@ from scipy.stats import rice
 
 import dovetail
 from dovetail.frf.rice import noise_in_scatter, rice_surprise
-from dovetail.identification.fitting.random_error import estimated_variance, residual_variance
 from dovetail.measurement import complex_noise
+from dovetail.problem.random_error import estimated_variance, residual_variance
 
 
 def amplitudes_of(assembly, theta, level, kind, seed):

@@ -20,7 +20,7 @@ from safetensors.numpy import load_file, save_file
 import dovetail
 from dovetail import atomic_files
 from dovetail.errors import BundleError, PluginError
-from dovetail.identification.network.manifest import manifest_hash
+from dovetail.network.manifest import manifest_hash
 
 PLUGIN = """
 import numpy as np

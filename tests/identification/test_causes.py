@@ -14,12 +14,12 @@ import pytest
 from noisy_measurements import noisy
 
 import dovetail
-from dovetail.identification.adequacy.adequacy import Cause, ModelError
-from dovetail.identification.adequacy.causes import _named, find_causes
-from dovetail.identification.adequacy.perturbations import list_perturbations
-from dovetail.identification.adequacy.trials import Trials, power_given_out
-from dovetail.identification.fitting import fit_at, refine
-from dovetail.identification.fitting.observations import Observations
+from dovetail.inference.adequacy.candidates import Trials, power_given_out
+from dovetail.inference.adequacy.causes import _named, find_causes
+from dovetail.inference.adequacy.perturbations import list_perturbations
+from dovetail.inference.adequacy.verdict import Cause, ModelError
+from dovetail.inference.fitting import fit_at, refine
+from dovetail.problem.observations import Observations
 
 G = 9.80665
 slow = pytest.mark.slow

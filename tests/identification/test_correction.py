@@ -14,13 +14,13 @@ from scipy.special import ndtr
 import dovetail
 from dovetail.errors import BundleError, ParameterError, PluginError
 from dovetail.evaluation.robustness import variant
-from dovetail.identification.network.correction import (
+from dovetail.network.correction import (
     GaussNewtonFeatures,
     _over_bands,
     correction_states,
     restore_corrections,
 )
-from dovetail.identification.network.preprocessing import TargetScaling
+from dovetail.network.preprocessing import TargetScaling
 from dovetail.registry import components
 
 DESCRIPTION = mass_on_mount(

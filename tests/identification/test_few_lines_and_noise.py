@@ -9,8 +9,8 @@ import pytest
 from noisy_measurements import noisy
 
 import dovetail
-from dovetail.identification.adequacy.adequacy import NOTHING_SHOWN
-from dovetail.identification.fitting import refinement
+from dovetail.inference.adequacy.verdict import NOTHING_SHOWN
+from dovetail.inference.fitting import refinement
 
 THETA = np.array([4e6, 60.0])
 NO_CAUSES = {"cause_seconds": 0}

@@ -11,14 +11,14 @@ from noisy_measurements import noisy
 from scipy.stats import rice
 
 import dovetail
-from dovetail.identification.fitting import refine
-from dovetail.identification.fitting.fit import bounds_reached, count_agreeing
-from dovetail.identification.fitting.least_squares import Linearisation, minimise
-from dovetail.identification.fitting.observations import Observations
-from dovetail.identification.fitting.random_error import estimated_variance, isolated_lines, known_variance
-from dovetail.identification.fitting.refinement import _Refinement
-from dovetail.identification.fitting.residuals import LogAmplitude, Weighted
+from dovetail.inference.fitting import refine
+from dovetail.inference.fitting.fit import bounds_reached, count_agreeing
+from dovetail.inference.fitting.refinement import _Refinement
 from dovetail.interfaces import silent
+from dovetail.problem.least_squares import Linearisation, minimise
+from dovetail.problem.observations import Observations
+from dovetail.problem.random_error import estimated_variance, isolated_lines, known_variance
+from dovetail.problem.residuals import LogAmplitude, Weighted
 
 
 @pytest.mark.parametrize(("deviations", "explained"), [(4.5, True), (5.5, False)])
@@ -42,7 +42,7 @@ def test_a_variance_from_the_scatter_may_be_wrong_by_its_own_error(sdof, monkeyp
     frf = noisy(sdof, sdof.frf(), 0.01, 1)
     chi_squared = refine(sdof, frf).chi_squared
     variance = frf.variance * chi_squared / scatter
-    monkeypatch.setattr("dovetail.identification.fitting.observations.estimated_variance", lambda *_: variance)
+    monkeypatch.setattr("dovetail.problem.observations.estimated_variance", lambda *_: variance)
     fit = refine(sdof, replace(frf, variance=None))
     assert not fit.variance_known
     assert fit.chi_squared == pytest.approx(1.0 if explained else scatter, abs=0.01)

@@ -14,12 +14,12 @@ from scipy.optimize import least_squares
 
 import dovetail
 from dovetail.errors import MeasurementError, ParameterError
-from dovetail.identification.fitting import multistart, refine, refinement
-from dovetail.identification.fitting.least_squares import Linearisation, Profiles, minimise, profiles
-from dovetail.identification.fitting.observations import Observations
-from dovetail.identification.fitting.random_error import estimated_variance, isolated_lines
-from dovetail.identification.fitting.residuals import FrfResiduals, LogAmplitude, Weighted
+from dovetail.inference.fitting import multistart, refine, refinement
 from dovetail.measurement import complex_noise
+from dovetail.problem.least_squares import Linearisation, Profiles, minimise, profiles
+from dovetail.problem.observations import Observations
+from dovetail.problem.random_error import estimated_variance, isolated_lines
+from dovetail.problem.residuals import FrfResiduals, LogAmplitude, Weighted
 
 
 def measured_of(assembly, theta, noise=0.0, seed=0, **of_frf):

@@ -9,10 +9,10 @@ import pytest
 from noisy_measurements import noisy
 
 import dovetail
-from dovetail.identification.fitting.observations import Observations
-from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs, StackedResiduals
-from dovetail.identification.posterior import ModelError
-from dovetail.identification.posterior.frequency_average import AveragedResiduals, needs_average, weigh, with_deviation
+from dovetail.inference.posterior import ModelError
+from dovetail.inference.posterior.frequency_average import AveragedResiduals, needs_average, weigh, with_deviation
+from dovetail.problem.observations import Observations
+from dovetail.problem.residuals import FrfResiduals, ModelFrfs, StackedResiduals
 
 EVEN = np.arange(50.0, 2050.0, 0.25)
 UNEVEN = np.unique(np.concatenate([EVEN[::4], EVEN[3000:5000], [60.1, 60.2]]))

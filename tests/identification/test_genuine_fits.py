@@ -11,12 +11,12 @@ import yaml
 from noisy_measurements import noisy
 
 import dovetail
-from dovetail.identification.fitting import refine
-from dovetail.identification.fitting.least_squares import Linearisation, minimise
-from dovetail.identification.fitting.observations import Observations
-from dovetail.identification.fitting.random_error import known_variance, residual_variance
-from dovetail.identification.fitting.search_lines import Smoothed, missed_resonances, search_lines, thinned_lines
-from dovetail.identification.fitting.whiteness import assess_runs, has_size_of_noise, is_white
+from dovetail.inference.fitting import refine
+from dovetail.inference.fitting.search_lines import Smoothed, missed_resonances, search_lines, thinned_lines
+from dovetail.inference.fitting.whiteness import assess_runs, has_size_of_noise, is_white
+from dovetail.problem.least_squares import Linearisation, minimise
+from dovetail.problem.observations import Observations
+from dovetail.problem.random_error import known_variance, residual_variance
 
 
 def resonances(frequency, *poles, loss=2e-3):

@@ -15,20 +15,20 @@ from typer.testing import CliRunner
 import dovetail
 from dovetail.cli import app
 from dovetail.errors import ParameterError
-from dovetail.identification.fitting import refine
-from dovetail.identification.fitting.least_squares import Linearisation
-from dovetail.identification.posterior import (
+from dovetail.identification.result_file import load_result
+from dovetail.inference.fitting import refine
+from dovetail.inference.posterior import (
     ModelError,
     Posterior,
     laplace_posterior,
     sample_posterior,
     typical_model_error,
 )
-from dovetail.identification.posterior.laplace import LaplaceApproximation
-from dovetail.identification.posterior.likelihood import MarginalisedResiduals, PosteriorResiduals, marginalised_squares
-from dovetail.identification.posterior.mode_search import maximise_posterior
-from dovetail.identification.posterior.posterior import split_half_difference
-from dovetail.identification.result_file import load_result
+from dovetail.inference.posterior.distribution import split_half_difference
+from dovetail.inference.posterior.laplace import LaplaceApproximation
+from dovetail.inference.posterior.likelihood import MarginalisedResiduals, PosteriorResiduals, marginalised_squares
+from dovetail.inference.posterior.mode_search import maximise_posterior
+from dovetail.problem.least_squares import Linearisation
 
 
 class Banana:

@@ -13,8 +13,8 @@ import pytest
 import dovetail
 from dovetail.assembly import AugmentationSection
 from dovetail.errors import DescriptionError, MeasurementError
-from dovetail.identification.fitting.random_error import MeasuredNoise, most_likely_parts
-from dovetail.identification.network.augmentation import Augmentation, NoisyFeatures, measured_noises
+from dovetail.network.augmentation import Augmentation, NoisyFeatures, measured_noises
+from dovetail.problem.random_error import MeasuredNoise, most_likely_parts
 
 AXIS = np.linspace(20.0, 590.0, 50)
 """Between the lines of the measurement."""

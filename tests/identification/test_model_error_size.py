@@ -14,20 +14,20 @@ import dovetail
 from dovetail.errors import ParameterError
 from dovetail.evaluation.mesh_refinement import finer
 from dovetail.frf.resonance_peaks import resonance_peaks
-from dovetail.identification.adequacy.adequacy import word_for
-from dovetail.identification.adequacy.model_error_size import (
+from dovetail.inference.adequacy.model_error_size import (
     _improbability,
     _Linearised,
     _most_plausible,
     estimate_model_error,
 )
-from dovetail.identification.adequacy.perturbations import list_perturbations
-from dovetail.identification.fitting import fit_at, refine
-from dovetail.identification.fitting.observations import Observations
-from dovetail.identification.fitting.residuals import ModelFrfs
-from dovetail.identification.posterior import ModelError
-from dovetail.identification.posterior.frequency_average import unshaped_deviation
-from dovetail.identification.posterior.model_error import fit_resonances
+from dovetail.inference.adequacy.perturbations import list_perturbations
+from dovetail.inference.adequacy.verdict import word_for
+from dovetail.inference.fitting import fit_at, refine
+from dovetail.inference.posterior import ModelError
+from dovetail.inference.posterior.frequency_average import unshaped_deviation
+from dovetail.inference.posterior.model_error import fit_resonances
+from dovetail.problem.observations import Observations
+from dovetail.problem.residuals import ModelFrfs
 
 TRUTH = np.array([2e6, 20.0, 1e6, 10.0])
 METHODS = ("refined", "multistart", "posterior")

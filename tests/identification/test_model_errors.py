@@ -9,10 +9,10 @@ import pytest
 from noisy_measurements import frf_on
 
 import dovetail
-from dovetail.frf.frf import QUANTITIES
-from dovetail.identification.posterior import ModelError, error_shapes, typical_model_error
-from dovetail.identification.posterior.likelihood import marginalised_squares
-from dovetail.identification.posterior.model_error import Settings, fit_resonances
+from dovetail.frf.frequency_response import QUANTITIES
+from dovetail.inference.posterior import ModelError, error_shapes, typical_model_error
+from dovetail.inference.posterior.likelihood import marginalised_squares
+from dovetail.inference.posterior.model_error import Settings, fit_resonances
 
 FREQUENCY = np.linspace(100.0, 200.0, 2001)
 POLES = np.array([130.0 * (1.0 + 0.01j), 170.0 * (1.0 + 0.005j)])

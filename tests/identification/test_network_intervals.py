@@ -10,7 +10,7 @@ from mass_on_mount import GAUSSIAN_NETWORK, mass_on_mount
 
 import dovetail
 from dovetail.errors import ParameterError
-from dovetail.identification.network.augmentation import FreshEpochs
+from dovetail.network.augmentation import FreshEpochs
 
 DESCRIPTION = mass_on_mount(
     {"start": 150, "stop": 600, "step": 2},

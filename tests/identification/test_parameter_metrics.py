@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dovetail.identification.provenance import Evaluation, parameter_metrics
 from dovetail.interfaces import Parameter
+from dovetail.network.evaluation import Evaluation, parameter_metrics
 
 LINEAR = Parameter("mass", "kg", 0.0, 2.0)
 LOG = Parameter("k", "N/m", 1e5, 1e9, "log")

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail.identification.fitting import refine
-from dovetail.identification.part_quantities import known_quantities, list_quantities, quantity_derivatives, with_part
-from dovetail.identification.posterior import error_shapes, laplace_posterior, typical_model_error
-from dovetail.identification.posterior.likelihood import build_likelihood
+from dovetail.inference.fitting import refine
+from dovetail.inference.posterior import error_shapes, laplace_posterior, typical_model_error
+from dovetail.inference.posterior.likelihood import build_likelihood
+from dovetail.problem.part_quantities import known_quantities, list_quantities, quantity_derivatives, with_part
 
 
 def test_derivatives_are_those_of_an_oscillator_by_its_mass(sdof):

@@ -14,10 +14,9 @@ from typer.testing import CliRunner
 import dovetail
 from dovetail.cli import app
 from dovetail.errors import ParameterError
-from dovetail.identification.fitting import refine
-from dovetail.identification.fitting.observations import Observations
-from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs, Weighted
-from dovetail.identification.posterior import (
+from dovetail.identification.result_file import load_result
+from dovetail.inference.fitting import refine
+from dovetail.inference.posterior import (
     ModelError,
     Posterior,
     error_shapes,
@@ -26,7 +25,7 @@ from dovetail.identification.posterior import (
     sampling,
     typical_model_error,
 )
-from dovetail.identification.posterior.likelihood import (
+from dovetail.inference.posterior.likelihood import (
     Likelihood,
     MarginalisedResiduals,
     PosteriorResiduals,
@@ -35,9 +34,10 @@ from dovetail.identification.posterior.likelihood import (
     marginalised_squares,
     normal_from_unit,
 )
-from dovetail.identification.posterior.mode_search import search_modes
-from dovetail.identification.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, metropolis_step
-from dovetail.identification.result_file import load_result
+from dovetail.inference.posterior.mode_search import search_modes
+from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, metropolis_step
+from dovetail.problem.observations import Observations
+from dovetail.problem.residuals import FrfResiduals, ModelFrfs, Weighted
 
 ASSEMBLIES = Path(__file__).resolve().parents[2] / "assemblies"
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from noisy_measurements import frf_on
 
-from dovetail.identification.posterior import ModelError, Posterior, error_shapes, typical_model_error
-from dovetail.identification.posterior import randomize_then_optimize as rto
-from dovetail.identification.posterior.laplace import LaplaceApproximation
-from dovetail.identification.posterior.likelihood import normal_from_unit, unit_from_normal
-from dovetail.identification.posterior.mode_search import CubeResiduals
-from dovetail.identification.posterior.model_error import Settings, fit_resonances
-from dovetail.identification.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, metropolis_step
+from dovetail.inference.posterior import ModelError, Posterior, error_shapes, typical_model_error
+from dovetail.inference.posterior import randomize_then_optimize as rto
+from dovetail.inference.posterior.laplace import LaplaceApproximation
+from dovetail.inference.posterior.likelihood import normal_from_unit, unit_from_normal
+from dovetail.inference.posterior.mode_search import CubeResiduals
+from dovetail.inference.posterior.model_error import Settings, fit_resonances
+from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, metropolis_step
 
 FREQUENCY = np.linspace(100.0, 200.0, 501)
 ALONE = Settings().individual

@@ -10,9 +10,9 @@ import pytest
 import scipy
 
 import dovetail
-from dovetail.identification.fitting.fit import end_reached
-from dovetail.identification.posterior import LIMITS, Posterior, typical_model_error
-from dovetail.identification.posterior.verdicts import Known, ends_cut, precision_text, word_for
+from dovetail.inference.fitting.fit import end_reached
+from dovetail.inference.posterior import LIMITS, Posterior, typical_model_error
+from dovetail.inference.posterior.verdicts import Known, ends_cut, precision_text, word_for
 from dovetail.interfaces import Parameter
 
 LEVELS = (np.arange(2000) + 0.5) / 2000

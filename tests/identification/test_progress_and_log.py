@@ -13,7 +13,7 @@ import pytest
 import rich.console
 
 import dovetail
-from dovetail.identification.adequacy.causes import find_causes
+from dovetail.inference.adequacy.causes import find_causes
 from dovetail.interfaces import progress_reporter
 from dovetail.testing import check_component
 
@@ -108,7 +108,7 @@ def run(sdof, wrong):
         return find_causes(*arguments, **options)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sys.modules["dovetail.identification.adequacy.assess"], "find_causes", search)
+        patch.setattr(sys.modules["dovetail.inference.adequacy.assess"], "find_causes", search)
         progress = lambda *what: told.append(what)  # noqa: E731
         result = dovetail.identify(sdof, wrong, samples=50, cause_seconds=7, progress=progress)
     assert [cause.name for cause in result.adequacy.causes][:1] == ["gain"]

@@ -10,9 +10,9 @@ import pytest
 import dovetail
 from dovetail.assembly import AugmentationSection
 from dovetail.errors import DatasetError
-from dovetail.identification.network.augmentation import Augmentation, FreshEpochs, NoisyFeatures
-from dovetail.identification.network.network import Reduction
-from dovetail.identification.network.preprocessing import TargetScaling, ZScore
+from dovetail.network.augmentation import Augmentation, FreshEpochs, NoisyFeatures
+from dovetail.network.pipeline import Reduction
+from dovetail.network.preprocessing import TargetScaling, ZScore
 
 AXIS = np.arange(1.0, 2001.0)
 SILENT = {"additive": 0.0, "multiplicative": 0.0}

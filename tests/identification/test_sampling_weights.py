@@ -10,9 +10,9 @@ import pytest
 from noisy_measurements import noisy
 
 import dovetail
-from dovetail.identification.fitting import refine
-from dovetail.identification.posterior import laplace_posterior, sample_posterior, sampling, typical_model_error
-from dovetail.identification.posterior.laplace import half_about_the_fit
+from dovetail.inference.fitting import refine
+from dovetail.inference.posterior import laplace_posterior, sample_posterior, sampling, typical_model_error
+from dovetail.inference.posterior.laplace import half_about_the_fit
 
 
 @pytest.mark.parametrize(("effective", "moved"), [(36, True), (44, False)])

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dovetail.identification.network.preprocessing import BLOCK_ROWS, TargetScaling, ZScore, log10p1
 from dovetail.interfaces import Parameter
+from dovetail.network.preprocessing import BLOCK_ROWS, TargetScaling, ZScore, log10p1
 
 RNG = np.random.default_rng(3)
 LINEAR = Parameter("mass", "kg", 0.0, 2.0)

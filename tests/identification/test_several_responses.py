@@ -13,14 +13,14 @@ import dovetail
 from dovetail.assembly import AugmentationSection
 from dovetail.dataset import complex_accelerance
 from dovetail.errors import MeasurementError, ParameterError
-from dovetail.identification.fitting import multistart, refine
-from dovetail.identification.fitting.observations import Observations
-from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs
-from dovetail.identification.network.augmentation import Augmentation, NoisyFeatures
-from dovetail.identification.network.preprocessing import log10p1
-from dovetail.identification.posterior import ModelError, error_shapes, sample_posterior, typical_model_error
-from dovetail.identification.posterior.model_error import fit_resonances
 from dovetail.identification.result_file import load_result
+from dovetail.inference.fitting import multistart, refine
+from dovetail.inference.posterior import ModelError, error_shapes, sample_posterior, typical_model_error
+from dovetail.inference.posterior.model_error import fit_resonances
+from dovetail.network.augmentation import Augmentation, NoisyFeatures
+from dovetail.network.preprocessing import log10p1
+from dovetail.problem.observations import Observations
+from dovetail.problem.residuals import FrfResiduals, ModelFrfs
 
 LINES = 300
 CHAIN = {

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail.identification.provenance import Evaluation, ParameterMetrics
+from dovetail.network.evaluation import Evaluation, ParameterMetrics
 
 HOSTILE = "<script>alert(1)</script>\x1b[31m"
 ELEMENTS = {"p", "table", "tr", "th", "td"}

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail.identification.adequacy.adequacy import Adequacy
-from dovetail.identification.fitting import refinement
-from dovetail.identification.posterior.model_error import ModelError
+from dovetail.inference.adequacy.verdict import Adequacy
+from dovetail.inference.fitting import refinement
+from dovetail.inference.posterior.model_error import ModelError
 
 MASS, NATURAL, RATIO = 0.42, 445.4, 1e-4
 AXIS = np.arange(435.0, 456.01, 0.25)

@@ -13,9 +13,9 @@ import pytest
 import dovetail
 from dovetail.errors import DatasetError
 from dovetail.frf import Frf
-from dovetail.identification.network import novelty
-from dovetail.identification.network.preprocessing import BLOCK_ROWS, log10p1
-from dovetail.identification.network.training import draw_test_samples
+from dovetail.network import novelty
+from dovetail.network.preprocessing import BLOCK_ROWS, log10p1
+from dovetail.network.training import draw_test_samples
 
 SDOF = Path(__file__).parents[2] / "assemblies" / "sdof.yaml"
 
@@ -174,7 +174,7 @@ def test_novelty_estimates_noise_in_the_quantity_that_was_measured(quantity: str
 
 @pytest.mark.parametrize("count", [40, 400])
 def test_one_value_in_four_hundred_exceeds_a_limit_of_novelty_however_few_it_is_told_from(count: int) -> None:
-    from dovetail.identification.network.novelty import _limit
+    from dovetail.network.novelty import _limit
 
     generator = np.random.default_rng(3)
     limits = [_limit(np.exp(0.3 * generator.standard_normal(count))) for _ in range(200)]

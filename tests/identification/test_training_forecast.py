@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail.identification.network import training
 from dovetail.interfaces import FeatureContext
+from dovetail.network import training
 
 ROWS, EPOCHS = 2000, 40
 SECONDS_PER_ROW, SECONDS_PER_EPOCH_AND_ROW = 2e-3, 1e-3

@@ -10,7 +10,7 @@ from mass_on_mount import GAUSSIAN_NETWORK, mass_on_mount
 
 import dovetail
 from dovetail.dataset import latin_hypercube
-from dovetail.identification.network.known_noise import KnownNoise
+from dovetail.network.known_noise import KnownNoise
 
 UNKNOWN, FAR = "does not know such noise", "is smoothed, or has errors that the training FRFs do not have"
 IDENTIFICATION = {

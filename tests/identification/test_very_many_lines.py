@@ -12,10 +12,10 @@ import pytest
 
 import dovetail
 from dovetail.identification import measured_lines, reconstruction
-from dovetail.identification.fitting import merged_lines as merging
-from dovetail.identification.fitting import refine
 from dovetail.identification.measured_lines import MeasuredLines
+from dovetail.inference.fitting import refine
 from dovetail.interfaces import silent
+from dovetail.problem import merged_lines as merging
 
 TRUTH = np.array([3e6, 4.0])
 FEW = 500

@@ -9,9 +9,9 @@ import pytest
 from noisy_measurements import noisy
 
 import dovetail
-from dovetail.identification.fitting import refine
-from dovetail.identification.posterior import Posterior, typical_model_error
 from dovetail.identification.reconstruction import reconstruct
+from dovetail.inference.fitting import refine
+from dovetail.inference.posterior import Posterior, typical_model_error
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ import pytest
 from noisy_measurements import noisy
 
 import dovetail
-from dovetail.identification.fitting import refinement
+from dovetail.inference.fitting import refinement
 
 THETA = np.array([4e6, 60.0])
 

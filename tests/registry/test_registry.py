@@ -19,7 +19,7 @@ from dovetail import StructuralMatrices, hookimpl
 from dovetail.errors import PluginError
 from dovetail.interfaces import ComponentConfig, JointModel, Parameter, Port
 from dovetail.registry import Registry, components
-from dovetail.registry import registry as module
+from dovetail.registry import catalogue as module
 
 GOOD = '''
 import numpy as np

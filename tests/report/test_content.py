@@ -12,7 +12,7 @@ import pytest
 
 import dovetail
 from dovetail.identification import Adequacy, Cause, Identification, Mode, ModelError
-from dovetail.identification.fitting import refine
+from dovetail.inference.fitting import refine
 from dovetail.plain_text import ABSENT
 from dovetail.report.content import (
     adequacy_sentences,
@@ -24,7 +24,7 @@ from dovetail.report.content import (
     truth_sentence,
     warnings_of,
 )
-from dovetail.report.report import evaluation_rows, write_report
+from dovetail.report.html_report import evaluation_rows, write_report
 from dovetail.report.truth import Truth
 
 

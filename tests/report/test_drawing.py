@@ -99,7 +99,7 @@ def test_the_command_writes_the_drawing_with_its_text(tmp_path):
 
 
 def test_the_report_draws_the_assembly_it_is_given(result, collet, tmp_path):
-    from dovetail.report.report import write_report
+    from dovetail.report.html_report import write_report
 
     text = write_report(result, tmp_path / "with.html", assembly=collet).read_text(encoding="utf-8")
     assert 'role="img" aria-label="Drawing of bt40-er32-t0. Parts: tool (timoshenko_beam), holder' in text

@@ -19,7 +19,7 @@ import yaml
 
 import dovetail
 from dovetail.errors import DovetailError
-from dovetail.identification.fitting import refine
+from dovetail.inference.fitting import refine
 from dovetail.report.explorer import Explorer
 from dovetail.report.page_server import PageServer
 

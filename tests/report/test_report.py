@@ -21,8 +21,8 @@ import dovetail
 from dovetail.errors import DovetailError
 from dovetail.frf import Frf
 from dovetail.identification import Adequacy, AtPoint, Identification, Mode, ModelError
-from dovetail.report import report
-from dovetail.report.report import write_report
+from dovetail.report import html_report
+from dovetail.report.html_report import write_report
 from dovetail.report.truth import Truth
 
 LARGEST = 400_000
@@ -288,7 +288,7 @@ def test_a_failure_leaves_what_was_there(
 
     path = tmp_path / "report.html"
     path.write_text("earlier")
-    monkeypatch.setattr(report if where == "chart_data" else os, where, fail)
+    monkeypatch.setattr(html_report if where == "chart_data" else os, where, fail)
     with pytest.raises(error):
         write_report(result, path)
     assert path.read_text() == "earlier"
@@ -305,7 +305,7 @@ def test_a_report_that_cannot_be_written_is_explained(result: Identification, tm
 
 def test_importing_the_report_loads_nothing_heavy() -> None:
     program = (
-        "import sys, dovetail.report.report, dovetail.report.figures, dovetail.report.truth\n"
+        "import sys, dovetail.report.html_report, dovetail.report.figures, dovetail.report.truth\n"
         "print([name for name in ('torch', 'umap', 'numba', 'matplotlib', 'jinja2') if name in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

@@ -15,7 +15,7 @@ import dovetail
 from dovetail import atomic_files
 from dovetail.cli.frf_files import write_frf_files
 from dovetail.cli.result_files import prepare_folder, write_results, writing
-from dovetail.identification.network import bundle
+from dovetail.network import bundle
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="processes are forked")
 EVERY = pytest.mark.parametrize("stride", [7, pytest.param(1, marks=pytest.mark.slow)])

@@ -217,7 +217,7 @@ class _Files:
         """Make the files of a result, and return whether that was possible."""
         from dovetail.cli.result_files import json_text, write_texts
         from dovetail.errors import explained
-        from dovetail.report.report import write_report
+        from dovetail.report.html_report import write_report
 
         stem = self._stems[name]
         try:

@@ -264,7 +264,7 @@ def _identify_from_modes(
 
 
 def _print(result: Identification, truth: Truth | None) -> None:
-    from dovetail.identification.posterior import NOT_BELIEVED
+    from dovetail.inference.posterior import NOT_BELIEVED
     from dovetail.report.content import fit_sentence, mode_rows
 
     title(f"{result.provenance['assembly']}: joint identified from {measurement_names(result)} ({result.method})")
@@ -326,7 +326,7 @@ def _print_of_modes(result: ModalIdentification, truth: Truth | None) -> None:
 
 def _print_parameters(result: Identification | ModalIdentification, truth: Truth | None) -> None:
     """Print how well the model fits, the table of parameters, its meaning, and why parameters are not identified."""
-    from dovetail.identification.posterior import NOT_BELIEVED
+    from dovetail.inference.posterior import NOT_BELIEVED
     from dovetail.report import content
 
     for sentence in content.adequacy_sentences(result):

@@ -132,8 +132,8 @@ def _kept(folder: Path, assembly: Assembly, plugins: Sequence[Path], otherwise: 
 
 def _key(assembly: Assembly, plugins: Sequence[Path]) -> str:
     """Return a hash of everything that the model depends on."""
-    from dovetail.identification.provenance import component_sources, file_hash, package_versions
     from dovetail.interfaces import source_file
+    from dovetail.provenance import component_sources, file_hash, package_versions
 
     settings = assembly.description.identification
     code = sorted({Path(file) for one in (settings.reducer, settings.regressor) if (file := source_file(one))})

@@ -63,7 +63,7 @@ def predict(
         modes = {"natural_frequencies": natural, "damping_ratios": damping}
         print_json({"name": loaded.name, **caveat, "parameters": values | signs, **modes})
     else:
-        from dovetail.identification.posterior import NOT_BELIEVED
+        from dovetail.inference.posterior import NOT_BELIEVED
 
         title(f"{loaded.name}: predicted with the joint identified from {measurement_names(identified)}")
         say_caveat(identified)

@@ -112,7 +112,7 @@ def write_folder(folder: Path, write: Callable[[Path], None], mark: str, kept: C
         They cannot be written; the folder is then as it was.
     """
     from dovetail.atomic_files import new_folder
-    from dovetail.identification.provenance import file_hash
+    from dovetail.provenance import file_hash
 
     hashes = {name: digest for name, digest in _listed(folder).items() if name in kept}
     with new_folder(folder, _unchanged(folder) - hashes.keys(), mark, MANIFEST) as fresh:
@@ -134,7 +134,7 @@ def _listed(folder: Path) -> dict[str, str]:
 
 def _unchanged(folder: Path) -> set[str]:
     """Return the names of files from an earlier run that have not been changed since."""
-    from dovetail.identification.provenance import file_hash
+    from dovetail.provenance import file_hash
 
     listed = _listed(folder)
     with suppress(OSError, ValueError):
@@ -155,8 +155,8 @@ def write_results(result: Identification, folder: Path, truth: Truth | None, ass
         Drawn in the report.
     """
     from dovetail.report.figures import save_png
+    from dovetail.report.html_report import write_report
     from dovetail.report.plots import plot_frf
-    from dovetail.report.report import write_report
 
     texts: dict[str, str | Iterable[str]] = {
         _RESULT: _json_pieces(result.to_dict()),

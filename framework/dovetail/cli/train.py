@@ -40,7 +40,7 @@ def train(
     """
     import dovetail
     from dovetail.atomic_files import check_target
-    from dovetail.identification.network.bundle import check_replaceable
+    from dovetail.network.bundle import check_replaceable
 
     check_replaceable(output)
     check_target(output)

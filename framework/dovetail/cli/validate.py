@@ -83,7 +83,7 @@ def _method(name: str | IdentificationMethod, plugins: list[Path]) -> str | Iden
 
 
 def _print(done: Validation) -> None:
-    from dovetail.identification.posterior import NOT_BELIEVED
+    from dovetail.inference.posterior import NOT_BELIEVED
 
     title(done.title)
     say_caveat(done)
@@ -93,7 +93,7 @@ def _print(done: Validation) -> None:
 
 
 def _rows(done: Validation) -> Iterator[list[str]]:
-    from dovetail.identification.posterior import NOT_BELIEVED
+    from dovetail.inference.posterior import NOT_BELIEVED
 
     for result in done.cases:
         method = "" if result.joint is None else result.joint.method

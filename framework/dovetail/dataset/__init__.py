@@ -1,8 +1,8 @@
 """Datasets: Latin hypercube samples and their FRFs, streamed to disk."""
 
-from dovetail.dataset.dataset import Dataset
 from dovetail.dataset.generation import complex_accelerance, generate
 from dovetail.dataset.merging import merge
+from dovetail.dataset.samples import Dataset
 from dovetail.dataset.sampling import latin_hypercube
 from dovetail.dataset.storage import Storage, StoredFrfs
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly, AssemblySource, as_assembly
 from dovetail.atomic_files import beside, check_room, held
-from dovetail.dataset.dataset import FORMAT, Dataset
+from dovetail.dataset.samples import FORMAT, Dataset
 from dovetail.dataset.sampling import check_number, latin_hypercube
 from dovetail.dataset.storage import ARRAYS, Storage
 from dovetail.errors import DatasetError, Fault, FileError, listing

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from dovetail.atomic_files import new_folder
-from dovetail.dataset.dataset import Dataset
+from dovetail.dataset.samples import Dataset
 from dovetail.dataset.storage import ARRAYS
 from dovetail.errors import DatasetError, Fault, FileError, listing
 

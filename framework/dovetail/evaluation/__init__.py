@@ -1,9 +1,9 @@
 """Evaluation: methods side by side, robustness of models to noise, models against measurements, calibration."""
 
+from dovetail.design.experiment_design import Plan, PlannedPoint, plan
 from dovetail.evaluation.calibration import CalibratedParameter, Calibration, calibrate
 from dovetail.evaluation.cases import Case, Cases, read_cases
 from dovetail.evaluation.comparison import Compared, Comparison, compare, read_truths
-from dovetail.evaluation.experiment_design import Plan, PlannedPoint, plan
 from dovetail.evaluation.robustness import LEVELS, RobustnessRow, robustness
 from dovetail.evaluation.study import Study, study
 from dovetail.evaluation.study_ledger import Trial

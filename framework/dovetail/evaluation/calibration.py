@@ -16,11 +16,11 @@ from dovetail.errors import DovetailError, Fault, ParameterError, explained, lis
 from dovetail.evaluation.mesh_refinement import finer
 from dovetail.frf import Frf
 from dovetail.identification import identify
-from dovetail.identification.network.bundle import TrainedNetwork
-from dovetail.identification.posterior import LEVEL, PRIOR_PRECISION
+from dovetail.inference.posterior import LEVEL, PRIOR_PRECISION
 from dovetail.interfaces import IdentificationMethod, Progress, progress_reporter
 from dovetail.measurement import noisy_frf
 from dovetail.measurement.noise import NoiseKind
+from dovetail.network.bundle import TrainedNetwork
 from dovetail.parallel import cores, side_by_side
 
 

@@ -17,11 +17,11 @@ from dovetail.assembly.reader import read_description
 from dovetail.dataset import Dataset, Storage, generate
 from dovetail.errors import Fault, PluginError
 from dovetail.identification import Identifier, train
-from dovetail.identification.network.preprocessing import draw_test_samples
-from dovetail.identification.network.training import needs_phase
-from dovetail.identification.provenance import parameter_metrics
 from dovetail.interfaces import Progress, progress_reporter
 from dovetail.measurement import data_noise
+from dovetail.network.evaluation import parameter_metrics
+from dovetail.network.preprocessing import draw_test_samples
+from dovetail.network.training import needs_phase
 from dovetail.registry import Registry, components
 
 _ROBUST = "robust"

@@ -25,9 +25,9 @@ from dovetail.dataset import Dataset, generate
 from dovetail.errors import DatasetError, DovetailError, Fault, FileError, explained
 from dovetail.evaluation.study_ledger import Ledger, Trial
 from dovetail.evaluation.study_plan import StudyPlan, Sweep
-from dovetail.identification.network.training import train_and_evaluate
-from dovetail.identification.provenance import Evaluation, parameter_metrics
 from dovetail.interfaces import Progress, progress_reporter, silent
+from dovetail.network.evaluation import Evaluation, parameter_metrics
+from dovetail.network.training import train_and_evaluate
 from dovetail.parallel import on_cluster, require_cluster
 from dovetail.registry import PluginPaths, Registry, components
 

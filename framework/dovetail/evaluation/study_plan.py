@@ -13,8 +13,8 @@ from dovetail.dataset import Storage
 from dovetail.errors import DescriptionError, DovetailError, Fault
 from dovetail.evaluation.study_ledger import Proposal, Trial
 from dovetail.evaluation.study_search import SearchSpace
-from dovetail.identification.network.training import needs_phase
 from dovetail.interfaces import Progress, silent
+from dovetail.network.training import needs_phase
 from dovetail.registry import Registry
 
 

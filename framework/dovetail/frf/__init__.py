@@ -1,6 +1,6 @@
 """Frequency response functions: the FRF with its quantity, conversions, and the agreement of two FRFs."""
 
-from dovetail.frf.frf import (
+from dovetail.frf.frequency_response import (
     HIGHEST_FREQUENCY,
     LARGEST_VALUE,
     LOW_COHERENCE,

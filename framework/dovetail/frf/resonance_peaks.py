@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from dovetail.frf.frf import Frf
+from dovetail.frf.frequency_response import Frf
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import AAA
 
-from dovetail.frf.frf import Frf, conversion
+from dovetail.frf.frequency_response import Frf, conversion
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from dovetail.frf.frf import Frf, conversion
+from dovetail.frf.frequency_response import Frf, conversion
 
 _POWERS = -2.0, 0.0, 2.0, 4.0
 """Of the frequency, in the receptance that resonances outside the band add: a free body below, and the first terms of

@@ -19,11 +19,11 @@ from dovetail.errors import DovetailError, Fault, MeasurementError, ParameterErr
 from dovetail.frf import Frf
 from dovetail.identification.identify import Measurement, as_frfs, identify
 from dovetail.identification.measured_lines import batch_contradictions
-from dovetail.identification.network.bundle import TrainedNetwork, read_bundle, write_bundle
-from dovetail.identification.network.training import train_network
 from dovetail.identification.parameters import dataframe
 from dovetail.identification.result import Identification, caveats_of
 from dovetail.interfaces import IdentificationMethod, Progress, logged, progress_reporter
+from dovetail.network.bundle import TrainedNetwork, read_bundle, write_bundle
+from dovetail.network.training import train_network
 from dovetail.parallel import cores, side_by_side
 from dovetail.plain_text import html_table, terminal_text
 from dovetail.registry import PluginPaths

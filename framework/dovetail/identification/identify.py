@@ -18,16 +18,16 @@ from dovetail.assembly.calibration import unknown_signs, with_signs
 from dovetail.assembly.description import Response
 from dovetail.errors import Fault, MeasurementError, ParameterError, did_you_mean, listing
 from dovetail.frf import Frf
-from dovetail.identification.fitting import one_per_response, refine
-from dovetail.identification.fitting.observations import Weights, weighted_variance
 from dovetail.identification.measured_lines import MeasuredLines
 from dovetail.identification.methods import DEFAULT_METHOD, METHODS, by_plugin
 from dovetail.identification.modal_fit import identify_from_modes
-from dovetail.identification.network.bundle import TrainedNetwork
 from dovetail.identification.result import Identification, ModalIdentification
+from dovetail.inference.fitting import refine
 from dovetail.interfaces import IdentificationMethod, Progress, logged, progress_reporter
 from dovetail.measurement import ModalParameters, is_modal_table, read_frf
+from dovetail.network.bundle import TrainedNetwork
 from dovetail.parallel import one_blas_thread
+from dovetail.problem.observations import Weights, one_per_response, weighted_variance
 from dovetail.registry import Registry, installed_components
 
 Measurement = Frf | str | Path | Sequence[Frf | str | Path]

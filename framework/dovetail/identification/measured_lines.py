@@ -16,13 +16,14 @@ from dovetail.assembly.description import Description, Place
 from dovetail.errors import Fault, Importance, MeasurementError, Note, listing
 from dovetail.frf import Frf
 from dovetail.frf.resonance_peaks import resonance_peaks
-from dovetail.identification.fitting import one_per_response, refine
-from dovetail.identification.fitting.merged_lines import MOST_LINES, every_nth_line, merged_lines
-from dovetail.identification.fitting.random_error import random_error_variance
-from dovetail.identification.posterior.model_error import fit_resonances
+from dovetail.frf.resonances import fit_resonances
+from dovetail.inference.fitting import refine
 from dovetail.interfaces import Progress
 from dovetail.measurement import ModelDof, Role, check_roles, find_gaps, find_missing_ends, on_grid, within_band
 from dovetail.measurement.roles import PHASE_ERROR, SUSPICIOUS, contradictions, power_given_out
+from dovetail.problem.merged_lines import MOST_LINES, every_nth_line, merged_lines
+from dovetail.problem.observations import one_per_response
+from dovetail.problem.random_error import random_error_variance
 
 _RECIPROCITY, _EXCESS = 0.05, 3.0
 """Relative difference of two reciprocal FRFs that is reported, and its ratio to the one that random errors explain."""

@@ -15,23 +15,23 @@ from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly, Theta
 from dovetail.errors import Fault, Importance, MeasurementError, Note, ParameterError, PluginError, listing
-from dovetail.identification.adequacy import CAUSE_SECONDS
-from dovetail.identification.adequacy.assess import check_limits, judge_fit
-from dovetail.identification.fitting import Fit, Objective, fit_at, multistart, refine
-from dovetail.identification.fitting.fit import allow_for_unknown_noise, fractions_within
-from dovetail.identification.fitting.observations import Observations
-from dovetail.identification.fitting.residuals import ModelFrfs
 from dovetail.identification.measured_lines import MeasuredLines
-from dovetail.identification.network.bundle import TrainedNetwork
-from dovetail.identification.network.network import FEWEST_DRAWS, check_contract, component_label
-from dovetail.identification.network.preprocessing import accelerance_amplitudes
 from dovetail.identification.parameters import ROUNDING
-from dovetail.identification.posterior import TYPICAL, Form, ModelError, Posterior, laplace_posterior, sample_posterior
-from dovetail.identification.posterior.posterior import check_options
-from dovetail.identification.provenance import provenance, source_of
 from dovetail.identification.reconstruction import reconstruct
 from dovetail.identification.result import Identification
+from dovetail.inference.adequacy import CAUSE_SECONDS
+from dovetail.inference.adequacy.assess import check_limits, judge_fit
+from dovetail.inference.fitting import Fit, Objective, fit_at, multistart, refine
+from dovetail.inference.fitting.fit import allow_for_unknown_noise, fractions_within
+from dovetail.inference.posterior import TYPICAL, Form, ModelError, Posterior, laplace_posterior, sample_posterior
+from dovetail.inference.posterior.distribution import check_options
 from dovetail.interfaces import Estimate, IdentificationMethod, IdentificationProblem, Progress, plugin_errors, silent
+from dovetail.network.bundle import TrainedNetwork
+from dovetail.network.pipeline import FEWEST_DRAWS, check_contract, component_label
+from dovetail.network.preprocessing import accelerance_amplitudes
+from dovetail.problem.observations import Observations
+from dovetail.problem.residuals import ModelFrfs
+from dovetail.provenance import provenance, source_of
 
 _LEAST_GAIN = 25.0
 """Decrease of the sum of squares, per parameter, from which another fit is clearly better: five standard deviations."""
@@ -71,7 +71,7 @@ def by_network(
     if trained.novelty is not None:
         amplitude = trained.assembly.accelerance_amplitude(theta).astype(np.float64)
         verdict = trained.novelty.check(resampled[0], amplitude)
-    origin = provenance(assembly, measured.whole, trained.evaluation, trained.evaluation.seed)
+    origin = provenance(assembly, measured.whole, trained.evaluation.seed, trained.evaluation.to_dict())
     samples = trained.predict_samples(amplitudes[0])
     posterior = None if samples is None else _posterior_of(measured, samples, time.monotonic() - began)
     theta = theta if posterior is None else posterior.estimate
@@ -133,8 +133,8 @@ def by_refined_fit(
     starts += [known for known in (network, measured.start) if known is not None]
     fit = refine(assembly, frfs, starts, seed=seed, progress=progress)
     adequacy, fit = judge_fit(assembly, frfs, measured.unweighted, fit, model_error, seed, cause_seconds, progress)
-    evaluation = None if trained is None else trained.evaluation
-    origin = provenance(measured.described, measured.whole, evaluation, seed)
+    evaluation = None if trained is None else trained.evaluation.to_dict()
+    origin = provenance(measured.described, measured.whole, seed, evaluation)
     result = _result(measured, fit.theta, method="refined", provenance=origin, fit=fit, adequacy=adequacy)
     beside = None if network is None else dict(zip(result.parameters, network.tolist(), strict=True))
     return replace(result, network=beside, warnings=(*result.warnings, *warnings))
@@ -202,7 +202,7 @@ def by_multistart(
     check_limits(model_error, cause_seconds)
     seed = assembly.description.identification.seed if seed is None else seed
     fit = multistart(assembly, frfs, starts=starts, seconds=seconds, objective=objective, seed=seed, progress=progress)
-    origin = provenance(measured.described, measured.whole, None, seed) | {"objective": objective}
+    origin = provenance(measured.described, measured.whole, seed) | {"objective": objective}
     adequacy, own = judge_fit(assembly, frfs, measured.unweighted, fit, model_error, seed, cause_seconds, progress)
     fit = fit if measured.unweighted is None else own
     return _result(measured, fit.theta, method="multistart", provenance=origin, fit=fit, adequacy=adequacy)
@@ -301,7 +301,7 @@ def by_plugin(
     fit = fit_at(assembly, target, fraction, seconds=time.monotonic() - began)
     adequacy, own = judge_fit(assembly, frfs, measured.unweighted, fit, model_error, seed, cause_seconds, progress)
     fit = fit if measured.unweighted is None else own
-    origin = provenance(measured.described, measured.whole, None, seed)
+    origin = provenance(measured.described, measured.whole, seed)
     origin["components"][f"method {method.name}"] = source_of(method)
     origin["method_options"] = method.config.model_dump(mode="json")
     result = _result(measured, fit.theta, method=method.name, provenance=origin, fit=fit, adequacy=adequacy)

@@ -15,20 +15,20 @@ from scipy.optimize import brentq, linear_sum_assignment
 
 from dovetail.assembly import Assembly
 from dovetail.errors import Fault, MeasurementError, listing
-from dovetail.identification.adequacy import Adequacy
-from dovetail.identification.adequacy.adequacy import NOTHING_LEFT, word_for
-from dovetail.identification.adequacy.assess import check_limits
-from dovetail.identification.fitting.least_squares import Linearisation
-from dovetail.identification.posterior import LEVEL, TYPICAL, Form, ModelError, Posterior, typical_model_error
-from dovetail.identification.posterior.likelihood import PosteriorResiduals, normal_from_unit, unit_from_normal
-from dovetail.identification.posterior.mode_search import maximise_posterior
-from dovetail.identification.posterior.posterior import check_options
-from dovetail.identification.posterior.sampling import draw
-from dovetail.identification.provenance import provenance
 from dovetail.identification.reconstruction import identified_parameters, known_parameters
 from dovetail.identification.result import MatchedMode, ModalIdentification
+from dovetail.inference.adequacy import Adequacy
+from dovetail.inference.adequacy.assess import check_limits
+from dovetail.inference.adequacy.verdict import NOTHING_LEFT, word_for
+from dovetail.inference.posterior import LEVEL, TYPICAL, Form, ModelError, Posterior, typical_model_error
+from dovetail.inference.posterior.distribution import check_options
+from dovetail.inference.posterior.likelihood import PosteriorResiduals, normal_from_unit, unit_from_normal
+from dovetail.inference.posterior.mode_search import maximise_posterior
+from dovetail.inference.posterior.sampling import draw
 from dovetail.interfaces import Progress, silent
 from dovetail.measurement import ModalParameters
+from dovetail.problem.least_squares import Linearisation
+from dovetail.provenance import provenance
 from dovetail.synthesis import DampedModes
 
 _LEAST_FREEDOM = 0.5
@@ -308,7 +308,7 @@ def _result(
 ) -> ModalIdentification:
     assembly, measured = residuals.assembly, residuals.measured
     off = residuals.residuals(assembly.to_unit(best)[None])[0]
-    origin = provenance(assembly, [measured], None, seed) | {"posterior_form": posterior.form}
+    origin = provenance(assembly, [measured], seed) | {"posterior_form": posterior.form}
     result = ModalIdentification(
         parameters=identified_parameters(assembly, best),
         known={name: at for name, at in known_parameters(assembly).items() if np.isfinite(at)},

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from dovetail.errors import DovetailError, Fault
-from dovetail.identification.fitting.fit import end_reached
-from dovetail.identification.posterior.posterior import Posterior
-from dovetail.identification.posterior.verdicts import NOT_BELIEVED, Group, Verdict
+from dovetail.inference.fitting.fit import end_reached
+from dovetail.inference.posterior.distribution import Posterior
+from dovetail.inference.posterior.verdicts import NOT_BELIEVED, Group, Verdict
 from dovetail.interfaces import Parameter, Prior, Scale
 
 ROUNDING = 1e-9

@@ -16,9 +16,9 @@ from dovetail.assembly import Assembly, AssemblySource, as_assembly
 from dovetail.assembly.calibration import unknown_signs, with_signs
 from dovetail.errors import Fault, ParameterError, UnitError, listing
 from dovetail.frf import Frf
-from dovetail.identification.posterior import LEVEL, error_shapes
-from dovetail.identification.posterior.likelihood import normal_from_unit, unit_from_normal
 from dovetail.identification.result_file import AnyIdentification, load_result
+from dovetail.inference.posterior import LEVEL, error_shapes
+from dovetail.inference.posterior.likelihood import normal_from_unit, unit_from_normal
 from dovetail.units import to_si
 
 

@@ -15,13 +15,15 @@ from dovetail.assembly.description import Tie, follow
 from dovetail.errors import DovetailError, Importance, Note, PluginError, by_importance
 from dovetail.frf import LOW_COHERENCE, Frf
 from dovetail.frf.resonance_peaks import PairedPeaks, counterpart, resonance_peaks
-from dovetail.identification.adequacy import Adequacy
-from dovetail.identification.adequacy.resonances import describe_lacking, lacking_resonances
-from dovetail.identification.fitting import Fit, one_per_response
-from dovetail.identification.fitting.merged_lines import MOST_LINES, frf_in_blocks
 from dovetail.identification.parameters import Follower, IdentifiedParameter, is_in_range
-from dovetail.identification.result import AtPoint, Identification, Mode
+from dovetail.identification.result import Identification, Mode
+from dovetail.inference.adequacy import Adequacy
+from dovetail.inference.adequacy.resonances import describe_lacking, lacking_resonances
+from dovetail.inference.adequacy.verdict import AtPoint
+from dovetail.inference.fitting import Fit
 from dovetail.interfaces import Parameter
+from dovetail.problem.merged_lines import MOST_LINES, frf_in_blocks
+from dovetail.problem.observations import one_per_response
 from dovetail.synthesis import Point
 from dovetail.units import format_quantity
 

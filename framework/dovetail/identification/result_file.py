@@ -15,11 +15,12 @@ from pydantic import AfterValidator, AliasChoices, BaseModel, ConfigDict, Field,
 from dovetail.atomic_files import read_bounded
 from dovetail.errors import DovetailError, Fault, damage_reported
 from dovetail.frf import Frf, Quantity
-from dovetail.identification.adequacy import Adequacy, AdequacyWord, Cause
 from dovetail.identification.parameters import IdentifiedParameter
-from dovetail.identification.posterior import Form, ModelError, Posterior, typical_model_error
-from dovetail.identification.posterior.posterior import central_fractions
-from dovetail.identification.result import AtPoint, Identification, MatchedMode, ModalIdentification, Mode
+from dovetail.identification.result import Identification, MatchedMode, ModalIdentification, Mode
+from dovetail.inference.adequacy import Adequacy, AdequacyWord, Cause
+from dovetail.inference.adequacy.verdict import AtPoint
+from dovetail.inference.posterior import Form, ModelError, Posterior, typical_model_error
+from dovetail.inference.posterior.distribution import central_fractions
 from dovetail.measurement import ModalParameters
 
 AnyIdentification: TypeAlias = Identification | ModalIdentification

@@ -1,7 +1,6 @@
 """Discovery of components by one hook, from installed packages and single files."""
 
-from dovetail.registry.hookspec import GROUP, hookimpl
-from dovetail.registry.registry import (
+from dovetail.registry.catalogue import (
     HOW_TO_OFFER,
     LoadFailure,
     Offer,
@@ -10,6 +9,7 @@ from dovetail.registry.registry import (
     components,
     installed_components,
 )
+from dovetail.registry.hookspec import GROUP, hookimpl
 
 __all__ = [
     "GROUP",

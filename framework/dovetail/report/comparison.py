@@ -8,8 +8,8 @@ from typing import Any
 
 from dovetail.evaluation import Compared, Comparison
 from dovetail.evaluation.cases import Case
-from dovetail.identification.posterior import NOT_BELIEVED
 from dovetail.identification.result import caveats_of
+from dovetail.inference.posterior import NOT_BELIEVED
 from dovetail.plain_text import ABSENT, display_unit, fixed, hertz, number
 from dovetail.report.comparison_figures import parameter_comparison
 from dovetail.report.pages import as_data, chart_data, write_page

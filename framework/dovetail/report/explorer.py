@@ -20,14 +20,14 @@ from dovetail.errors import DovetailError, Fault, ParameterError
 from dovetail.frf import Frf, coherence_with_model
 from dovetail.identification import Identification, identify
 from dovetail.identification.measured_lines import MeasuredLines
-from dovetail.identification.provenance import provenance
 from dovetail.identification.reconstruction import reconstruct
 from dovetail.interfaces import Progress, silent
 from dovetail.plain_text import display_unit
+from dovetail.provenance import provenance
 from dovetail.report.content import verdict
 from dovetail.report.drawing import mode_shapes
+from dovetail.report.html_report import write_report
 from dovetail.report.pages import chart_data, curve_data
-from dovetail.report.report import write_report
 
 SAVED = {"json": "application/json", "yaml": "application/yaml", "html": "text/html"}
 """Media types of the files that can be saved, by suffix."""
@@ -268,7 +268,7 @@ class Explorer:
             raise DovetailError(Fault(self.name, "there is no measured FRF to report on."))
         if result is None:
             described = self._lines.described
-            origin = provenance(described, self._lines.whole, None, described.description.identification.seed)
+            origin = provenance(described, self._lines.whole, described.description.identification.seed)
             frfs, band = self._lines.frfs, self._lines.band
             with self._computing:
                 result = reconstruct(self._assembly, theta, frfs, method=_BY_HAND, provenance=origin, band=band)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 from dovetail.testing.outcomes import Nonconformity
-from dovetail.testing.specimens import Specimen
+from dovetail.testing.specimen import Specimen
 
 
 def check_config_survives_json(specimen: Specimen) -> None:

@@ -8,7 +8,8 @@ from typing import Any
 from dovetail.testing.another_process import report_of_another_process, written
 from dovetail.testing.answers import answers, copied, declarations, difference, varied
 from dovetail.testing.outcomes import Nonconformity
-from dovetail.testing.specimens import JointSpecimen, Specimen, SubstructureSpecimen, specimen_of
+from dovetail.testing.specimen import Specimen
+from dovetail.testing.specimens import JointSpecimen, SubstructureSpecimen, specimen_of
 
 _ROUNDING = 1e-9
 """Difference between two processes, relative to the largest entry, that the order of sums may cause."""

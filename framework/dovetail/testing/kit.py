@@ -36,7 +36,8 @@ from dovetail.testing import (
     unit_checks,
 )
 from dovetail.testing.outcomes import CheckResult, Nonconformity, NotApplicable, Reservation
-from dovetail.testing.specimens import Specimen, specimen_of
+from dovetail.testing.specimen import Specimen
+from dovetail.testing.specimens import specimen_of
 
 _Check = Callable[[Any], str | None]
 """A check raises an exception if something is wrong, and may return a text with what it measured."""

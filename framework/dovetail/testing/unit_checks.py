@@ -13,7 +13,8 @@ from dovetail.interfaces import option_schema
 from dovetail.testing.answers import PARTS
 from dovetail.testing.linear_algebra import condensed, unit_free
 from dovetail.testing.outcomes import Nonconformity, NotApplicable, Reservation
-from dovetail.testing.specimens import FREQUENCY, WIDE, JointSpecimen, Specimen, SubstructureSpecimen, specimen_of
+from dovetail.testing.specimen import Specimen
+from dovetail.testing.specimens import FREQUENCY, WIDE, JointSpecimen, SubstructureSpecimen, specimen_of
 from dovetail.units import dimension
 
 

@@ -1,0 +1,1 @@
+"""Where to measure: the gain of a measurement at other points, before it is made."""

@@ -1,0 +1,1 @@
+"""Solving the problem: fits, posteriors, and how adequate the model is."""

@@ -1,0 +1,346 @@
+"""The judgement of a fit: to the noise, or with errors of the model of some size, and what would explain them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from numbers import Real
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.assembly import Assembly
+from dovetail.assembly.calibration import unknown_gains
+from dovetail.errors import Fault, Importance, Note, ParameterError, listing
+from dovetail.frf import Frf
+from dovetail.frf.resonance_peaks import counterpart, resonance_peaks
+from dovetail.inference.adequacy.candidates import MOST_GIVEN_OUT, power_given_out
+from dovetail.inference.adequacy.causes import find_causes
+from dovetail.inference.adequacy.model_error_size import (
+    FitWithError,
+    estimate_model_error,
+    fit_with_error,
+    judge_with_error,
+)
+from dovetail.inference.adequacy.single_resonance import separate_errors
+from dovetail.inference.adequacy.verdict import (
+    NOTHING_LEFT,
+    NOTHING_SHOWN,
+    Adequacy,
+    AdequacyWord,
+    errors_in_intervals,
+    word_for,
+)
+from dovetail.inference.fitting import Fit, refine
+from dovetail.inference.fitting.fit import bounds_reached, is_noise, shows_structure
+from dovetail.inference.fitting.whiteness import find_deviating_bands
+from dovetail.inference.posterior import typical_model_error
+from dovetail.inference.posterior.model_error import ModelError
+from dovetail.interfaces import Progress, logged, silent
+from dovetail.problem.observations import Observations
+from dovetail.problem.residuals import ModelFrfs
+
+
+@dataclass(frozen=True)
+class Settings:
+    """When a fit is no longer to the noise."""
+
+    fewest_lines: int = 3
+    """Of one FRF, in which a resonance shows."""
+    follows: float = 0.5
+    """Relative change of a parameter, over that of a gain that it makes up for, above which it is named."""
+    not_followed: float = 1e-3
+    """Part of a gain that parameters leave as a residual above which they do not make up for it."""
+    independent: float = 1e-6
+    """Ratio of singular values below which parameters have the same effect."""
+    phase: float = 0.02
+    """Error of the phase [rad] that is worth a sentence."""
+    exceeds: float = 2.0
+    """Ratio of the error that the measurement shows to the one allowed above which this is reported."""
+
+
+_SETTINGS = Settings()
+
+_LATE = "The time for causes ended before all were tried; '--cause-seconds' (in Python cause_seconds) gives more."
+
+
+def check_limits(model_error: float | None, cause_seconds: float = 0.0) -> None:
+    """Make sure that the allowed error of the model and the time for causes are valid.
+
+    Raises
+    ------
+    ParameterError
+    """
+    if model_error is not None and not (isinstance(model_error, Real) and 0.0 <= model_error < 1.0):
+        raise ParameterError(Fault("model_error", f"{model_error!r:.40} is no relative error.", "from 0 to 1"))
+    if not (isinstance(cause_seconds, Real) and cause_seconds >= 0.0):
+        raise ParameterError(Fault("cause_seconds", f"{cause_seconds!r:.40} s is no time.", "0, for none, or more"))
+
+
+def assess(
+    assembly: Assembly,
+    measured: Sequence[Frf],
+    fit: Fit,
+    model_error: float | None,
+    *,
+    cause_seconds: float,
+    progress: Progress,
+) -> tuple[Adequacy, Fit]:
+    """Judge how well a fit explains a measurement, and refit with the errors that the model turns out to have.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        On the lines of the measurement.
+    measured : sequence of Frf
+        One for each response.
+    fit : Fit
+        Of the same measurement.
+    model_error : float or None
+        Relative error of natural frequencies that the model is allowed; with None what the measurement shows.
+    cause_seconds : float
+        Time after which no further cause is tried; with 0 none is.
+    progress : Progress
+
+    Returns
+    -------
+    Adequacy
+    Fit
+        The given fit if it is to the noise and no error is allowed.
+    """
+    model, target = ModelFrfs.of(assembly), Observations.of(assembly, measured)
+    remarks = tuple(_remarks(assembly, target, fit, None))
+    noise = is_noise(assembly, target, fit)
+    if not shows_structure(target, fit, fits=noise):
+        return Adequacy("does not fit", allowed=model_error, reasons=(NOTHING_SHOWN,)), fit
+    if noise and target.residual_count(fit.used) <= len(fit.theta):
+        return Adequacy("not judged", allowed=model_error, reasons=(NOTHING_LEFT, *remarks)), fit
+    if noise and not model_error:
+        return Adequacy("to the noise", allowed=model_error, reasons=remarks), fit
+    progress("model error", 0, 1)
+    with logged(__name__, "errors of the model"):
+        errors = None if noise else find_errors(assembly, target, fit, progress)
+        allowed = None if model_error is None else typical_model_error(model_error)
+        used = None if errors is None else errors.fit
+        if allowed is not None:
+            used = fit_with_error(model, target, fit, allowed)
+    assert used is not None
+    at_bounds = bounds_reached(assembly, used.fraction)
+    theta = assembly.from_unit(used.fraction)
+    refitted = replace(fit, theta=theta, information=used.information, at_bounds=at_bounds)
+    if errors is None:
+        return Adequacy("to the noise", allowed=model_error, reasons=remarks), refitted
+    estimated, shown = errors.fit, replace(errors.fit, size=errors.size)
+    remarks = tuple(_remarks(assembly, target, refitted, errors.in_intervals if errors.phases else None))
+    began = time.monotonic()
+    with logged(__name__, "causes of the misfit"):
+        causes = find_causes(assembly, measured, refitted, seconds=cause_seconds, progress=progress)
+    late = [Note(_LATE, Importance.DETAIL)] if 0.0 < cause_seconds < time.monotonic() - began else []
+    given_out = power_given_out(assembly, target, fit.variance)
+    adequacy = Adequacy(
+        "does not fit" if given_out > MOST_GIVEN_OUT else errors.word,
+        errors.size,
+        model_error,
+        in_intervals=errors.in_intervals,
+        causes=causes,
+        reasons=(
+            *_phases(target, errors.phases),
+            *_reasons(fit, shown, model_error, given_out),
+            *remarks,
+            *late,
+        ),
+        bands=_bands(target, fit, estimated.values),
+    )
+    return adequacy, refitted
+
+
+def judge_fit(
+    assembly: Assembly,
+    measured: Sequence[Frf],
+    unweighted: Sequence[Frf] | None,
+    fit: Fit,
+    model_error: float | None,
+    seed: int,
+    cause_seconds: float,
+    progress: Progress,
+) -> tuple[Adequacy, Fit]:
+    """Judge how well a model explains a measurement, by its random error even if lines are weighted otherwise.
+
+    Parameters
+    ----------
+    unweighted : sequence of Frf or None
+        The measurement with its random error, if the variance of `measured` is that of weights.
+    seed : int
+        Of the starts of the fit that is judged instead.
+    assembly, measured, fit, model_error, cause_seconds, progress
+        As in `assess`.
+
+    Returns
+    -------
+    Adequacy
+        With weights, of the fit by the random error.
+    Fit
+        As `assess` returns it. With weights, the given parameters with their chi-squared over the random error.
+    """
+    if unweighted is None:
+        return assess(assembly, measured, fit, model_error, cause_seconds=cause_seconds, progress=progress)
+    judged = refine(assembly, unweighted, [fit.theta], seed=seed, progress=progress)
+    adequacy, _ = assess(assembly, unweighted, judged, model_error, cause_seconds=cause_seconds, progress=progress)
+    residual = Observations.of(assembly, unweighted).weighted(judged.variance, judged.used)
+    squares = float(np.sum(residual.of(ModelFrfs.of(assembly).frf(fit.theta[np.newaxis])) ** 2))
+    return adequacy, replace(
+        fit,
+        chi_squared=squares / judged.degrees_of_freedom,
+        degrees_of_freedom=judged.degrees_of_freedom,
+        variance_known=judged.variance_known,
+        variance_assumed=judged.variance_assumed,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class FoundErrors:
+    """The errors of a model that a measurement shows.
+
+    Parameters
+    ----------
+    word : str
+    size : ModelError
+        NaN for each kind that the measurement does not determine.
+    in_intervals : ModelError
+        What intervals allow for.
+    fit : FitWithError
+    phases : tuple of float
+        By which the measurement at each response is ahead of the model [rad], if that is known.
+    """
+
+    word: AdequacyWord
+    size: ModelError
+    in_intervals: ModelError
+    fit: FitWithError
+    phases: tuple[float, ...] = ()
+
+
+def find_errors(assembly: Assembly, target: Observations, fit: Fit, progress: Progress = silent) -> FoundErrors:
+    """Return the errors of a model whose fit does not reach the noise."""
+    model = ModelFrfs.of(assembly)
+    separated = separate_errors(assembly, target, fit)
+    if separated is not None:
+        progress("model error", 1, 2)
+        there = replace(fit, theta=separated.theta)
+        judged = judge_with_error(model, target, there, separated.in_intervals)
+        progress("model error", 2, 2)
+        return FoundErrors(word_for(separated.size), separated.size, judged.size, judged, separated.phases)
+    estimated = estimate_model_error(model, target, fit, progress)
+    least = ModelError(
+        _distance_of_lost_peaks(target, estimated.values), magnitude=_typical_ratio(target, estimated.values)
+    )
+    size = estimated.size.at_least(least)
+    unknown = {
+        kind: np.nan for kind in estimated.unknown if getattr(size, kind) > _SETTINGS.exceeds * getattr(least, kind)
+    }
+    return FoundErrors(word_for(size), replace(size, **unknown), errors_in_intervals(size), estimated)
+
+
+def _remarks(assembly: Assembly, target: Observations, fit: Fit, in_intervals: ModelError | None) -> Iterator[str]:
+    """Yield what a measurement cannot show, however well the model fits, as sentences."""
+    if max(target.counts) < _SETTINGS.fewest_lines:
+        yield "So few lines show no resonance: intervals allow for no error of natural frequencies or damping."
+    if fit.variance_assumed:
+        yield (
+            "So few lines do not show their random error: intervals allow for up to 10 % of the largest value. "
+            "Give the variance of the measurement, or its coherence and averages."
+        )
+    followers = _followers_of_gain(assembly, fit.theta) if target.residual_count(fit.used) > len(fit.theta) else []
+    if followers:
+        shown = "no interval shows it"
+        if in_intervals is not None:
+            shown = f"the intervals allow for {100.0 * in_intervals.magnitude:.2g} % of it (a standard deviation)"
+        yield (
+            f"The measurement does not tell its own gain: if that is wrong, {listing(followers)} are wrong by as much, "
+            f"and {shown}. State a mass or a stiffness that is known, or measure with a known mass added."
+        )
+
+
+def _followers_of_gain(assembly: Assembly, theta: NDArray[np.float64]) -> list[str]:
+    """Return the parameters that make up for a wrong gain, as where all masses are sought; none if a gain is sought."""
+    values, derivatives = (array[0] for array in ModelFrfs.of(assembly).frf_jacobian(theta[np.newaxis]))
+    size = np.maximum(np.abs(values), np.finfo(float).tiny)
+    gain, columns = (
+        np.concatenate([part.real, part.imag]) for part in (values / size, derivatives * theta / size[:, None])
+    )
+    share = np.linalg.lstsq(columns, gain, rcond=_SETTINGS.independent)[0]
+    parameters, gains = zip(assembly.parameters, share, strict=True), unknown_gains(assembly.description)
+    followers = [parameter for parameter, part in parameters if abs(part) > _SETTINGS.follows]
+    told = any(parameter.prior == "normal" or parameter.name in gains for parameter in followers)
+    remainder = np.linalg.norm(columns @ share - gain) / np.linalg.norm(gain)
+    return [] if told or remainder > _SETTINGS.not_followed else [parameter.name for parameter in followers]
+
+
+def _typical_ratio(target: Observations, values: NDArray[np.complex128]) -> float:
+    """Return the median of |log(measured / fitted amplitude)|.
+
+    It complements the error of magnitude, which is relative to the fitted FRF and therefore never exceeds 1 where that
+    is much too large.
+    """
+    measured = target.amplitude
+    clear = (measured > 0.0) & (values != 0.0)
+    return float(np.median(np.abs(np.log(measured[clear] / np.abs(values[clear]))))) if clear.any() else 0.0
+
+
+def _distance_of_lost_peaks(target: Observations, values: NDArray[np.complex128]) -> float:
+    """Return how far the measured peaks are from the model's nearest, as an rms, if most of them have no counterpart.
+
+    Such a model does not show which of its resonances is which of the measurement. 0 if most have a counterpart, or if
+    all peaks of the model have one: then it merely lacks resonances.
+    """
+    distances, paired, modelled = list[float](), 0, 0
+    for frf, of_model in zip(target.frfs, target.split(values), strict=True):
+        peaks, others = resonance_peaks(frf), resonance_peaks(replace(frf, values=of_model))
+        modelled += len(others)
+        for peak in peaks.tolist() if others.size else []:
+            paired += counterpart(peak, peaks, others) is not None
+            distances.append(float(np.abs(others - peak).min()) / peak)
+    is_lost = 2 * paired < len(distances) and paired < modelled
+    return float(np.sqrt(np.mean(np.square(distances)))) if is_lost else 0.0
+
+
+def _reasons(fit: Fit, estimated: FitWithError, allowed: float | None, given_out: float) -> Iterator[str]:
+    """Yield further remarks on a measurement and on a fit that does not reach its noise, as sentences."""
+    if given_out > MOST_GIVEN_OUT:
+        yield Note(
+            f"As measured, the structure gives out {100.0 * given_out:.0f} % of the power where it is driven, which no "
+            "passive structure does: a sign or a phase is wrong.",
+            Importance.DECISIVE,
+        )
+    needed = estimated.size.natural_frequency
+    if allowed is not None and needed > _SETTINGS.exceeds * allowed:
+        yield (
+            f"The measurement shows errors of natural frequencies of {100.0 * needed:.2g} %, more than the "
+            f"{100.0 * allowed:.2g} % that are allowed."
+        )
+    repeated = f"Of {fit.starts} searches {fit.agreeing} ended in the same fit, none in a better one."
+    yield Note(repeated, Importance.DETAIL)
+
+
+def _phases(target: Observations, phases: tuple[float, ...]) -> Iterator[str]:
+    """Yield by how much each measurement is turned, if that is known."""
+    for label, phase in zip(_places(target), phases, strict=False):
+        if abs(phase) > _SETTINGS.phase:
+            which = "ahead of" if phase > 0.0 else "behind"
+            yield (
+                f"The measured phase{label} is {np.degrees(abs(phase)):.2g} degrees {which} the model's on all lines: "
+                "a channel is turned, or the response is delayed."
+            )
+
+
+def _places(target: Observations) -> list[str]:
+    """Return words for each measurement if there are several."""
+    return [f" of measurement {n}" if len(target.frfs) > 1 else "" for n in range(1, len(target.frfs) + 1)]
+
+
+def _bands(target: Observations, fit: Fit, values: NDArray[np.complex128]) -> tuple[tuple[float, float], ...]:
+    """Return the bands in which a fit deviates, response by response."""
+    residuals = target.weighted(fit.variance, fit.used).of(values[np.newaxis])[0]
+    pairs = zip(target.frfs, target.by_line(residuals), strict=True)
+    return tuple(band for frf, block in pairs for band in find_deviating_bands(frf.frequency, block))

@@ -1,0 +1,395 @@
+"""Causes of a misfit: single changes of measurement or model, ranked by how much better the model fits with them.
+
+For each change that is tried, the joint's parameters are fitted anew.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import takewhile
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.assembly import Assembly
+from dovetail.errors import DovetailError
+from dovetail.frf import QUANTITIES, Frf
+from dovetail.inference.adequacy import level_causes, model_causes
+from dovetail.inference.adequacy.candidates import Trial, Trials
+from dovetail.inference.adequacy.model_causes import Candidate
+from dovetail.inference.adequacy.perturbations import Perturbation
+from dovetail.inference.adequacy.verdict import Cause
+from dovetail.inference.fitting import Fit
+from dovetail.interfaces import Progress, silent
+from dovetail.problem.least_squares import without
+from dovetail.problem.residuals import ModelFrfs
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What is tried, and when a cause is named."""
+
+    most: int = 3
+    """Largest number of causes that are named; readers do not take in more."""
+    noise: float = 0.6
+    """Misfit of noise: mean of log(1 + x) for an x that is distributed exponentially."""
+    of_measurement: float = 0.3
+    """Decrease of the misfit from which a cause in the measurement is named: typical residuals fall by 14 %."""
+    of_model: float = 0.6
+    """The same for a cause in the model, which gains from any additional freedom: typical residuals fall by 26 %."""
+    of_part: float = 0.7
+    """Share of the misfit beyond noise that another value of a part's quantity must remove."""
+    share: float = 0.4
+    """Share of the misfit beyond noise whose removal suffices, if it is less than the decreases above."""
+    least: float = 0.1
+    """Decrease of the misfit below which no cause is named."""
+    least_share: float = 0.1
+    """Share of the misfit beyond noise below which no cause is named."""
+    tie: float = 5.0
+    """Decreases of the sum over all lines that differ by less count as equal, since noise makes such differences. Of
+    equal causes the one tried first is named first."""
+    narrow: float = 1.5
+    """Ratio of the highest to the lowest frequency below which a reversed sign is compared with a delay."""
+    beside_best: float = 0.5
+    """Share of the best improvement that each further cause must reach."""
+    explained: float = 0.05
+    """Misfit beyond noise at which the search ends, if the cause is one that is named. On 300 lines, usually the
+    fewest that are compared, it is twice the standard deviation of the misfit of noise."""
+    gain: float = 0.05
+    """Relative error of the gain that is worth naming."""
+    phase: float = 0.02
+    """Error of the phase [rad] at the highest frequency that is worth naming."""
+    unit: float = 0.03
+    """Logarithm by which a gain may differ from the factor of a usual mistake of units."""
+    gross_unit: float = 0.25
+    """The same for factors above 3: with a rough model, the gain is not known more precisely."""
+    uncertain_unit: float = 1.6
+    """The same where the gain itself is tried too: with wrong parameters of the joint, it is known only within a
+    factor of five."""
+    delays: int = 400
+    """Delays that are compared, up to two periods of the highest frequency either way."""
+    quantities: int = 4
+    """Number of quantities of parts that are fitted: those whose effect is most like the residuals."""
+    step: float = 1e-4
+    """Logarithm of the ratio of two values of a quantity between which this effect is computed."""
+    overhangs: tuple[float, ...] = (-0.1, 0.1)
+    """Starting values of the fit of an overhang, as logarithms of its ratio to the described one."""
+
+
+_SETTINGS = Settings()
+
+CAUSE_SECONDS = 20.0
+"""Time after which nothing new is tried, by default."""
+
+_UNITS: tuple[tuple[float, str], ...] = (
+    (9.80665, "g and m/s^2"),
+    (4.44822, "N and lbf"),
+    (25.4, "mm and inches"),
+    (39.3701, "inches and m"),
+    (1e3, "mm and m, or N and kN"),
+    (1e6, "micrometres and m"),
+    (2.0 * np.pi, "rad/s and Hz"),
+    (2.0, "peak and peak to peak"),
+    (np.sqrt(2.0), "peak and RMS"),
+)
+
+_LOG = logging.getLogger(__name__)
+
+
+def find_causes(
+    assembly: Assembly,
+    measured: Sequence[Frf],
+    fit: Fit,
+    *,
+    seconds: float = CAUSE_SECONDS,
+    progress: Progress = silent,
+) -> tuple[Cause, ...]:
+    """Return the causes with which the model fits clearly better, the best first; none if no change helps enough.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        On the lines of the measurement.
+    measured : sequence of Frf
+        One for each response.
+    fit : Fit
+        Of the same measurement.
+    seconds : float
+        Time after which no further change is tried; with 0 none is tried at all.
+    progress : Progress
+
+    Notes
+    -----
+    The misfit (`Trial`) is computed on few lines, among them those around each resonance. A cause in the measurement is
+    named if the misfit falls by 0.3, one in the model if it falls by 0.6, and either if the misfit beyond noise falls
+    by 40 %; for a quantity of a part it must fall by 70 %. Each cause must improve the fit at least half as much as the
+    best one. If the measured structure gives out power, only changes that turn the phase are tried, and the better of
+    a reversed sign and a conjugated phase is named in any case.
+    """
+    if not seconds:
+        return ()
+    trials = Trials(assembly, measured, fit, time.monotonic() + seconds)
+    before = trials.unchanged
+    excess = before.misfit - _SETTINGS.noise
+    improvements: list[tuple[float, Cause]] = []
+
+    def explained() -> bool:
+        enough = [size for size, cause in improvements if size >= _needed(cause.name, excess, trials.is_active)]
+        return _is_noise(before.misfit - max(enough, default=-np.inf))
+
+    for candidate in _candidates(trials, progress, explained):
+        improvement, cause = _improvement(before, candidate)
+        _LOG.debug("cause tried: %s; residuals smaller by a factor of %.3g", cause.words, cause.residual_factor)
+        improvements.append((improvement, cause))
+    progress("causes", len(_STAGES), len(_STAGES))
+    named = _named(improvements, excess, trials.lines, trials.is_active)
+    tried, axis = {cause.name for _, cause in improvements}, trials.target.frequency
+    if not named or named[0].name != "sign" or "delay" in tried or axis.max() > _SETTINGS.narrow * axis.min():
+        return named
+    for candidate in _delays(trials):
+        improvements.append(_improvement(before, candidate))
+        return _sign_or_delay(improvements, _named(improvements, excess, trials.lines, trials.is_active), trials.lines)
+    return named
+
+
+def _improvement(before: Trial, candidate: Candidate) -> tuple[float, Cause]:
+    """Return the decrease of the misfit by a candidate, and the cause that it would be."""
+    name, words, trial = candidate
+    improvement = before.misfit - trial.misfit
+    factor = float(np.exp(improvement / 2.0))
+    coherence, theta = (before.coherence, trial.coherence), tuple(trial.theta.tolist())
+    return improvement, Cause(name, words, coherence, factor, theta, trial.residual)
+
+
+def _sign_or_delay(improvements: list[tuple[float, Cause]], named: tuple[Cause, ...], lines: int) -> tuple[Cause, ...]:
+    """Return the causes that are named once a delay, tried last, is compared with a reversed sign.
+
+    A delay that explains more stands first. One that explains as much is not a second cause but another reading of the
+    first; one that explains less is left out, since a reversed sign is simpler.
+    """
+    sizes = {id(cause): size for size, cause in improvements}
+    delay, without = improvements[-1][1], tuple(cause for cause in named if cause.name != "delay")
+    if not without or without[0].name != "sign":
+        return named
+    more = (sizes[id(delay)] - sizes[id(without[0])]) * lines
+    if more > _SETTINGS.tie:
+        return named
+    if more < -_SETTINGS.tie:
+        return without
+    words = f"{without[0].words} (or {delay.words}: over so narrow a band the two are equal)"
+    return replace(without[0], words=words), *without[1:]
+
+
+def _named(improvements: list[tuple[float, Cause]], excess: float, lines: int, is_active: bool) -> tuple[Cause, ...]:
+    """Return the causes that improve the fit enough, of each kind only the best, the best first."""
+    enough = [(size, cause) for size, cause in improvements if size >= _needed(cause.name, excess, is_active)]
+    best = max((size for size, _ in enough), default=0.0)
+    enough.sort(key=lambda item: -min(item[0], best - _SETTINGS.tie / lines))
+    named: dict[str, Cause] = {}
+    for improvement, cause in enough:
+        if improvement >= best - _SETTINGS.beside_best * abs(best):
+            named.setdefault(cause.name, cause)
+    return tuple(list(named.values())[: _SETTINGS.most])
+
+
+def _is_noise(misfit: float) -> bool:
+    return misfit < _SETTINGS.noise + _SETTINGS.explained
+
+
+def _needed(name: str, excess: float, is_active: bool) -> float:
+    """Return the decrease of the misfit that a cause of this kind must reach to be named."""
+    if is_active and name in _PHASES:
+        return -np.inf
+    if name == "part":
+        return max(_SETTINGS.least, _SETTINGS.of_part * excess)
+    improvement = _SETTINGS.of_measurement if name in _OF_MEASUREMENT else _SETTINGS.of_model
+    return max(_SETTINGS.least, _SETTINGS.least_share * excess, min(improvement, _SETTINGS.share * excess))
+
+
+_PHASES = {"sign", "conjugate"}
+_OF_MEASUREMENT = {"sign", "order", "conjugate", "gain", "unit", "quantity", "delay", "window"}
+_FINISHED = 3
+"""Number of the first stages that are always completed: a gain and a mass, which may have the same effect, are then
+both named."""
+
+
+def _candidates(trials: Trials, progress: Progress, explained: Callable[[], bool]) -> Iterator[Candidate]:
+    """Yield possible causes with the fit of each, the quickest to try first, until one explains the misfit."""
+    for number, (note, stage, turns_phase) in enumerate(_STAGES):
+        if trials.is_active and not turns_phase:
+            continue
+        progress("causes", number, len(_STAGES), note)
+        for candidate in stage(trials):
+            yield candidate
+            if trials.late or (number >= _FINISHED and explained()):
+                return
+        if trials.late or explained():
+            return
+
+
+def _phases(trials: Trials) -> Iterator[Candidate]:
+    if not _has_phase(trials):
+        return
+    starts, frfs = trials.starts, trials.target.frfs
+    for name, words, change in (
+        ("sign", "the sign reversed", np.negative),
+        ("conjugate", "the phase conjugated", np.conj),
+    ):
+        changed = [replace(frf, values=change(frf.values)) for frf in frfs]
+        yield name, words, trials.fit(trials.assembly, changed, starts)
+    labels = trials.assembly.description.response_labels if len(frfs) > 1 else ()
+    for number, label in enumerate(labels):
+        signs = np.where(np.arange(len(frfs)) == number, -1.0, 1.0)
+        reversed_there = [replace(frf, values=sign * frf.values) for frf, sign in zip(frfs, signs, strict=True)]
+        yield "sign", f"the sign at {label} reversed", trials.fit(trials.assembly, reversed_there, starts)
+
+
+def _gains_and_masses(trials: Trials) -> Iterator[Candidate]:
+    yield from _gains(trials)
+    for perturbation in trials.perturbations:
+        if perturbation.kind == "mass":
+            yield from _perturbed(trials, perturbation, (0.0,))
+
+
+def _gains(trials: Trials, power: int = 0) -> Iterator[Candidate]:
+    frfs = _times(trials.target.frfs, lambda axis: (2j * np.pi * axis) ** -power)
+    change = np.ones(len(trials.target.frequency), dtype=np.complex128)
+    free, gain = trials.fit_freely(frfs, [trials.best, trials.shape], change)
+    for factor, unit in _factors(gain):
+        if not power and abs(np.log(factor)) < np.log1p(_SETTINGS.gain):
+            continue
+        corrected = [replace(frf, values=frf.values / factor) for frf in frfs]
+        words = _as_gain(factor, unit) if abs(np.log(factor)) >= np.log1p(_SETTINGS.gain) else ""
+        trial = trials.fit(trials.assembly, corrected, [free.theta, trials.shape])
+        if power:
+            quantity = trials.stated[0]
+            actual = QUANTITIES[QUANTITIES.index(quantity) + power]
+            words = f"the values read as {actual}, not as {quantity}" + (f", and {words}" if words else "")
+        yield "quantity" if power else "unit" if unit else "gain", words, trial
+
+
+def _as_gain(factor: float, unit: str) -> str:
+    size = f"divided by {factor:.4g}" if factor > 1.0 else f"multiplied by {1.0 / factor:.4g}"
+    return f"all values {size} ({f'{unit} confused' if unit else 'calibration'}?)"
+
+
+def _factors(gain: float) -> list[tuple[float, str]]:
+    """Return the usual unit mistakes that explain the logarithm of a gain; if none does, the gain itself and others."""
+    usual = [(known**sign, words) for known, words in _UNITS for sign in (1, -1)]
+    gross = [(factor, words) for factor, words in usual if abs(np.log(factor)) > np.log(3.0)]
+
+    def within(factors: list[tuple[float, str]], limit: float) -> list[tuple[float, str]]:
+        return [(factor, words) for factor, words in factors if abs(np.log(factor) - gain) < limit]
+
+    near = within(usual, _SETTINGS.unit) or within(gross, _SETTINGS.gross_unit)
+    return near or [(float(np.exp(gain)), ""), *within(gross, _SETTINGS.uncertain_unit)]
+
+
+def _quantities(trials: Trials) -> Iterator[Candidate]:
+    """Try another quantity if the ratio of measurement to model follows a power of the frequency."""
+    if len(trials.target.frequency) < 2:
+        return
+    ratio = np.log(trials.target.amplitude / np.abs(trials.values(trials.shape)))
+    axis = np.log(trials.target.frequency)
+    low, high = np.array_split(np.argsort(axis), 2)
+    span = float(np.median(axis[high]) - np.median(axis[low]))
+    power = int(np.clip(np.round((np.median(ratio[high]) - np.median(ratio[low])) / max(span, 1e-9)), -2, 2))
+    quantities = {QUANTITIES.index(quantity) + power for quantity in trials.stated}
+    if power and all(0 <= index < len(QUANTITIES) for index in quantities):
+        yield from _gains(trials, power)
+
+
+def _delays(trials: Trials) -> Iterator[Candidate]:
+    if not _has_phase(trials):
+        return
+    angular = 2.0 * np.pi * trials.target.frequency
+    change = np.asarray(-1j * angular / angular.max())
+    guesses = []
+    for start in trials.starts:
+        phase = np.angle(trials.target.values * np.conj(trials.values(start)))
+        grid = np.linspace(-4.0 * np.pi, 4.0 * np.pi, _SETTINGS.delays)
+        agreement = np.cos(phase + np.outer(grid, angular / angular.max())).mean(axis=1)
+        guesses.append((float(agreement.max()), float(grid[np.argmax(agreement)]), start))
+    _, amount, start = max(guesses, key=lambda guess: guess[0])
+
+    def corrected(amount: float) -> list[Frf]:
+        return _times(trials.target.frfs, lambda axis: np.exp(2j * np.pi * amount * axis / angular.max()))
+
+    free, rest = trials.fit_freely(corrected(amount), [start], change)
+    amount += rest
+    if abs(amount) > _SETTINGS.phase:
+        words = f"a delay of {1e6 * amount / angular.max():.3g} microseconds taken out"
+        yield "delay", words, trials.fit(trials.assembly, corrected(amount), [free.theta])
+
+
+def _overhangs(trials: Trials) -> Iterator[Candidate]:
+    for perturbation in trials.perturbations:
+        if perturbation.kind == "overhang":
+            yield from _perturbed(trials, perturbation, _SETTINGS.overhangs)
+
+
+def _parts(trials: Trials) -> Iterator[Candidate]:
+    """Try the quantities of parts whose effect is most like the residuals."""
+    parts = takewhile(lambda _: not trials.late, (p for p in trials.perturbations if p.kind == "part"))
+    for perturbation in sorted(parts, key=lambda p: -_alignment(trials, p))[: _SETTINGS.quantities]:
+        yield from _perturbed(trials, perturbation, (0.0,))
+
+
+def _alignment(trials: Trials, perturbation: Perturbation) -> float:
+    """Return |cos| of the angle between residuals and a perturbation's effect, both without what the joint can do."""
+    theta, residual = trials.unchanged.theta[np.newaxis], trials.residual()
+    frf, jacobian = ModelFrfs.of(trials.assembly).linearise(theta)
+    ahead = residual.of(ModelFrfs.of(perturbation.apply(_SETTINGS.step)).frf(theta))[0]
+    residuals = residual.of(frf)[0]
+    change, left = without(np.stack([ahead - residuals, residuals]), residual.jacobian(frf, jacobian)[0])
+    return float(abs(change @ left) / max(np.linalg.norm(change) * np.linalg.norm(left), np.finfo(float).tiny))
+
+
+def _perturbed(trials: Trials, perturbation: Perturbation, amounts: tuple[float, ...]) -> Iterator[Candidate]:
+    """Fit the joint together with the amount of a perturbation, from several starting amounts; yield the best fit."""
+    candidates: list[Candidate] = []
+    for amount in amounts:
+        if trials.late or any(_is_noise(trial.misfit) for _, _, trial in candidates):
+            break
+        try:
+            there = perturbation.apply(amount)
+            joint = trials.search(there, trials.unchanged.theta) if amount else trials.unchanged.theta
+            found, theta = trials.fit_amount(perturbation, joint, amount)
+            if abs(found) >= perturbation.negligible:
+                trial = trials.fit(perturbation.apply(found), trials.target.frfs, [theta])
+                candidates.append((perturbation.kind, perturbation.describe(found), trial))
+        except (DovetailError, np.linalg.LinAlgError):
+            continue
+    yield from sorted(candidates, key=lambda candidate: candidate[2].misfit)[:1]
+
+
+def _times(frfs: Sequence[Frf], factor: Callable[[NDArray[np.float64]], Any]) -> list[Frf]:
+    """Return FRFs multiplied by a function of the frequency [Hz]."""
+    return [replace(frf, values=frf.values * factor(frf.frequency)) for frf in frfs]
+
+
+def _has_phase(trials: Trials) -> bool:
+    return all(frf.has_phase for frf in trials.target.frfs)
+
+
+_STAGES: tuple[tuple[str, Callable[[Trials], Iterator[Candidate]], bool], ...] = (
+    ("sign and phase", _phases, True),
+    ("order of measurements", model_causes.try_exchanges, True),
+    ("gain, units and mass", _gains_and_masses, False),
+    ("quantity", _quantities, True),
+    ("delay", _delays, True),
+    ("levels", level_causes.try_levels, False),
+    ("damping of joints", model_causes.try_damping, False),
+    ("window", model_causes.try_window, False),
+    ("growth of damping", level_causes.try_damping_growth, False),
+    ("ranges", model_causes.try_ranges, False),
+    ("resonances", model_causes.try_missing_resonances, False),
+    ("response point", model_causes.try_points, True),
+    ("overhang", _overhangs, False),
+    ("parts", _parts, False),
+)
+"""The stages in their order: a note for the progress, the function, and whether it turns the phase of an FRF."""

@@ -1,0 +1,337 @@
+"""Causes in the model: other points, exchanged responses, levels of the force, damping, ranges, missing resonances."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations, islice
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from dovetail.assembly import Assembly
+from dovetail.assembly.changed_joints import has_dampers, with_damping
+from dovetail.assembly.description import Place
+from dovetail.errors import DovetailError
+from dovetail.frf import conversion
+from dovetail.frf.resonances import Resonances, fit_resonances
+from dovetail.inference.adequacy.candidates import Trial, Trials
+from dovetail.inference.fitting.search_lines import missed_resonances
+from dovetail.interfaces import Parameter
+from dovetail.synthesis import Point
+from dovetail.units import format_quantity
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Which points are compared, how resonances are added, and which windows are tried."""
+
+    most_nodes: int = 24
+    """Largest number of nodes that are compared first, evenly chosen; then those around the best of them follow."""
+    points: tuple[int, int] = (2, 4)
+    """Least and largest number of other points of response, and of force and response, that are fitted: those that come
+    nearest."""
+    less_similar: float = 1.2
+    """Distance from the measured amplitudes, over that of the described point, beyond which only the least number is
+    fitted."""
+    beside: int = 2
+    """Number of nodes within which two of these would be neighbours."""
+    lines: int = 120
+    """Of the FRF, evenly chosen."""
+    samples: int = 16
+    """Random joints whose FRFs are compared."""
+    most_difference: float = 1.0
+    """Limit of the difference of logarithms of amplitudes at one line: a misplaced resonance makes larger ones."""
+    most_exchanges: int = 15
+    """Largest number of pairs of responses that are exchanged: all pairs of up to six responses."""
+    most_resonances: int = 2
+    """Largest number of missing resonances that are tried, the lowest first."""
+    reach: float = 0.1
+    """Relative distance from a missing resonance within which lines determine it."""
+    fewest_lines: int = 8
+    """Smallest number of such lines."""
+    damping: float = 0.01
+    """Loss factor at which its search starts."""
+    dampings: tuple[float, float] = (1e-6, 1.0)
+    """Bounds of its loss factor."""
+    windows: tuple[float, ...] = (0.1, 0.3, 1.0, 3.0)
+    """First values of the damping that a window adds, over that of the least damped resonance."""
+    most_window: float = 100.0
+    """Largest such value; larger ones are tried as long as the fit improves."""
+    narrowings: int = 3
+    """Number of times that the step between such values is halved."""
+    promising: float = 0.05
+    """Decrease of the misfit that the best of the first values must reach for others to be tried between them."""
+    range_factors: tuple[float, ...] = (1e3, 10.0)
+    """Factors by which the range of a parameter on a logarithmic scale is extended, the first that its model allows: a
+    thousand, as of kN and N confused. Others grow by their width."""
+
+
+_SETTINGS = Settings()
+
+Node = tuple[str, int]
+"""Substructure and number of a node."""
+
+Candidate = tuple[str, str, Trial]
+"""Kind and words of a cause, and the fit with it."""
+
+
+def try_points(trials: Trials) -> Iterator[Candidate]:
+    """Yield the fits with other points of response, and of force and response: the most similar, then their neighbours.
+
+    Nodes beside the best one follow as long as they fit better, because amplitudes of wrong parameters tell a point
+    only roughly.
+    """
+    nodes = [] if len(trials.target.frfs) > 1 else _movable_nodes(trials.assembly)
+    ends = dict[tuple[bool, Node], Trial]()
+
+    def at(node: Node, with_force: bool, start: NDArray[np.float64]) -> Candidate:
+        there = _measured_at(trials.assembly, node, with_force=with_force)
+        trial = trials.fit(there, trials.target.frfs, [trials.search(there, trials.shape, start)])
+        ends[with_force, node] = trial
+        which = "force and response" if with_force else "the response"
+        return "point", f"{which} {_words(trials.assembly, node)}", trial
+
+    for node, with_force, start in _most_similar_points(trials, nodes) if nodes else ():
+        yield at(node, with_force, start)
+    while ends:
+        (with_force, best), trial = min(ends.items(), key=lambda end: end[1].misfit)
+        beside = [(best[0], best[1] + step) for step in (-1, 1)]
+        untried = [node for node in beside if node in nodes and (with_force, node) not in ends]
+        if not untried or trial.misfit >= trials.unchanged.misfit:
+            return
+        for node in untried:
+            yield at(node, with_force, trial.theta)
+
+
+def _most_similar_points(trials: Trials, nodes: list[Node]) -> list[tuple[Node, bool, NDArray[np.float64]]]:
+    """Return nodes, whether the force is there too, and the parameters (p,) [SI] whose amplitudes are the closest."""
+    assembly, amplitude = trials.assembly, trials.target.amplitude
+    drawn = assembly.from_unit(np.random.default_rng(0).random((_SETTINGS.samples, len(assembly.parameters))))
+    joints = np.concatenate([np.stack([trials.best, trials.shape]), drawn])
+    step = -(-len(nodes) // _SETTINGS.most_nodes)
+    if step > 1:
+        coarse = nodes[::step]
+        best = {step * i for kind in _distances(assembly, amplitude, joints, coarse) for i in _apart(kind, coarse)}
+        nodes = [node for i, node in enumerate(nodes) if any(abs(i - j) < step for j in best)]
+    response = assembly.description.response
+    distances = _distances(assembly, amplitude, joints, [*nodes, (response.substructure, response.node)])
+    described = distances[0][:, -1].min()
+    kinds = [kind[:, :-1] for kind in distances]
+    if trials.is_active or not response.is_drive_point:
+        kinds = kinds[:1]
+    chosen: list[tuple[float, int, int]] = []
+    for with_force, kind in enumerate(kinds):
+        of_kind = [(float(kind[:, i].min()), with_force, i) for i in _apart(kind, nodes)]
+        similar = [choice for choice in of_kind if choice[0] < _SETTINGS.less_similar * described]
+        chosen += of_kind[: max(_SETTINGS.points[0], len(similar))]
+    return [(nodes[i], bool(force), joints[np.argmin(kinds[force][:, i])]) for _, force, i in sorted(chosen)]
+
+
+def _apart(distances: NDArray[np.float64], nodes: list[Node]) -> list[int]:
+    """Return the nodes with the smallest distances (n, n_nodes) at any parameters, none of them beside a better one."""
+    chosen: list[int] = []
+    for index in np.argsort(distances.min(axis=0), kind="stable").tolist():
+        part, number = nodes[index]
+        if all(part != nodes[i][0] or abs(number - nodes[i][1]) > _SETTINGS.beside for i in chosen):
+            chosen.append(index)
+    return chosen[: _SETTINGS.points[1]]
+
+
+def _measured_at(assembly: Assembly, place: Node, *, with_force: bool) -> Assembly:
+    """Return the assembly with another point of response; the force is moved there too if `with_force`."""
+    described = assembly.description.response
+    force = described.force or Place(described.substructure, described.node, described.direction)
+    there = replace(described, substructure=place[0], node=place[1], force=None if with_force else force)
+    return assembly.with_description(replace(assembly.description, responses=(there,)))
+
+
+def _movable_nodes(assembly: Assembly) -> list[Node]:
+    """Return all nodes that can move, apart from the response's own."""
+    response = assembly.description.response
+    substructures = assembly.description.substructures.items()
+    places = [(name, node) for name, model in substructures for node in range(len(model.nodes))]
+    places.remove((response.substructure, response.node))
+    return [place for place in places if _can_move(assembly, place)]
+
+
+def _distances(
+    assembly: Assembly, amplitude: NDArray[np.float64], joints: NDArray[np.float64], places: list[Node]
+) -> list[NDArray[np.float64]]:
+    """Return how amplitudes at places differ from the measured one, (n, n_places): force as described, and there."""
+    lines = np.unique(np.linspace(0, len(amplitude) - 1, _SETTINGS.lines).round().astype(np.intp))
+    few = assembly.on(assembly.frequency[lines])
+    points, force = [_point(few, place) for place in places], few.description.response.force_point
+    engine = few.engine_of([*dict.fromkeys([*points, force])])
+    measured = np.log(np.maximum(amplitude[lines], np.finfo(float).tiny))
+    power = np.log(np.abs(conversion(few.frequency, "receptance", few.description.response.quantity)))
+    transfer: list[NDArray[np.float64]] = []
+    driven: list[NDArray[np.float64]] = []
+    for vector in joints:
+        receptance = engine.receptance(few.by_joint(vector[np.newaxis]), points, [force, *points])
+        for receptances, distances in (
+            (receptance[:, :, 0], transfer),
+            (np.einsum("fpp->fp", receptance[:, :, 1:]), driven),
+        ):
+            logarithms = np.log(np.maximum(np.abs(receptances), np.finfo(float).tiny)) + power[:, np.newaxis]
+            differences = np.minimum(np.abs(logarithms - measured[:, np.newaxis]), _SETTINGS.most_difference)
+            distances.append(differences.mean(axis=0))
+    return [np.stack(transfer), np.stack(driven)]
+
+
+def _point(assembly: Assembly, place: Node) -> Point:
+    """Return the DOF of a node in the direction of the response."""
+    return Place(*place, assembly.description.response.direction).point
+
+
+def _can_move(assembly: Assembly, place: Node) -> bool:
+    substructure, dof = _point(assembly, place)
+    return bool(assembly.graph.substructure_dofs(substructure)[dof] >= 0)
+
+
+def _words(assembly: Assembly, place: Node) -> str:
+    node = assembly.description.substructures[place[0]].nodes[place[1]]
+    return f"on the {place[0]} at {1e3 * node.position:.4g} mm"
+
+
+def try_exchanges(trials: Trials) -> Iterator[Candidate]:
+    """Yield the fits with the measurements of two responses exchanged, by exchanging the responses of the model."""
+    frfs, description = trials.target.frfs, trials.assembly.description
+    for former, latter in islice(combinations(range(len(frfs)), 2), _SETTINGS.most_exchanges):
+        responses = list(description.responses)
+        first, second = responses[former], responses[latter]
+        told = [(response.point, response.force_point, description.chain_of(response)) for response in (first, second)]
+        alike = told[0] == told[1]
+        if alike or (first.rotation, first.moment) != (second.rotation, second.moment):
+            continue
+        responses[former] = replace(second, quantity=first.quantity)
+        responses[latter] = replace(first, quantity=second.quantity)
+        exchanged = trials.assembly.with_description(replace(description, responses=tuple(responses)))
+        labels = description.response_labels
+        words = f"the measurements at {labels[former]} and {labels[latter]} exchanged"
+        yield "order", words, trials.fit(exchanged, frfs, [trials.search(exchanged, trials.shape)])
+
+
+def try_missing_resonances(trials: Trials) -> Iterator[Candidate]:
+    """Yield the fits with a resonance added where the measurement has one and the model has none."""
+    theta = trials.unchanged.theta
+    values, measured = trials.values(theta), trials.target.values
+    if len(trials.target.frfs) > 1 or not trials.target.frfs[0].has_phase:
+        return
+    missed = missed_resonances(trials.target, trials.relative * np.abs(measured) ** 2, values)
+    for frequency in np.sort(missed)[: _SETTINGS.most_resonances].tolist():
+        added = _added_resonance(trials.target.frequency, measured, values, frequency)
+        if added is not None:
+            words = f"a resonance at {frequency:.4g} Hz that the model does not have"
+            yield "resonance", words, trials.judged(theta, values + added)
+
+
+def _added_resonance(
+    frequency: NDArray[np.float64], measured: NDArray[np.complex128], values: NDArray[np.complex128], at: float
+) -> NDArray[np.complex128] | None:
+    """Return the FRF of a resonance that makes up for the difference of measured and model's values around it."""
+    near = np.abs(frequency - at) < _SETTINGS.reach * at
+    if np.count_nonzero(near) < _SETTINGS.fewest_lines:
+        return None
+    left, size = (measured - values)[near], np.abs(measured[near])
+
+    def shape(logarithms: NDArray[np.float64], axis: NDArray[np.float64]) -> NDArray[np.complex128]:
+        natural, loss = np.exp(logarithms)
+        return np.asarray(1.0 / (natural**2 * (1.0 + 1j * loss) - axis**2))
+
+    def added(logarithms: NDArray[np.float64]) -> tuple[complex, NDArray[np.complex128]]:
+        column = shape(logarithms, frequency[near]) / size
+        residue = complex(np.vdot(column, left / size) / np.vdot(column, column))
+        return residue, left / size - residue * column
+
+    def residuals(logarithms: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(added(logarithms)[1].view(np.float64))
+
+    start = np.log([at, _SETTINGS.damping])
+    ends = np.log(at * (1.0 + _SETTINGS.reach * np.array([-1.0, 1.0])))
+    bounds = np.stack([ends, np.log(_SETTINGS.dampings)], axis=1)
+    found = least_squares(residuals, start, bounds=(bounds[0], bounds[1]), loss="soft_l1").x
+    return np.asarray(added(found)[0] * shape(found, frequency))
+
+
+def try_ranges(trials: Trials) -> Iterator[Candidate]:
+    """Try wider ranges for the parameters that ended at an end of theirs."""
+    assembly, fraction = trials.assembly, trials.assembly.to_unit(trials.unchanged.theta)
+    for index in np.flatnonzero((fraction <= 0.0) | (fraction >= 1.0)).tolist():
+        parameter, (joint, name) = assembly.parameters[index], assembly.description.identified_parameters[index]
+        for lower, upper in _widened(parameter, at_upper=fraction[index] >= 1.0):
+            try:
+                widened = assembly.with_description(assembly.description.with_range(joint, name, lower, upper))
+                starts = [trials.unchanged.theta, trials.search(widened, trials.shape)]
+                trial = trials.fit(widened, trials.target.frfs, starts)
+            except DovetailError:
+                continue
+            value = float(trial.theta[index])
+            if not parameter.lower <= value <= parameter.upper:
+                yield "range", f"{parameter.name} at {format_quantity(value, parameter.unit)}, outside its range", trial
+            break
+
+
+def _widened(parameter: Parameter, *, at_upper: bool) -> list[tuple[float, float]]:
+    """Return the ends of a parameter's range after an extension, the widest first.
+
+    On a logarithmic scale it is extended at both ends: where the value is far outside, the fit may end at the other.
+    """
+    lower, upper = parameter.lower, parameter.upper
+    if parameter.scale == "log":
+        return [(lower / factor, upper * factor) for factor in _SETTINGS.range_factors]
+    return [(lower, upper + (upper - lower)) if at_upper else (max(lower - (upper - lower), min(lower, 0.0)), upper)]
+
+
+def try_damping(trials: Trials) -> Iterator[Candidate]:
+    """Yield the fits with structural damping in all joints, and with viscous damping in all, where either is new."""
+    description, axis = trials.assembly.description, trials.target.frequency
+    middle = float(f"{np.sqrt(axis.min() * axis.max()):.2g}")
+    others: list[tuple[float | None, str]] = []
+    if any(joint.structural_damping is None and has_dampers(joint) for joint in description.joints.values()):
+        others.append((middle, f"joints damped structurally ('structural_damping: {middle:g} Hz' of each)"))
+    if any(joint.structural_damping is not None for joint in description.joints.values()):
+        others.append((None, "joints damped viscously (without 'structural_damping')"))
+    for structural, words in others:
+        damped = trials.assembly.with_description(with_damping(description, structural))
+        starts = [trials.unchanged.theta, trials.search(damped, trials.unchanged.theta)]
+        yield "damping", words, trials.fit(damped, trials.target.frfs, starts)
+
+
+def try_window(trials: Trials) -> Iterator[Candidate]:
+    """Yield the fit without the damping that an exponential window adds equally to all resonances."""
+    values = trials.target.split(trials.values(trials.unchanged.theta))
+    resonances = fit_resonances(trials.target.frfs, values)
+    if not len(resonances.poles):
+        return
+
+    def without(added: float) -> tuple[float, Trial]:
+        return added, _without_window(trials, values, resonances, added)
+
+    least = float(resonances.poles.imag.min())
+    tried = [without(least * part) for part in _SETTINGS.windows]
+    while tried[-1][1].misfit < tried[-2][1].misfit and tried[-1][0] < _SETTINGS.most_window * least:
+        tried.append(without(3.0 * tried[-1][0]))
+    if min(trial.misfit for _, trial in tried) > trials.unchanged.misfit - _SETTINGS.promising:
+        return
+    for halving in range(1, _SETTINGS.narrowings + 1):
+        best = min(tried, key=lambda pair: pair[1].misfit)[0]
+        step = 3.0 ** (0.5**halving)
+        tried += [without(best / step), without(best * step)]
+    added, trial = min(tried, key=lambda pair: pair[1].misfit)
+    rate = 2.0 * np.pi * added
+    yield "window", f"the damping of an exponential window, exp(-{rate:.3g} t/s), taken out", trial
+
+
+def _without_window(
+    trials: Trials, values: Sequence[NDArray[np.complex128]], resonances: Resonances, added: float
+) -> Trial:
+    """Fit the joint to the measurement corrected for a window's damping [Hz], by the resonances of the best fit."""
+    frfs = []
+    for frf, plain, near in zip(trials.target.frfs, values, resonances.near, strict=True):
+        distance = frf.frequency - resonances.poles[:, np.newaxis]
+        under_window, without = (conversion(frf.frequency - 1j * a, "receptance", frf.quantity) for a in (added, 0.0))
+        damped = plain + (near * (distance / (distance - 1j * added) - 1.0)).sum(axis=0)
+        frfs.append(replace(frf, values=frf.values * plain / damped * without / under_window))
+    return trials.fit(trials.assembly, frfs, [trials.unchanged.theta])

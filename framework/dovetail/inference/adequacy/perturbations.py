@@ -1,0 +1,343 @@
+"""Perturbations: deviations of the measurement or of a substructure from the description, by a variable amount.
+
+One of them is the overhang of a substructure: its free end is longer or shorter, and the joint's nodes stay.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from itertools import pairwise
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.assembly import Assembly, Description
+from dovetail.assembly.parameters import Theta
+from dovetail.errors import DovetailError
+from dovetail.frf import conversion
+from dovetail.interfaces import StructuralMatrices, SubstructureModel
+from dovetail.problem.least_squares import Linearisation
+from dovetail.problem.part_quantities import (
+    MOST_DOFS,
+    Apply,
+    ConfigQuantity,
+    known_quantities,
+    materials_in_common,
+    with_part,
+)
+from dovetail.problem.residuals import FrfResiduals, Residual
+from dovetail.units import format_quantity
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How substructures are perturbed."""
+
+    step: float = 1e-4
+    """Logarithm of a ratio with which it is tested whether the model can be changed at all."""
+    difference: float = 1e-5
+    """Step of the finite differences by an amount, as a fraction of its range."""
+    least_overhang: float = 0.05
+    """Smallest fraction of the length between the joint and the response, or the end, that remains."""
+    rounding: float = 1e-9
+    """Difference of the matrices of a divided and of the whole substructure up to which the two are the same."""
+
+
+_SETTINGS = Settings()
+
+Describe: TypeAlias = Callable[[float], str]
+
+
+@dataclass(frozen=True, eq=False)
+class Perturbation:
+    """A deviation from the description by an amount, which is 0 for what is described.
+
+    Parameters
+    ----------
+    kind : {"mass", "overhang", "part"}
+    name : str
+        ``"mass"``, or ``"tool: material.young"`` of a substructure.
+    apply : callable
+        From an amount to the perturbed assembly.
+    describe : callable
+        From an amount to words that follow "with": "the tool standing out of the collet by 31 mm in place of 30 mm".
+    lower, upper : float
+        Bounds of the amount.
+    negligible : float
+        Amount below which the perturbation is not worth reporting.
+    """
+
+    kind: str
+    name: str
+    apply: Apply
+    describe: Describe
+    lower: float
+    upper: float
+    negligible: float = 0.0
+
+
+def list_perturbations(assembly: Assembly) -> tuple[Perturbation, ...]:
+    """Return the perturbations of an assembly: a mass at its responses, overhangs, quantities of the parts."""
+    return (*_added_mass(assembly), *_overhangs(assembly), *_quantities(assembly))
+
+
+def _added_mass(assembly: Assembly) -> Iterator[Perturbation]:
+    if any(response.rotation for response in assembly.description.responses):
+        return
+    responses = [(each, _drive_point(each)) for each in assembly.each_response]
+    drive_point = responses[0][1]
+    quantity = drive_point.description.response.quantity
+    accelerance = drive_point.frf() * conversion(drive_point.frequency, quantity, "accelerance")
+    apparent = 1.0 / float(np.median(np.abs(accelerance)))
+    apply, describe = partial(LoadedAssembly, responses), partial(_describe_mass, len(responses))
+    yield Perturbation("mass", "mass", apply, describe, -0.5 * apparent, apparent, 1e-3 * apparent)
+
+
+def _drive_point(assembly: Assembly) -> Assembly:
+    """Return an assembly of one response with the force where it is measured."""
+    response = assembly.description.response
+    if response.is_drive_point:
+        return assembly
+    return assembly.with_description(replace(assembly.description, responses=(replace(response, force=None),)))
+
+
+def _describe_mass(responses: int, mass: float) -> str:
+    grams = np.format_float_positional(abs(1e3 * mass), 2, fractional=False, trim="-")
+    change = "added to" if mass > 0 else "taken from"
+    where = "the response" if responses == 1 else "each response, while it is measured"
+    return f"a mass of {grams} g {change} the model at {where} (an accelerometer?)"
+
+
+def _overhangs(assembly: Assembly) -> Iterator[Perturbation]:
+    for overhang in find_overhangs(assembly.description, MOST_DOFS // 2):
+        name = f"overhang at {1e3 * overhang.end:.4g} mm"
+        apply = partial(_with_overhang, assembly, overhang)
+        describe = partial(_describe_overhang, overhang)
+        for perturbation in _of_substructure(overhang.substructure, name, apply, describe):
+            least = _SETTINGS.least_overhang
+            shortest = np.log(least + (1.0 - least) * overhang.unchanged / overhang.length)
+            yield replace(perturbation, kind="overhang", lower=max(perturbation.lower, float(shortest)))
+
+
+def _quantities(assembly: Assembly) -> Iterator[Perturbation]:
+    for name, quantity, apply in known_quantities(assembly):
+        yield from _of_substructure(name, quantity.name, apply, partial(_describe, name, quantity))
+    for names, quantity, apply in materials_in_common(assembly):
+        together = " and the ".join(names)
+        yield from _of_substructure(together, quantity.name, apply, partial(_describe, together, quantity))
+
+
+def _of_substructure(substructure: str, name: str, apply: Apply, describe: Describe) -> Iterator[Perturbation]:
+    """Yield the perturbation of a substructure by the logarithm of a ratio, if the model accepts another value."""
+    try:
+        apply(_SETTINGS.step)
+    except DovetailError:
+        return
+    yield Perturbation("part", f"{substructure}: {name}", apply, describe, -0.5, 0.5, 0.002)
+
+
+def _with_overhang(assembly: Assembly, overhang: Overhang, amount: float) -> Assembly:
+    model = assembly.description.substructures[overhang.substructure]
+    lengthened = overhang.lengthen(model, overhang.length * float(np.exp(amount)))
+    return with_part(assembly, overhang.substructure, lengthened)
+
+
+def _describe_overhang(overhang: Overhang, amount: float) -> str:
+    described = 1e3 * overhang.length
+    actual = described * np.exp(amount)
+    lengths = f"{actual:.3g} mm in place of {described:.4g} mm"
+    return f"the {overhang.substructure} standing out of the {overhang.joint} by {lengths}"
+
+
+def _describe(substructure: str, quantity: ConfigQuantity, amount: float) -> str:
+    value = quantity.value
+    actual, described = (format_quantity(size, quantity.unit, 4) for size in (value * np.exp(amount), value))
+    return f"'{quantity.name}' of the {substructure} at {actual} in place of {described}"
+
+
+class PerturbedResiduals:
+    """Residuals as a function of the parameters and, as the last coordinate, the amount of a perturbation.
+
+    Parameters
+    ----------
+    perturbation : Perturbation
+        Like the parameters, its amount is a fraction of its range.
+    residual : Residual
+        Against the measurement.
+    """
+
+    def __init__(self, perturbation: Perturbation, residual: Residual) -> None:
+        self._perturbation = perturbation
+        self._residual = residual
+        self._width = perturbation.upper - perturbation.lower
+
+    def position(self, fraction: NDArray[np.float64], amount: float) -> NDArray[np.float64]:
+        """Return the position (1, p + 1) for fractions of the parameters' ranges (p,) and an amount."""
+        return np.append(fraction, (amount - self._perturbation.lower) / self._width)[np.newaxis]
+
+    def amount(self, position: NDArray[np.float64]) -> float:
+        """Return the amount at a position (p + 1,)."""
+        return float(self._perturbation.lower + self._width * position[-1])
+
+    def residuals(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return residuals (n, m) at positions (n, p + 1)."""
+        return np.concatenate([self._at(self.amount(row)).residuals(row[np.newaxis, :-1]) for row in position])
+
+    def linearise(self, position: NDArray[np.float64]) -> Linearisation:
+        """Return residuals and derivatives at positions (n, p + 1)."""
+        rows = [self._linearise(row) for row in position]
+        return Linearisation(*(np.stack(arrays) for arrays in zip(*rows, strict=True)))
+
+    def _linearise(self, position: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        fraction, amount = position[np.newaxis, :-1], self.amount(position)
+        step = -_SETTINGS.difference if position[-1] > 0.5 else _SETTINGS.difference
+        here = self._at(amount).linearise(fraction)
+        ahead = self._at(amount + step * self._width).residuals(fraction)
+        return here.residuals[0], np.concatenate([here.jacobian[0], (ahead - here.residuals) / step])
+
+    def _at(self, amount: float) -> FrfResiduals:
+        return FrfResiduals(self._perturbation.apply(amount), self._residual)
+
+
+class LoadedAssembly(Assembly):
+    """An assembly with a mass that is moved from response to response, to each while it is measured.
+
+    Parameters
+    ----------
+    responses : sequence of (Assembly, Assembly)
+        Each response, and the drive point where it is measured.
+    mass : float
+        kg.
+    """
+
+    def __init__(self, responses: Sequence[tuple[Assembly, Assembly]], mass: float) -> None:
+        (self._plain, self._at_response), *self._others = responses
+        super().__init__(self._plain.description)
+        quantity = self._at_response.description.response.quantity
+        self._mass, self._load = mass, mass * conversion(self.frequency, quantity, "accelerance")
+
+    @cached_property
+    def each_response(self) -> tuple[Assembly, ...]:
+        """One assembly for each response; the first is this one."""
+        return self, *(LoadedAssembly([other], self._mass) for other in self._others)
+
+    def frf(self, theta: Theta = None) -> NDArray[np.complex128]:
+        """Return the FRFs as measured, (n_freq,) or (n, n_freq)."""
+        return np.asarray(self._plain.frf(theta) / (1.0 + self._load * self._at_response.frf(theta)))
+
+    def frf_jacobian(self, theta: Theta = None) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """Return the FRFs as measured and their derivatives, with a last axis n_params."""
+        values, jacobian = self._plain.frf_jacobian(theta)
+        same = self._at_response is self._plain
+        there, slope = (values, jacobian) if same else self._at_response.frf_jacobian(theta)
+        loaded = values / (1.0 + self._load * there)
+        change = jacobian - (loaded * self._load)[..., np.newaxis] * slope
+        return loaded, change / (1.0 + self._load * there)[..., np.newaxis]
+
+
+@dataclass(frozen=True)
+class Overhang:
+    """The free end of a substructure that a joint holds.
+
+    Parameters
+    ----------
+    substructure, joint : str
+    length : float
+        From the joint's nearest node to the end [m].
+    unchanged : float
+        Length between the end and the farthest response on it [m], which stays as it is.
+    first, last : int
+        Nodes between which the substructure is lengthened or shortened.
+    end : float
+        Position of the end [m].
+    """
+
+    substructure: str
+    joint: str
+    length: float
+    unchanged: float
+    first: int
+    last: int
+    end: float
+
+    def lengthen(self, model: SubstructureModel, length: float) -> SubstructureModel:
+        """Return the substructure with another overhang [m], longer than `unchanged`, and as many nodes."""
+        factor = (length - self.unchanged) / (self.length - self.unchanged)
+        return _stretch(model, self.first, self.last, factor)
+
+
+def find_overhangs(description: Description, most_nodes: int) -> Iterator[Overhang]:
+    """Yield the free ends of all substructures that joints hold and that are described by sections.
+
+    Parameters
+    ----------
+    description : Description
+    most_nodes : int
+        Of a substructure; larger ones take too long.
+    """
+    for name, model in description.known_parts.items():
+        held = {node: joint for joint, nodes in _attachments(description, name) for node in nodes}
+        if not held or len(model.nodes) > most_nodes or not _has_sections(model):
+            continue
+        measured = [response.node for response in description.responses if response.substructure == name]
+        positions, last = [node.position for node in model.nodes], len(model.nodes) - 1
+        low, high = min(held), max(held)
+        below = max((node for node in measured if node < low), default=0)
+        above = min((node for node in measured if node > high), default=last)
+        if below < low and _can_divide(model, below, low):
+            length, unchanged = positions[low] - positions[0], positions[below] - positions[0]
+            yield Overhang(name, held[low], length, unchanged, below, low, positions[0])
+        if above > high and _can_divide(model, high, above):
+            length, unchanged = positions[last] - positions[high], positions[last] - positions[above]
+            yield Overhang(name, held[high], length, unchanged, high, above, positions[last])
+
+
+def _attachments(description: Description, substructure: str) -> Iterator[tuple[str, tuple[int, ...]]]:
+    for name, joint in description.joints.items():
+        for attachment in joint.connection.attachments:
+            if attachment.substructure == substructure:
+                yield name, tuple(attachment.nodes)
+
+
+def _has_sections(model: SubstructureModel) -> bool:
+    sections = getattr(model.config, "sections", None)
+    return isinstance(sections, tuple) and all(
+        hasattr(section, "length") and hasattr(section, "elements") for section in sections
+    )
+
+
+def _can_divide(model: SubstructureModel, first: int, last: int) -> bool:
+    """Return whether sections can be divided at two nodes and nothing else changes; those of a taper cannot."""
+    try:
+        divided = _stretch(model, first, last, 1.0)
+    except DovetailError:
+        return False
+    if len(divided.nodes) != len(model.nodes):
+        return False
+    matrices, of_divided = model.matrices(), divided.matrices()
+    if not (isinstance(matrices, StructuralMatrices) and isinstance(of_divided, StructuralMatrices)):
+        return False
+    return _are_equal(matrices.M, of_divided.M) and _are_equal(matrices.K, of_divided.K)
+
+
+def _are_equal(matrix: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
+    """Return whether two symmetric matrices are equal up to rounding, each entry on the scale of its DOFs."""
+    scale = np.sqrt(np.abs(np.diag(matrix)))
+    return bool(np.all(np.abs(matrix - other) <= _SETTINGS.rounding * np.outer(scale, scale)))
+
+
+def _stretch(model: SubstructureModel, first: int, last: int, factor: float) -> SubstructureModel:
+    """Return a substructure whose elements between two nodes are longer by a factor."""
+    sections: list[Any] = []
+    start = 0
+    for section in model.config.sections:
+        end = start + section.elements
+        cuts = sorted({start, end, *(node for node in (first, last) if start < node < end)})
+        for near, far in pairwise(cuts):
+            length = section.length * (far - near) / section.elements * (factor if first <= near < last else 1.0)
+            sections.append(section.model_copy(update={"length": length, "elements": far - near}))
+        start = end
+    return type(model)(model.config.model_copy(update={"sections": tuple(sections)}))

@@ -1,0 +1,366 @@
+"""Fits to measured FRFs: how good they are, and the best of local searches from many points in the ranges."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal, TypeAlias, get_args
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from dovetail.assembly import Assembly
+from dovetail.errors import Fault, ParameterError, listing
+from dovetail.frf import Frf
+from dovetail.inference.fitting.whiteness import NOISE_ALARM, has_size_of_noise, is_white, log_improbability
+from dovetail.interfaces import Parameter, Progress, Scale, silent
+from dovetail.problem.least_squares import minimise, without
+from dovetail.problem.observations import Observations
+from dovetail.problem.random_error import ASSUMED_NOISE, FOURTH_DIFFERENCE
+from dovetail.problem.residuals import FrfResiduals, ModelFrfs
+
+Objective: TypeAlias = Literal["frf", "weighted"]
+"""Residuals that are minimised: differences of the FRFs as they are, or over their random error."""
+
+_TOLERANCE = 0.02
+"""Decrease of the sum of squares in one step that ends a search; it is small compared to the scatter of the sum."""
+_MOST_STEPS = 150
+"""Largest number of steps of one search; one that needs more is in a wrong valley."""
+_AT_END = 1e-6
+"""Part of the range within which a value is at its end; more digits than any measurement tells apart."""
+_LARGEST_NOISE = 0.1
+"""Random error, over the largest value, that FRFs of practice rarely exceed: of one average at a coherence of 0.99."""
+_LEAST_SCATTER = 0.5
+"""Scatter from line to line, over the mean square, of white noise at least; that of a curve is far smaller."""
+_SAME_MINIMUM = 1e-3
+"""Relative difference of sums of squares below which two searches ended in the same minimum."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Parameters fitted to one measured FRF, or to one for each response.
+
+    Parameters
+    ----------
+    theta : (n_params,) array
+        SI, within the ranges.
+    information : (n_params, n_params) array
+        Fisher information of the parameters in fractions of their ranges; its inverse is their covariance.
+    chi_squared : float
+        Sum of the squared residuals over their random variance, per degree of freedom: 1 where only noise separates
+        model and measurement. Ignored lines do not count.
+    degrees_of_freedom : int
+    variance : (n_lines,) array
+        E|random error|^2 of each line; the lines of a second response follow those of the first.
+    variance_known : bool
+        Whether the variance came with the measurement; else it was estimated from the scatter from line to line.
+    variance_assumed : bool
+        Whether the variance of a response was assumed, since it has too few lines for an estimate.
+    discrepancy : float
+        Error of the model itself, relative to the magnitude of each line; 0 where the random error explains everything.
+    background : float
+        The same, relative to the median amplitude of each response: errors that do not grow with the FRF.
+    ignored : (n,) array
+        Frequencies [Hz] of the isolated lines, which the fit left out.
+    used : (n_lines,) bool array
+        Which lines were not left out.
+    at_bounds : mapping of str to "lower" or "upper"
+        Parameters that ended at a bound of their range.
+    starts : int
+        Number of searches, from different points.
+    agreeing : int
+        How many of those that were carried to the end gave the same fit.
+    steps : int
+        How often FRFs and their derivatives were computed, in all searches together.
+    seconds : float
+        Wall-clock time.
+    """
+
+    theta: NDArray[np.float64]
+    information: NDArray[np.float64]
+    chi_squared: float
+    degrees_of_freedom: int
+    variance: NDArray[np.float64]
+    variance_known: bool
+    variance_assumed: bool
+    discrepancy: float
+    background: float
+    ignored: NDArray[np.float64]
+    used: NDArray[np.bool_]
+    at_bounds: Mapping[str, str]
+    starts: int
+    agreeing: int
+    steps: int
+    seconds: float
+
+    def at(self, index: int, counts: Sequence[int]) -> Fit:
+        """Return the fit with the variance and the lines of one of its responses alone.
+
+        Parameters
+        ----------
+        index : int
+        counts : sequence of int
+            Lines of each response.
+        """
+        ends = np.cumsum(counts)[:-1]
+        used = np.split(self.used, ends)
+        ignored = np.cumsum([np.count_nonzero(~lines) for lines in used])[:-1]
+        return replace(
+            self,
+            variance=np.split(self.variance, ends)[index],
+            used=used[index],
+            ignored=np.split(self.ignored, ignored)[index],
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return how good the fit is as plain values for JSON."""
+        return {
+            "chi_squared": self.chi_squared,
+            "degrees_of_freedom": self.degrees_of_freedom,
+            "variance_known": self.variance_known,
+            "variance_assumed": self.variance_assumed,
+            "discrepancy": self.discrepancy,
+            "background": self.background,
+            "ignored_lines_Hz": np.asarray(self.ignored).tolist(),
+            "at_bounds": dict(self.at_bounds),
+            "starts": self.starts,
+            "agreeing": self.agreeing,
+            "steps": self.steps,
+            "seconds": self.seconds,
+        }
+
+
+def fit_at(
+    assembly: Assembly,
+    target: Observations,
+    fraction: NDArray[np.float64],
+    *,
+    starts: int = 1,
+    agreeing: int = 1,
+    steps: int = 0,
+    seconds: float = 0.0,
+) -> Fit:
+    """Judge how well given parameters fit, by the random error of all lines.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    target : Observations
+    fraction : (n_params,) array
+        The parameters, in fractions of their ranges.
+    starts, agreeing, steps, seconds
+        As in `Fit`; by default those of parameters that were not searched for.
+    """
+    variance = target.variance()
+    used = np.ones(len(variance), dtype=np.bool_)
+    there = FrfResiduals(assembly, target.weighted(variance, used)).linearise(fraction[np.newaxis])
+    freedom = max(1, target.residual_count(used) - len(fraction))
+    return Fit(
+        theta=assembly.from_unit(fraction),
+        information=there.curvature[0],
+        chi_squared=float(there.cost[0]) / freedom,
+        degrees_of_freedom=freedom,
+        variance=variance,
+        variance_known=target.variance_known,
+        variance_assumed=target.assumes(variance),
+        discrepancy=0.0,
+        background=0.0,
+        ignored=np.empty(0),
+        used=used,
+        at_bounds=bounds_reached(assembly, fraction),
+        starts=starts,
+        agreeing=agreeing,
+        steps=steps,
+        seconds=seconds,
+    )
+
+
+def allow_for_unknown_noise(target: Observations, fit: Fit) -> Fit:
+    """Return a fit with the random error that intervals allow for where too few lines show it.
+
+    The largest usual error counts as one more degree of freedom beside those of the residuals.
+    """
+    if not fit.variance_assumed:
+        return fit
+    freedom = target.residual_count(fit.used) - len(fit.theta)
+    shown = max(freedom, 0) * min(fit.chi_squared, _LARGEST_NOISE**2 / ASSUMED_NOISE**2)
+    factor = max(1.0, (shown + (_LARGEST_NOISE / ASSUMED_NOISE) ** 2) / (max(freedom, 0) + 1))
+    return replace(fit, variance=np.where(target.assumed(fit.variance), factor, 1.0) * fit.variance)
+
+
+def multistart(
+    assembly: Assembly,
+    measured: Frf | Sequence[Frf],
+    *,
+    starts: int = 64,
+    seconds: float | None = None,
+    objective: Objective = "frf",
+    seed: int = 0,
+    progress: Progress = silent,
+) -> Fit:
+    """Fit the parameters by bounded local searches from Latin hypercube points.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        With parameters to identify.
+    measured : Frf or sequence of Frf
+        One for each response, on its frequencies in the assembly.
+    starts : int
+    seconds : float, optional
+        Time after which no further step begins.
+    objective : {"frf", "weighted"}
+    seed : int
+    progress : Progress
+
+    Returns
+    -------
+    Fit
+        Its chi-squared is relative to the random error, whatever the objective.
+
+    Raises
+    ------
+    ParameterError
+        An option is out of its range.
+    """
+    _check(starts, seconds, objective)
+    began = time.monotonic()
+    deadline = np.inf if seconds is None else began + seconds
+    target = Observations.of(assembly, measured)
+    variance = target.variance()
+    used = np.ones(len(variance), dtype=np.bool_)
+    weights = variance if objective == "weighted" else _mean_of_response(target, variance)
+    problem = FrfResiduals(assembly, target.weighted(weights, used))
+    minima = []
+    points = scipy.stats.qmc.LatinHypercube(len(assembly.parameters), rng=np.random.default_rng(seed)).random(starts)
+    for number, point in enumerate(points):
+        progress("fit", number, starts)
+        start = point[np.newaxis]
+        minima.append(minimise(problem, start, tolerance=_TOLERANCE, most_steps=_MOST_STEPS, deadline=deadline))
+        if time.monotonic() > deadline:
+            break
+    costs = np.array([minimum.cost[0] for minimum in minima])
+    return fit_at(
+        assembly,
+        target,
+        minima[int(np.argmin(costs))].position[0],
+        starts=len(costs),
+        agreeing=count_agreeing(costs),
+        steps=sum(int(minimum.steps[0]) for minimum in minima),
+        seconds=time.monotonic() - began,
+    )
+
+
+def _check(starts: int, seconds: float | None, objective: str) -> None:
+    if starts < 1:
+        raise ParameterError(Fault("starts", f"{starts} searches are no search.", "1 or more"))
+    if seconds is not None and not seconds > 0:
+        raise ParameterError(Fault("seconds", f"{seconds:g} s is no time.", "more than 0"))
+    if objective not in get_args(Objective):
+        raise ParameterError(Fault("objective", f"'{objective}' is not an objective.", listing(get_args(Objective))))
+
+
+def _mean_of_response(target: Observations, variance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the mean variance of each response, repeated for all its lines."""
+    return np.concatenate([np.full_like(values, values.mean()) for values in target.split(variance)])
+
+
+def count_agreeing(costs: NDArray[np.float64]) -> int:
+    """Return how many searches ended in the best minimum, from their sums of squares."""
+    return int(np.count_nonzero(costs <= highest_agreeing(costs.min())))
+
+
+def highest_agreeing(cost: float) -> float:
+    """Return the highest sum of squares of a search that ended in the same minimum as one with the sum `cost`."""
+    return cost * (1.0 + _SAME_MINIMUM) + 1.0
+
+
+def fractions_within(assembly: Assembly, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the fractions (..., p) of SI values, those outside of their ranges brought to the nearest end."""
+    lower, upper = np.transpose([(parameter.lower, parameter.upper) for parameter in assembly.parameters])
+    return np.clip(assembly.to_unit(np.clip(theta, lower, upper)), 0.0, 1.0)
+
+
+def bounds_reached(assembly: Assembly, fraction: NDArray[np.float64]) -> dict[str, str]:
+    """Return the parameters at a bound of their range, and at which, from fractions (n_params,) of the ranges."""
+    values = assembly.from_unit(fraction).tolist()
+    pairs = zip(assembly.parameters, values, strict=True)
+    ends = {p.name: end_reached(value, p.lower, p.upper, p.scale) for p, value in pairs}
+    return {name: end for name, end in ends.items() if end}
+
+
+def end_reached(value: float, lower: float, upper: float, scale: Scale) -> str:
+    """Return the end of a range, "lower" or "upper", at which a value is within rounding; empty if at neither.
+
+    A value is at an end that it equals in the four digits that are shown, or within a millionth of the range.
+    """
+    shown, low, high = (f"{number:.4g}" for number in (value, lower, upper))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        place = float(Parameter("value", "1", lower, upper, scale).to_unit(np.array(value)))
+    if abs(place) <= _AT_END or (shown == low != high):
+        return "lower"
+    return "upper" if abs(place - 1.0) <= _AT_END or (shown == high != low) else ""
+
+
+def is_noise(assembly: Assembly, target: Observations, fit: Fit) -> bool:
+    """Return whether the residuals of a fit are noise: no larger, and not correlated along the frequency axis."""
+    if fit.discrepancy:
+        return False
+    frf, jacobian = ModelFrfs.of(assembly).linearise(fit.theta[np.newaxis])
+    weighted = target.weighted(fit.variance, fit.used)
+    residuals = weighted.of(frf)[0]
+    of_responses = target.by_line(without(residuals, weighted.jacobian(frf, jacobian)[0]))
+    squares, lines = sum(float(np.sum(block**2)) for block in of_responses), int(np.count_nonzero(fit.used))
+    if not has_size_of_noise(squares, fit.degrees_of_freedom, lines, variance_known=fit.variance_known):
+        return False
+    return all(is_white(_scaled_to_scatter(block)) for block in of_responses)
+
+
+def shows_structure(target: Observations, fit: Fit, *, fits: bool) -> bool:
+    """Return whether a measurement shows more than noise.
+
+    Mere noise is as large as its variance, or the same on all lines if that is unknown, and white. A resonance that is
+    hidden in it may still show as an improvement by a fit. It may lie on any line, and the best of them fits by chance.
+
+    Parameters
+    ----------
+    target : Observations
+    fit : Fit
+    fits : bool
+        Whether its residuals are noise.
+    """
+    if fit.variance_assumed or not (target.variance_known or _scatters(target)):
+        return True
+    variance = fit.variance if target.variance_known else _even_variance(target)
+    weighted = target.weighted(variance, fit.used)
+    values = weighted.of(np.zeros((1, len(variance)), dtype=np.complex128))[0]
+    of_responses = target.by_line(values)
+    squares, lines = sum(float(np.sum(block**2)) for block in of_responses), int(np.count_nonzero(fit.used))
+    known = target.variance_known
+    if not has_size_of_noise(squares, len(values), lines, variance_known=known) or not all(map(is_white, of_responses)):
+        return True
+    explained = squares - fit.chi_squared * fit.degrees_of_freedom
+    return fits and known and log_improbability(explained, len(fit.theta)) > np.log10(max(1, lines) / NOISE_ALARM)
+
+
+def _scatters(target: Observations) -> bool:
+    """Return whether all measurements scatter from line to line as much as they are large, as white noise does."""
+    for frf in target.frfs:
+        differences = np.abs(np.convolve(frf.values, FOURTH_DIFFERENCE, mode="valid")) ** 2
+        if not differences.size or differences.mean() < _LEAST_SCATTER * np.mean(frf.amplitude**2):
+            return False
+    return True
+
+
+def _even_variance(target: Observations) -> NDArray[np.float64]:
+    """Return E|error|^2 (n_lines,) if a measurement is noise of the same size on all lines, from the median."""
+    levels = [float(np.median(frf.amplitude)) ** 2 / np.log(2.0) for frf in target.frfs]
+    return np.repeat(np.maximum(levels, np.finfo(float).tiny), target.counts)
+
+
+def _scaled_to_scatter(residuals: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return residuals (n_freq, n), scaled down where their scatter from line to line exceeds the random error."""
+    scatter = float(np.mean(np.diff(residuals, axis=0) ** 2)) / 2.0 if len(residuals) > 1 else 1.0
+    return np.asarray(residuals / np.sqrt(max(1.0, scatter)))

@@ -1,0 +1,396 @@
+"""Refinement: least-squares fits until the residuals are nothing but the measurement's random error."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from dovetail.assembly import Assembly
+from dovetail.assembly.calibration import unknown_gains
+from dovetail.frf import Frf
+from dovetail.inference.fitting.fit import Fit, bounds_reached, count_agreeing, fractions_within, highest_agreeing
+from dovetail.inference.fitting.search_lines import Smoothed, missed_resonances, search_lines, thinned_lines
+from dovetail.inference.fitting.whiteness import NOISE_ALARM, has_size_of_noise, is_of_few_lines, is_white
+from dovetail.interfaces import Progress, logged, silent
+from dovetail.problem.least_squares import Minima, cuts, minimise, profiles
+from dovetail.problem.observations import Observations
+from dovetail.problem.residuals import FrfResiduals, ModelFrfs, WithPrior
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Tuning constants of the refinement."""
+
+    candidates: int = 1024
+    """Random points from which the first starts are chosen. Computing their FRFs takes less time than a few steps of a
+    search, and 86 % of the searches from the most similar FRFs end in the right minimum; from random points 51 %."""
+    more_candidates: int = 4096
+    """Random points for each further batch."""
+    first_starts: int = 4
+    """Starts of the first batch, if none are given."""
+    more_starts: int = 8
+    """Starts from random points in each further batch."""
+    along_axes: int = 4
+    """Starts in each further batch that differ from the best minimum so far in one parameter."""
+    grid_points: int = 128
+    """Points along the range of each parameter among which these starts are found."""
+    doubtful: float = 0.01
+    """Probability of so large a sum of squares under noise below which another batch follows nevertheless."""
+    profiled_batch: int = 2
+    """The first of the further batches with profiles through the best minimum so far, on the same grid."""
+    along_profiles: int = 8
+    """Largest number of minima of the profiles from which searches begin."""
+    profile_steps: int = 4
+    """Steps of the search at each point of a profile; few suffice, since it begins near its end."""
+    widths: tuple[float, ...] = (0.01, 0.003)
+    """Relative widths over which residuals are smoothed: along the profiles first, then in the searches from there."""
+    first_carried: int = 2
+    """Searches of the first batch whose minima are fitted first: those with the most similar FRFs."""
+    carried: int = 4
+    """Searches of each further batch whose minima are fitted."""
+    more_batches: int = 4
+    """Largest number of further batches. Where the model does not fit, more starts only confirm it."""
+    enough_agreeing: int = 6
+    """Searches that must end in the same minimum before it counts as the best one, where the model does not fit."""
+    least_batches: int = 3
+    """Smallest number of batches before the model is taken not to fit."""
+    fit_lines: int = 1500
+    """Approximate number of lines of each response on which minima are compared; the best is fitted on all lines."""
+    search_tolerance: float = 1.0
+    """Decrease of the sum of squares in one step that ends a search by logarithms; the fit continues from there."""
+    search_steps: int = 40
+    """Largest number of steps of such a search; one that needs more is in a wrong valley."""
+    fit_tolerance: float = 0.02
+    """Decrease of the sum of squares in one step that ends a fit; 1 is a standard deviation of a parameter."""
+    fit_steps: int = 100
+    """Largest number of steps of a fit; for the collet, half of the fits take 14, and all of them fewer than 70."""
+    most_delays: int = 100
+    """Largest number of delays of a response that are tried, eight for each turn of the phase at the highest line."""
+    refitted: int = 4
+    """Minima that are fitted again when the weights change, since another one may then be the best."""
+    most_discrepancies: int = 8
+    """Largest number of times that the discrepancy is estimated and the fit repeated; 2 or 3 are usually enough."""
+    least_freedom: int = 8
+    """Degrees of freedom that the residuals need for an estimate of the variance, to a half: sqrt(2 / 8)."""
+    settled: float = 0.04
+    """Relative change of the discrepancy's variances at which these repetitions end."""
+
+
+_SETTINGS = Settings()
+
+
+def refine(
+    assembly: Assembly,
+    measured: Frf | Sequence[Frf],
+    starts: Sequence[NDArray[np.float64]] = (),
+    *,
+    seed: int = 0,
+    progress: Progress = silent,
+) -> Fit:
+    """Fit the parameters to a measured FRF, weighted by its random error, or to one for each response.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        With parameters to identify.
+    measured : Frf or sequence of Frf
+        One for each response, on the assembly's frequencies. Its random error is taken from its variance, or coherence
+        and averages, or from the scatter from line to line.
+    starts : sequence of (n_params,) arrays
+        SI; values outside the ranges are brought to their bounds. The first batch has these alone or, if none are
+        given, the middle of the ranges and those points of a Latin hypercube whose FRFs are most like the measured
+        ones. Further batches follow until a fit is as good as the random error allows.
+    seed : int
+        Of the Latin hypercube.
+    progress : Progress
+        Called after each search. The total grows while no fit is as good as the random error allows.
+
+    Returns
+    -------
+    Fit
+
+    Notes
+    -----
+    Each search first compares logarithms of amplitudes, whose sum of squares is shallow, on few lines, among them those
+    around each resonance; then the FRF itself, complex where it has a phase. Isolated lines are left out. A fit is as
+    good as the random error allows if chi-squared says so, and if the residuals are white: a smooth misfit is not
+    taken for noise, however small. Where the measurement does not state its random error, it is then estimated from all
+    residuals. Where no fit reaches the random error, the model itself is wrong: by some part of each line's
+    magnitude, and by some part of the FRF's level everywhere, as by modes that it lacks. The most likely parts enter
+    the weights, so that the lines with the least noise do not dominate.
+    """
+    progress("fit", 0, 1)
+    with logged(__name__, f"fit of {len(assembly.parameters)} parameters"):
+        return _Refinement(assembly, Observations.of(assembly, measured), seed, progress).run(starts)
+
+
+class _Refinement:
+    """The state of one refinement: the weights and the lines that count."""
+
+    def __init__(self, assembly: Assembly, target: Observations, seed: int, progress: Progress) -> None:
+        self._assembly = assembly
+        self._model = ModelFrfs.of(assembly)
+        self._target = target
+        self._hypercube = scipy.stats.qmc.LatinHypercube(len(assembly.parameters), rng=np.random.default_rng(seed))
+        self._random = np.random.default_rng([seed, 1])
+        self._variance = target.variance()
+        self._model_variance = np.zeros_like(self._variance)
+        self._used = np.ones(len(target.frequency), dtype=np.bool_)
+        self._few = search_lines(target, self._variance)
+        self._some = thinned_lines(target, _SETTINGS.fit_lines, self._few)
+        self._model_of_few = self._model_at(self._few)
+        self._model_of_some = self._model_at(self._some)
+        self._steps = self._starts = self._searches = 0
+        self._expected = _SETTINGS.first_starts + _SETTINGS.first_carried + 1
+        self._progress = progress
+
+    def _report_search(self) -> None:
+        """Report one more search; further batches are not counted in the total before they begin."""
+        self._searches += 1
+        self._progress("fit", self._searches, max(self._expected, self._searches + 1))
+
+    def run(self, starts: Sequence[NDArray[np.float64]]) -> Fit:
+        began = time.perf_counter()
+        ends = self._searched(self._first_batch(starts))
+        minima = self._compared(ends[: _SETTINGS.first_carried])
+        best = self._reweighted(self._fitted(minima.position[:1]))
+        if self._is_doubtful(best):
+            minima, best = self._search_further(self._extended(minima, ends[_SETTINGS.first_carried :]))
+        chi_squared = self._chi_squared(best)
+        discrepancy = background = 0.0
+        if not self._is_noise(best):
+            best, (discrepancy, background) = self._with_discrepancy(best, minima)
+        return Fit(
+            theta=self._assembly.from_unit(best.position[0]),
+            information=best.curvature[0],
+            chi_squared=chi_squared,
+            degrees_of_freedom=self._freedom,
+            variance=self._variance,
+            variance_known=self._target.variance_known,
+            variance_assumed=self._target.assumes(self._variance),
+            discrepancy=discrepancy,
+            background=background,
+            ignored=self._target.frequency[~self._used],
+            used=self._used,
+            at_bounds=bounds_reached(self._assembly, best.position[0]),
+            starts=self._starts,
+            agreeing=count_agreeing(minima.cost),
+            steps=self._steps,
+            seconds=time.perf_counter() - began,
+        )
+
+    def _search_further(self, minima: Minima) -> tuple[Minima, Minima]:
+        """Search further until a fit reaches the noise, or enough searches agree that none will.
+
+        Returns all minima, and the best one fitted on all lines.
+        """
+        profiled = np.inf
+        for batch in range(1, _SETTINGS.more_batches + 2):
+            minima = self._compared(minima.position)  # the weights have changed
+            best = self._reweighted(self._fitted(minima.position[:1]))
+            if not self._is_doubtful(best):
+                break
+            passes = self._is_noise(best)
+            first_profiled, last = (1, 1) if passes else (_SETTINGS.profiled_batch, _SETTINGS.more_batches)
+            if batch > last:
+                break
+            enough = count_agreeing(minima.cost) >= _SETTINGS.enough_agreeing
+            if enough and batch >= _SETTINGS.least_batches and not self._missed_resonances(best).size:
+                break
+            along = self._along_axes(best.position[0])
+            similar = self._most_similar(_SETTINGS.more_starts, _SETTINGS.more_candidates)
+            further = len(along) + len(similar) + _SETTINGS.carried
+            self._expected = self._searches + further + len(minima.cost) + 1
+            ends = self._searched(np.concatenate([along, similar]))
+            minima = self._extended(minima, ends[: _SETTINGS.carried])
+            if batch >= first_profiled and profiled > highest_agreeing(minima.cost[0]):
+                profiled = minima.cost[0]
+                minima = self._with_profiles(minima)
+        return minima, best
+
+    def _first_batch(self, starts: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+        """Return the given starts, which are often enough, or else the middle of the ranges and similar points."""
+        if starts:
+            return fractions_within(self._assembly, np.array(starts))
+        middle = np.full((1, len(self._assembly.parameters)), 0.5)
+        return np.concatenate([middle, self._most_similar(_SETTINGS.first_starts - 1, _SETTINGS.candidates)])
+
+    def _most_similar(self, count: int, candidates: int) -> NDArray[np.float64]:
+        """Return the points whose FRFs are most similar to the measured ones, among many random ones."""
+        points = self._hypercube.random(candidates)
+        squares = np.sum(self._search.residuals(points) ** 2, axis=1)
+        return np.asarray(points[np.argsort(squares, kind="stable")[:count]])
+
+    def _along_axes(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return points that differ from a minimum in one parameter only, at the minima along that parameter.
+
+        Where two resonances are close together, the valley of the right minimum is narrow, but in a wrong minimum most
+        parameters are right already. Each call uses another grid, so that repetitions find other points nearby.
+        """
+        return cuts(self._search, position, self._grid()).low_points(position, _SETTINGS.along_axes)
+
+    def _grid(self) -> NDArray[np.float64]:
+        """Return evenly spaced values along a range, with a random offset."""
+        return (np.arange(_SETTINGS.grid_points) + self._random.random()) / _SETTINGS.grid_points
+
+    def _with_profiles(self, minima: Minima) -> Minima:
+        """Add the best minimum along profiles through the best one so far.
+
+        Along a profile one parameter moves, and all others are fitted. Where a resonance is hardly visible, the valley
+        of the right minimum is narrow, but in a wrong minimum nearly all of the FRF is right, and it stays so along the
+        profile. Smoothed residuals sense such a resonance from further away.
+        """
+        target = self._target.at(self._few)
+        residual = self._target.weighted(self._variance, self._used).at(self._few)
+        smoothed = (Smoothed.over(target, residual, width) for width in _SETTINGS.widths)
+        problems = [FrfResiduals(self._model_of_few, each) for each in smoothed]
+        position, steps = minima.position[0], _SETTINGS.profile_steps
+        along = profiles(problems[0], position, self._grid(), steps)
+        self._steps += along.cost.size * (steps + 1)
+        ends = along.low_points(position, _SETTINGS.along_profiles)
+        if not len(ends):
+            return minima
+        self._starts += len(ends)
+        for problem in problems:
+            ends = self._search_ends(problem, ends)
+        return self._extended(minima, self._compared(ends).position[:1])
+
+    @property
+    def _search(self) -> FrfResiduals:
+        """The problem of the first searches: logarithms of amplitudes on few lines."""
+        logarithms = self._target.at(self._few).logarithms(self._variance[self._few])
+        return FrfResiduals(self._model_of_few, logarithms)
+
+    def _searched(self, batch: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return where searches by logarithms of amplitudes ended, the most promising first."""
+        self._starts += len(batch)
+        return self._with_delays(self._search_ends(self._search, batch))
+
+    def _search_ends(self, problem: FrfResiduals, start: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return where searches end, the most promising first."""
+        tolerance, most_steps = _SETTINGS.search_tolerance, _SETTINGS.search_steps
+        minima = minimise(problem, start, tolerance=tolerance, most_steps=most_steps, callback=self._report_search)
+        self._steps += int(minima.steps.sum())
+        return minima.position[np.argsort(minima.cost, kind="stable")]
+
+    def _with_delays(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Set delays to the values that fit best: the amplitudes of the search do not depend on them."""
+        residual = self._target.weighted(self._variance, self._used).at(self._some)
+        problem = FrfResiduals(self._model_of_some, residual)
+        calibrations = self._assembly.description.calibrations
+        owners = enumerate(self._assembly.description.identified_parameters)
+        for column in (column for column, (owner, name) in owners if owner in calibrations and name == "delay"):
+            delay = self._assembly.parameters[column]
+            turns = (delay.upper - delay.lower) * float(self._target.frequency.max())
+            tried = np.repeat(position[np.newaxis], 1 + min(_SETTINGS.most_delays, int(8 * turns) + 1), axis=0)
+            tried[1:, :, column] = np.linspace(0.0, 1.0, len(tried) - 1)[:, np.newaxis]
+            costs = np.array([np.sum(problem.residuals(each) ** 2, axis=1) for each in tried])
+            position = tried[np.argmin(costs, axis=0), np.arange(len(position))]
+        return position
+
+    def _compared(self, start: NDArray[np.float64]) -> Minima:
+        """Fit on some of the lines, which suffice to compare the minima."""
+        residual = self._target.weighted(self._variance + self._model_variance, self._used).at(self._some)
+        return self._minimised(FrfResiduals(self._model_of_some, residual), start)
+
+    def _extended(self, minima: Minima, ends: NDArray[np.float64]) -> Minima:
+        return Minima.ranked(minima, self._compared(ends)) if len(ends) else minima
+
+    def _fitted(self, start: NDArray[np.float64]) -> Minima:
+        """Fit on all lines."""
+        residual = self._target.weighted(self._variance + self._model_variance, self._used)
+        return self._minimised(FrfResiduals(self._model, residual), start)
+
+    def _minimised(self, problem: FrfResiduals, start: NDArray[np.float64]) -> Minima:
+        with_prior = WithPrior(problem, self._assembly)
+        tolerance, most_steps = _SETTINGS.fit_tolerance, _SETTINGS.fit_steps
+        minima = minimise(with_prior, start, tolerance=tolerance, most_steps=most_steps, callback=self._report_search)
+        self._steps += int(minima.steps.sum())
+        return Minima.ranked(minima)
+
+    def _model_at(self, lines: NDArray[np.intp]) -> ModelFrfs:
+        return self._model if len(lines) == len(self._variance) else self._model.at(lines)
+
+    def _reweighted(self, best: Minima) -> Minima:
+        """Estimate the random error again from the best fit, leave out isolated lines, and fit again if needed."""
+        if not self._target.variance_known:
+            self._variance = self._target.variance(self._values(best))
+            best = self._with_residual_variance(best)
+        bad = np.zeros_like(self._used) if self._is_noise(best) else self._target.isolated(self._sizes(best))
+        if np.array_equal(bad, ~self._used):
+            return best
+        self._used = ~bad
+        best = self._fitted(best.position)
+        return best if self._target.variance_known else self._with_residual_variance(best)
+
+    def _with_residual_variance(self, best: Minima) -> Minima:
+        """Estimate the random error from all residuals and fit again, if nothing but noise is left."""
+        if self._freedom < _SETTINGS.least_freedom or not self._has_size_of_noise(self._residuals(best)):
+            return best
+        from_scatter = self._variance
+        share = self._freedom / self._target.residual_count(self._used)
+        self._variance = self._target.residual_variance(self._values(best), self._used, share)
+        refitted = self._fitted(best.position)
+        if self._is_noise(refitted):
+            return refitted
+        self._variance = from_scatter
+        return best
+
+    def _missed_resonances(self, best: Minima) -> NDArray[np.float64]:
+        return missed_resonances(self._target, self._variance, self._values(best))
+
+    def _with_discrepancy(self, best: Minima, minima: Minima) -> tuple[Minima, tuple[float, float]]:
+        """Estimate the errors of the model and fit with them, from several minima: another may then be the best."""
+        starts = np.concatenate([best.position, minima.position[1 : _SETTINGS.refitted]])
+        for _ in range(_SETTINGS.most_discrepancies):
+            before, values = self._model_variance, self._values(best)
+            magnitude = np.abs(values)
+            if unknown_gains(self._assembly.description):
+                magnitude = np.maximum(magnitude, self._target.amplitude)  # or a vanishing model would fit best
+            relative, background = self._target.discrepancy(values, magnitude, self._variance, self._used)
+            self._model_variance = (relative * magnitude) ** 2 + (background * self._target.level) ** 2
+            starts = self._compared(starts).position
+            best = self._fitted(starts[:1])
+            if np.all(np.abs(self._model_variance - before) <= _SETTINGS.settled * self._model_variance):
+                break
+        return best, (relative, background)
+
+    def _values(self, minima: Minima) -> NDArray[np.complex128]:
+        return np.asarray(self._model.frf(self._assembly.from_unit(minima.position[:1]))[0])
+
+    def _sizes(self, best: Minima) -> NDArray[np.float64]:
+        """Return the size of each line's whitened residual at the best fit."""
+        all_lines = self._target.weighted(self._variance, np.ones_like(self._used))
+        return np.asarray(all_lines.size(self._values(best)))
+
+    def _residuals(self, best: Minima) -> NDArray[np.float64]:
+        """Return the whitened residuals at the best fit."""
+        values = self._values(best)[np.newaxis]
+        return np.asarray(self._target.weighted(self._variance, self._used).of(values)[0])
+
+    @property
+    def _freedom(self) -> int:
+        return max(1, self._target.residual_count(self._used) - len(self._assembly.parameters))
+
+    def _chi_squared(self, best: Minima) -> float:
+        return float(np.sum(self._residuals(best) ** 2)) / self._freedom
+
+    def _is_noise(self, best: Minima, false_alarm: float = NOISE_ALARM) -> bool:
+        """Return whether the residuals of the best fit are no larger than the random error, and white."""
+        residuals = self._residuals(best)
+        return self._has_size_of_noise(residuals, false_alarm) and all(map(is_white, self._target.by_line(residuals)))
+
+    def _is_doubtful(self, best: Minima) -> bool:
+        """Return whether another minimum may be the right one."""
+        of_few_lines = not self._target.variance_known and is_of_few_lines(self._variance)
+        return of_few_lines or not self._is_noise(best, _SETTINGS.doubtful)
+
+    def _has_size_of_noise(self, residuals: NDArray[np.float64], false_alarm: float = NOISE_ALARM) -> bool:
+        squares = sum(float(np.sum(of_response**2)) for of_response in self._target.by_line(residuals))
+        lines, known = self._target.residual_count(self._used) // 2, self._target.variance_known
+        return has_size_of_noise(squares, self._freedom, lines, variance_known=known, false_alarm=false_alarm)

@@ -1,0 +1,170 @@
+"""The lines of a search: few, but among them those around each resonance; and residuals smoothed over neighbours."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from dovetail.problem.observations import Observations
+from dovetail.problem.residuals import Residual
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Tuning constants of the lines of a search."""
+
+    even: int = 300
+    """Evenly spaced lines of each response."""
+    prominence: float = 6.0
+    """Prominence of a clear resonance or antiresonance in dB."""
+    most_peaks: int = 30
+    """Largest number of resonances, and of antiresonances, around which lines are taken: the most prominent ones."""
+    reach: float = 0.1
+    """Distance of the last line around a resonance, relative to the band; it grows by `growth` from line to line."""
+    growth: float = 1.5
+    floor: float = 3.0
+    """Standard deviations of the noise below which amplitudes are not distinguished."""
+    smoothing: int = 3
+    """Lines over which the square of an amplitude is averaged."""
+    closeness: float = 0.05
+    """Relative distance within which a resonance of the fitted FRF counts as that of the measured one."""
+    cut: float = 3.0
+    """Distance, in widths, beyond which a line has no weight."""
+
+
+_SETTINGS = Settings()
+
+
+def search_lines(observations: Observations, variance: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return the lines for a search: evenly spaced ones, and those around each resonance and antiresonance.
+
+    Parameters
+    ----------
+    observations : Observations
+    variance : (n_lines,) array
+        E|error|^2 of each line.
+
+    Returns
+    -------
+    (n,) array
+        Increasing indices of the concatenated lines of all responses.
+    """
+    responses = zip(observations.firsts, observations.frfs, observations.split(variance), strict=True)
+    return np.concatenate(
+        [first + _of_response(_level(frf.amplitude, of_response)) for first, frf, of_response in responses]
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Smoothed:
+    """Weighted sums of neighbouring residuals with unit variance, which sense a narrow resonance from further away.
+
+    Parameters
+    ----------
+    residual : Residual
+        Whitened.
+    means : (n, m) sparse array
+        Weights of the m residuals in each of the n sums.
+    """
+
+    residual: Residual
+    means: scipy.sparse.csr_array
+
+    @staticmethod
+    def over(observations: Observations, residual: Residual, width: float) -> Smoothed:
+        """Smooth the residuals of all lines with a Gaussian of a given relative width."""
+        blocks = [
+            scipy.sparse.kron(_neighbours(np.log(frf.frequency), width), np.eye(2 if frf.has_phase else 1))
+            for frf in observations.frfs
+        ]
+        return Smoothed(residual, scipy.sparse.csr_array(scipy.sparse.block_diag(blocks)))
+
+    def of(self, frf: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return the residuals (n, m) of FRFs (n, f)."""
+        return self._smoothed(self.residual.of(frf))
+
+    def jacobian(self, frf: NDArray[np.complex128], frf_jacobian: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return their derivatives (n, p, m) from FRFs (n, f) and their derivatives (n, p, f)."""
+        return self._smoothed(self.residual.jacobian(frf, frf_jacobian))
+
+    def _smoothed(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        flat = self.means @ values.reshape(-1, values.shape[-1]).T
+        return np.ascontiguousarray(flat.T).reshape(*values.shape[:-1], -1)
+
+
+def _neighbours(position: NDArray[np.float64], width: float) -> scipy.sparse.csr_array:
+    """Return the weights of lines in Gaussian sums, one around the middle of each stretch of one width with lines."""
+    _, stretch = np.unique(np.floor(position / width), return_inverse=True)
+    middles = np.bincount(stretch, position) / np.bincount(stretch)
+    distance = (position - middles[:, np.newaxis]) / width
+    weight = np.exp(-0.5 * distance**2) * (np.abs(distance) <= _SETTINGS.cut)
+    return scipy.sparse.csr_array(weight / np.linalg.norm(weight, axis=1, keepdims=True))
+
+
+def thinned_lines(observations: Observations, most: int, always: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return every n-th line, about `most` of each response at most, and in addition the lines `always`."""
+    responses = zip(observations.firsts, observations.counts, strict=True)
+    thinned = [np.arange(first, first + count, max(1, round(count / most))) for first, count in responses]
+    return np.union1d(np.concatenate(thinned), always)
+
+
+def lines_represented(observations: Observations, lines: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Return for chosen lines (n,) how many of all lines of their response are nearest to each.
+
+    So weighted, a mean over few lines that crowd around resonances is that over all lines.
+    """
+    counts = []
+    for first, count in zip(observations.firsts, observations.counts, strict=True):
+        chosen = lines[(lines >= first) & (lines < first + count)] - first
+        if chosen.size:
+            nearest = np.searchsorted((chosen[1:] + chosen[:-1]) / 2.0, np.arange(count))
+            counts.append(np.bincount(nearest, minlength=chosen.size).astype(np.float64))
+    return np.concatenate(counts)
+
+
+def missed_resonances(
+    observations: Observations, variance: NDArray[np.float64], values: NDArray[np.complex128]
+) -> NDArray[np.float64]:
+    """Return the frequencies [Hz] of clear resonances of the measurement that a model's FRFs (n_lines,) do not have."""
+    missed: list[float] = []
+    responses = zip(observations.frfs, observations.split(variance), observations.split(values), strict=True)
+    for frf, of_response, fitted in responses:
+        measured = frf.frequency[_peaks(_level(frf.amplitude, of_response))]
+        modelled = frf.frequency[_peaks(_level(np.abs(fitted), of_response))]
+        missed += [at for at in measured.tolist() if not np.any(abs(modelled - at) <= _SETTINGS.closeness * at)]
+    return np.array(missed)
+
+
+def _level(amplitude: NDArray[np.float64], variance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return smoothed amplitudes in dB, with the noise as their floor."""
+    square = uniform_filter1d(amplitude**2, _SETTINGS.smoothing, mode="nearest")
+    return np.asarray(10.0 * np.log10(square + _SETTINGS.floor**2 * variance))
+
+
+def _peaks(level: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return the lines of the most prominent peaks."""
+    tops, properties = scipy.signal.find_peaks(level, prominence=_SETTINGS.prominence)
+    most = np.argsort(-properties["prominences"], kind="stable")[: _SETTINGS.most_peaks]
+    return np.asarray(tops[most])
+
+
+def _of_response(level: NDArray[np.float64]) -> NDArray[np.intp]:
+    count = len(level)
+    even = np.linspace(0, count - 1, min(count, _SETTINGS.even)).round().astype(np.intp)
+    around = np.array([0, *_distances(_SETTINGS.reach * count)])
+    tops = np.concatenate([_peaks(level), _peaks(-level)])
+    lines = np.concatenate([even, (tops[:, np.newaxis] + around).ravel(), (tops[:, np.newaxis] - around).ravel()])
+    return np.unique(lines[(lines >= 0) & (lines < count)])
+
+
+def _distances(most: float) -> Iterator[int]:
+    """Yield 1, 2, 3, 5, 7, 11, ...: integers that grow by a factor."""
+    distance = 1.0
+    while distance <= most:
+        yield round(distance)
+        distance = max(distance + 1.0, distance * _SETTINGS.growth)

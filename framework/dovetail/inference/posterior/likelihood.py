@@ -1,0 +1,376 @@
+"""Likelihood and prior: residuals with random error and marginalised errors of the model, and normal coordinates.
+
+Errors of the model widen the covariance of the residuals. `MarginalisedResiduals` are scaled so that it is 1 again.
+`ReducedResiduals` are their coordinates in a subspace, computed from the few lines that determine them.
+
+Both prior and measurement are written as residuals, in coordinates in which the prior is standard normal: a coordinate
+z is the normal quantile of a parameter's fraction of its range.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import qr
+from scipy.special import ndtr, ndtri
+
+from dovetail.assembly import Assembly
+from dovetail.frf import Frf
+from dovetail.inference.fitting import Fit
+from dovetail.inference.posterior.frequency_average import needs_average, unshaped_deviation, weigh
+from dovetail.inference.posterior.model_error import ModelError, error_shapes
+from dovetail.problem.least_squares import Linearisation, SumOfSquares
+from dovetail.problem.observations import Observations
+from dovetail.problem.part_quantities import quantity_derivatives
+from dovetail.problem.residuals import FrfResiduals, ModelFrfs, Residual, StackedResiduals, Weighted
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How far parts may be off, and how accurately residuals are represented in a subspace."""
+
+    most_off: float = 0.3
+    """Largest deviation of a quantity of a known part, as the logarithm of the ratio to its described value."""
+    tolerance: float = 1e-3
+    """Root mean square of the part of a residual vector outside the subspace; its noise is 1."""
+    error_multiple: float = 3.0
+    """Standard deviations of the model's errors that are represented as accurately as the residual vectors."""
+    most_shapes: int = 200
+    """Largest number of vectors of the basis."""
+    least_amplitude: float = 1e-3
+    """Smallest amplitude, over the largest of the response, by which FRFs are divided."""
+
+
+_SETTINGS = Settings()
+
+PRIOR_PRECISION = 12.0
+"""Inverse prior variance of a fraction, a quantile of the parameter's prior, which is uniform from 0 to 1."""
+
+Z_LIMIT = 8.0
+"""Largest coordinate z: in double precision it is the end of a parameter's range."""
+
+_BLOCK = 64
+"""Number of samples whose residuals are in memory at a time."""
+
+
+@dataclass(frozen=True, eq=False)
+class Likelihood:
+    """Residuals of a measurement, and the errors of the model that correlate them.
+
+    Parameters
+    ----------
+    target : Observations
+        In the quantities of the responses.
+    variance : (n_lines,) array
+        E|error|^2 of each line.
+    model : ModelFrfs
+        On the lines that the residuals need.
+    residual : Residual
+        Whitened; averaged over neighbouring lines if the model's errors need that.
+    by_line : StackedResiduals or None
+        The same residuals if they are of single lines, else None.
+    errors : (k, m) array
+        Change of the residuals by one standard deviation of each error of the model.
+    """
+
+    target: Observations
+    variance: NDArray[np.float64]
+    model: ModelFrfs
+    residual: Residual
+    by_line: StackedResiduals[Weighted] | None
+    errors: NDArray[np.float64]
+
+    @property
+    def misfit(self) -> FrfResiduals:
+        """The residuals as functions of the parameters."""
+        return FrfResiduals(self.model, self.residual)
+
+    @property
+    def posterior(self) -> PosteriorResiduals:
+        """The residuals with the model's errors marginalised, and those of the prior."""
+        return PosteriorResiduals(MarginalisedResiduals(self.misfit, self.errors))
+
+    def frf(self, fraction: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return the model's FRFs (n, f) at fractions of the ranges (n, p)."""
+        return self.model.frf(self.model.assemblies[0].from_unit(fraction))
+
+    def log(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the log-likelihood (n,), up to a constant, at fractions of the ranges (n, p)."""
+        blocks = [fraction[first : first + _BLOCK] for first in range(0, max(1, len(fraction)), _BLOCK)]
+        squares = [marginalised_squares(self.misfit.residuals(block), self.errors) for block in blocks]
+        return np.asarray(-np.concatenate(squares) / 2.0)
+
+
+def build_likelihood(
+    assembly: Assembly, measured: Frf | Sequence[Frf], fit: Fit, model_error: ModelError
+) -> Likelihood:
+    """Weight a measurement by its random error and by the errors that the model is allowed.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    measured : Frf or sequence of Frf
+        One for each response, on its frequencies in the assembly.
+    fit : Fit
+        Of the same measurement. Its random error and the lines that it left out are used.
+    model_error : ModelError
+    """
+    model, target = ModelFrfs.of(assembly), Observations.of(assembly, measured)
+    values = model.frf(fit.theta[np.newaxis])[0]
+    shapes = error_shapes(target.frfs, target.split(values), model_error)
+    lines, residual = weigh(target, fit.variance, fit.used, values, model_error)
+
+    def added(changes: NDArray[np.complex128]) -> NDArray[np.float64]:
+        return np.asarray(residual.jacobian(values[np.newaxis, lines], changes[np.newaxis])[0])
+
+    errors = added(np.concatenate(list(shapes.values()))[:, lines])
+    if model_error.quantities:
+        displaced = errors[: len(shapes["natural_frequency"])]  # the first kind
+        displaced = model_error.quantities / model_error.natural_frequency * displaced
+        of_parts = added(quantity_derivatives(assembly, fit.theta, lines))
+        errors = np.concatenate([errors, _scaled_to_errors(of_parts, displaced)])
+    variance = fit.variance + unshaped_deviation(target, values, model_error) ** 2
+    by_line = None if needs_average(model_error) else target.weighted(variance, fit.used)
+    return Likelihood(target, variance, model.at(lines), residual, by_line, errors)
+
+
+def _scaled_to_errors(derivatives: NDArray[np.float64], errors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Scale derivatives by quantities of parts (k, m) so that each is as large as errors (n, m) are together."""
+    wanted = max(float(np.linalg.norm(errors)), np.finfo(float).tiny)
+    sizes = np.linalg.norm(derivatives, axis=1, keepdims=True)
+    return np.asarray(wanted / np.maximum(sizes, wanted / _SETTINGS.most_off) * derivatives)
+
+
+def marginalised_squares(residuals: NDArray[np.float64], errors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return r^T (1 + E^T E)^-1 r for residuals (n, m) and errors of the model E (k, m), (n,)."""
+    along = residuals @ errors.T
+    inner = np.linalg.solve(np.eye(len(errors)) + errors @ errors.T, along.T).T
+    return np.asarray(squared_norms(residuals) - np.einsum("nk,nk->n", along, inner))
+
+
+def squared_norms(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the sums of squares (n,) of vectors (n, k)."""
+    return np.asarray(np.einsum("nk,nk->n", vectors, vectors))
+
+
+class MarginalisedResiduals:
+    """Residuals with the model's errors marginalised: scaled so that their widened covariance is 1 again.
+
+    Parameters
+    ----------
+    misfit : SumOfSquares
+    errors : (k, m) array
+        Change of the residuals by one standard deviation of each error of the model.
+    weight : float
+        Factor of residuals and errors.
+
+    Notes
+    -----
+    Their squares sum to `marginalised_squares`. ``(1 + E^T E)^(-1/2)`` is 1 except in the directions of the errors.
+    """
+
+    def __init__(self, misfit: SumOfSquares, errors: NDArray[np.float64], weight: float = 1.0) -> None:
+        self._misfit, self._weight = misfit, weight
+        _, sizes, self._directions = np.linalg.svd(weight * errors, full_matrices=False)
+        self._reduction = 1.0 - 1.0 / np.sqrt(1.0 + sizes**2)
+
+    def residuals(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return residuals (n, m)."""
+        return self._scaled(self._misfit.residuals(fraction))
+
+    def linearise(self, fraction: NDArray[np.float64]) -> Linearisation:
+        """Return residuals and derivatives."""
+        linear = self._misfit.linearise(fraction)
+        return Linearisation(self._scaled(linear.residuals), self._scaled(linear.jacobian))
+
+    def _scaled(self, residuals: NDArray[np.float64]) -> NDArray[np.float64]:
+        along = residuals @ self._directions.T * self._reduction
+        return np.asarray(self._weight * (residuals - along @ self._directions))
+
+
+class ReducedResiduals:
+    """Coordinates of marginalised residuals in a subspace, computed from the few lines that determine them.
+
+    Parameters
+    ----------
+    likelihood : Likelihood
+        Residuals of all lines of all responses.
+    snapshots : (n, f) complex array
+        FRFs at points all over the region of interest, on the lines of the likelihood's model.
+    origin : (f,) complex array
+        The FRF from which differences are taken.
+
+    Notes
+    -----
+    The basis is that of a singular value decomposition, and its interpolation lines follow from pivoted QR (Drmac and
+    Gugercin, A new selection operator for the discrete empirical interpolation method, 2016); for likelihoods this is
+    known as reduced-order quadrature (Canizares et al., 2013). The part of the residuals outside the subspace does not
+    depend on the parameters. Averages over lines are linear in an FRF with phase, so that the lines that determine the
+    FRF suffice; averages of amplitudes need all lines.
+    """
+
+    def __init__(
+        self, likelihood: Likelihood, snapshots: NDArray[np.complex128], origin: NDArray[np.complex128]
+    ) -> None:
+        errors, at_origin = likelihood.errors, likelihood.residual.of(origin[np.newaxis])[0]
+        differences = likelihood.residual.of(snapshots) - at_origin
+        basis = _basis(np.concatenate([differences, _SETTINGS.error_multiple * errors]))
+        if likelihood.by_line is not None:
+            few = _few_lines(likelihood, likelihood.by_line, basis, at_origin)
+        elif all(frf.has_phase for frf in likelihood.target.frfs):
+            few = _few_lines_of_averages(likelihood, basis, differences, snapshots - origin, origin)
+        else:
+            few = _FewLines(likelihood.model, likelihood.residual, at_origin, basis)
+        self.lines = sum(few.model.counts)
+        self._misfit = FrfResiduals(few.model, few.residual)
+        scaled = _inverse_square_root(np.eye(basis.shape[1]) + (errors @ basis).T @ (errors @ basis))
+        self._to_subspace: NDArray[np.float64] = few.to_basis @ scaled
+        self._at_origin = at_origin @ basis @ scaled
+        self._origin_rows = few.origin
+        self.outside = float(at_origin @ at_origin - np.sum((at_origin @ basis) ** 2))
+
+    def residuals(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return residuals (n, k) in the subspace; with `outside`, their squares sum to `marginalised_squares`."""
+        return self._reduced(self._misfit.residuals(fraction))
+
+    def linearise(self, fraction: NDArray[np.float64]) -> Linearisation:
+        """Return residuals and derivatives in the subspace."""
+        linear = self._misfit.linearise(fraction)
+        return Linearisation(self._reduced(linear.residuals), linear.jacobian @ self._to_subspace)
+
+    def _reduced(self, residuals: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray((residuals - self._origin_rows) @ self._to_subspace + self._at_origin)
+
+
+class _FewLines(NamedTuple):
+    """How the coordinates of residuals in a subspace of k dimensions follow from few lines.
+
+    `residual` are q residuals of a `model` on few lines, `origin` (q,) those of the origin, and `to_basis` (q, k) maps
+    their difference to the coordinates.
+    """
+
+    model: ModelFrfs
+    residual: Residual
+    origin: NDArray[np.float64]
+    to_basis: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class _ScaledValues:
+    """Real and imaginary parts of FRFs over a scale (n_lines,)."""
+
+    scale: NDArray[np.float64]
+
+    def of(self, frf: NDArray[np.complex128]) -> NDArray[np.float64]:
+        return np.asarray(np.ascontiguousarray(frf / self.scale).view(np.float64))
+
+    def jacobian(self, _frf: NDArray[np.complex128], frf_jacobian: NDArray[np.complex128]) -> NDArray[np.float64]:
+        return self.of(frf_jacobian)
+
+
+def _few_lines(
+    likelihood: Likelihood,
+    by_line: StackedResiduals[Weighted],
+    basis: NDArray[np.float64],
+    origin: NDArray[np.float64],
+) -> _FewLines:
+    """Return the lines whose residuals determine the coordinates in a basis best."""
+    lines = by_line.lines_of(_pivots(basis))
+    rows = by_line.residuals_of(lines)
+    to_basis = np.asarray(np.linalg.pinv(basis[rows]).T)
+    return _FewLines(_on_lines(likelihood, lines), by_line.at(lines), origin[rows], to_basis)
+
+
+def _few_lines_of_averages(
+    likelihood: Likelihood,
+    basis: NDArray[np.float64],
+    differences: NDArray[np.float64],
+    of_frf: NDArray[np.complex128],
+    origin: NDArray[np.complex128],
+) -> _FewLines:
+    """Return the lines that determine the FRF, and the map from there to the coordinates of the averages.
+
+    FRFs are scaled so that their differences (n, f) are as large as those of the residuals (n, m).
+    """
+    of_responses = np.split(np.abs(origin), np.cumsum(likelihood.model.counts)[:-1])
+    amplitude = np.concatenate([np.maximum(one, _SETTINGS.least_amplitude * one.max()) for one in of_responses])
+    gain = np.linalg.norm(differences) / max(float(np.linalg.norm(of_frf / amplitude)), np.finfo(float).tiny)
+    scaled = _ScaledValues(amplitude / gain)
+    of_lines = _basis(scaled.of(of_frf))
+    lines = np.unique(_pivots(of_lines) // 2)
+    rows = np.stack([2 * lines, 2 * lines + 1], axis=1).ravel()
+    vectors = np.ascontiguousarray(of_lines.T).view(np.complex128) * scaled.scale
+    added = likelihood.residual.jacobian(origin[np.newaxis], vectors[np.newaxis])[0]
+    to_basis = np.asarray(np.linalg.pinv(of_lines[rows]).T @ (added @ basis))
+    on_few = _ScaledValues(scaled.scale[lines])
+    return _FewLines(_on_lines(likelihood, lines), on_few, on_few.of(origin[np.newaxis, lines])[0], to_basis)
+
+
+def _pivots(basis: NDArray[np.float64]) -> NDArray[np.intp]:
+    return np.asarray(qr(basis.T, mode="r", pivoting=True)[1][: basis.shape[1]])
+
+
+def _on_lines(likelihood: Likelihood, lines: NDArray[np.intp]) -> ModelFrfs:
+    model = likelihood.model.at(lines)
+    for response in model.assemblies:
+        response.engine.threads = 1  # so little work is done before others have begun
+    return model
+
+
+def _inverse_square_root(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return M^(-1/2) of a symmetric M = 1 + A, A positive; eigenvalues below 1 are rounding errors."""
+    values, vectors = np.linalg.eigh(matrix)
+    return np.asarray((vectors / np.sqrt(np.maximum(values, 1.0))) @ vectors.T)
+
+
+def _basis(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return an orthonormal basis (m, k) of the rows, by the eigenvectors of their Gram matrix."""
+    squares, mixing = np.linalg.eigh(vectors @ vectors.T)
+    missing = np.cumsum(np.maximum(squares, 0.0))
+    kept = np.flatnonzero(missing > len(vectors) * _SETTINGS.tolerance**2)[-_SETTINGS.most_shapes :]
+    kept = kept if len(kept) else np.array([len(squares) - 1])
+    return np.linalg.qr(vectors.T @ (mixing[:, kept] / np.sqrt(squares[kept])))[0]
+
+
+@dataclass(frozen=True, eq=False)
+class PosteriorResiduals:
+    """Residuals of prior and measurement, ``[z, r]``. Half their sum of squares is the negative log density of z.
+
+    Parameters
+    ----------
+    misfit : SumOfSquares
+        Of p fractions of the ranges, over which the prior is uniform.
+    """
+
+    misfit: SumOfSquares
+
+    def residuals(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return residuals (n, p + m) at z (n, p)."""
+        return np.concatenate([z, self.misfit.residuals(unit_from_normal(z))], axis=1)
+
+    def linearise(self, z: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return residuals (n, p + m) and their derivatives (n, p, p + m)."""
+        misfit = self.misfit.linearise(unit_from_normal(z))
+        density = normal_density(z)
+        of_prior = np.broadcast_to(np.eye(z.shape[1]), (len(z), z.shape[1], z.shape[1]))
+        jacobian = np.concatenate([of_prior, misfit.jacobian * density[:, :, np.newaxis]], axis=2)
+        return np.concatenate([z, misfit.residuals], axis=1), jacobian
+
+
+def normal_from_unit(fraction: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the normal quantiles z of fractions of the ranges."""
+    return np.asarray(np.clip(ndtri(fraction), -Z_LIMIT, Z_LIMIT))
+
+
+def unit_from_normal(z: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the fractions of the ranges of normal quantiles z."""
+    return np.asarray(ndtr(z))
+
+
+def normal_density(z: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the derivatives of the fractions of the ranges by their normal quantiles z."""
+    return np.asarray(np.exp(-(z**2) / 2.0) / np.sqrt(2.0 * np.pi))

@@ -1,0 +1,235 @@
+"""Search for the modes of the posterior, from the best fit and from points throughout the ranges."""
+
+from __future__ import annotations
+
+import itertools
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from dovetail.assembly import Assembly
+from dovetail.frf import Frf
+from dovetail.inference.fitting import Fit
+from dovetail.inference.posterior.likelihood import (
+    Z_LIMIT,
+    Likelihood,
+    MarginalisedResiduals,
+    PosteriorResiduals,
+    build_likelihood,
+    normal_from_unit,
+    unit_from_normal,
+)
+from dovetail.inference.posterior.model_error import ModelError
+from dovetail.interfaces import Progress, silent
+from dovetail.problem.least_squares import Linearisation, minimise
+from dovetail.problem.residuals import FrfResiduals, ModelFrfs
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Number of searches, the lines of each, and when they end.
+
+    A tolerance is the decrease of the sum of squares in one step at which a search ends.
+    """
+
+    searches: int = 12
+    """Searches from a Latin hypercube over the ranges, in addition to the best fit."""
+    lines: int = 1000
+    """Evenly chosen lines of the FRF for the first searches."""
+    margin: float = 0.02
+    """Distance, as a fraction of a range, that starts keep from its ends, where z becomes infinite."""
+    least_margin: float = 1e-5
+    """Distance of a further start at the best fit: a parameter that is known exactly may lie close to an end."""
+    first_tolerance: float = 1.0
+    first_steps: int = 40
+    """Limits of the first searches, by the logarithms of amplitudes, which need only come near a mode."""
+    tempering: tuple[float, ...] = (0.03, 0.1, 0.3)
+    """Increasing weights of the measurement with which half of the searches approach a mode: less weight widens it."""
+    tempering_steps: int = 25
+    rough_tolerance: float = 0.1
+    rough_steps: int = 100
+    """Limits of the searches on the chosen lines."""
+    refined_modes: int = 8
+    """Largest number of modes on the chosen lines, the best ones, from which the search continues on all lines."""
+    most_orders: int = 24
+    """Largest number of orders of the values of like joints from which a search begins: all of four joints."""
+    same: float = 0.05
+    """Largest difference of coordinates, of which the prior's deviation is 1, at which two ends are the same mode."""
+    tolerance: float = 1e-2
+    steps: int = 100
+    """Limits of the searches on all lines; sampling starts at the modes and does not need them more precisely."""
+
+
+_SETTINGS = Settings()
+
+
+def likelihood_at_mode(
+    assembly: Assembly, measured: Frf | Sequence[Frf], fit: Fit, model_error: ModelError
+) -> tuple[Likelihood, NDArray[np.float64]]:
+    """Build the likelihood with the errors of the model taken at its best FRFs.
+
+    The effect of errors on the FRFs depends on the FRFs themselves, which a fit that does not reach the noise may have
+    wrong. If quantities of parts may be off, the likelihood is therefore built again at the mode near the fit.
+
+    Returns
+    -------
+    Likelihood
+    (p,) array
+        Fractions of the ranges from which the search continues.
+    """
+    fraction = assembly.to_unit(fit.theta)
+    if not model_error.quantities:
+        return build_likelihood(assembly, measured, fit, model_error), fraction
+    likelihood = build_likelihood(assembly, measured, fit, replace(model_error, quantities=0.0))
+    mode = maximise_posterior(likelihood.posterior, starts_near(fraction))[0]
+    fraction = unit_from_normal(mode)
+    there = replace(fit, theta=assembly.from_unit(fraction))
+    return build_likelihood(assembly, measured, there, model_error), fraction
+
+
+def search_modes(
+    assembly: Assembly,
+    likelihood: Likelihood,
+    best: NDArray[np.float64],
+    random: np.random.Generator,
+    progress: Progress = silent,
+) -> NDArray[np.float64]:
+    """Search for the modes of the posterior, from the best fit and from points throughout the ranges.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    likelihood : Likelihood
+    best : (p,) array
+        Fractions of the ranges at the best fit.
+    random : numpy.random.Generator
+    progress : Progress
+        Called after each search.
+
+    Returns
+    -------
+    (n, p) array
+        Normal quantiles of the fractions, the highest mode first. The same mode may occur several times.
+    """
+    of_fit, exchanged = starts_near(best), _within(_exchanged(assembly, best), _SETTINGS.margin)
+    refined = _SETTINGS.refined_modes + len(exchanged)
+    total = _SETTINGS.searches * (3 + len(_SETTINGS.tempering)) + len(exchanged) + len(of_fit) + refined
+    searches = itertools.count(1)
+
+    def callback() -> None:
+        progress("modes", next(searches), total)
+
+    logarithms, tempered = _on_few_lines(assembly, likelihood)
+    points = scipy.stats.qmc.LatinHypercube(len(best), rng=random).random(_SETTINGS.searches)
+    tolerance, most_steps = _SETTINGS.first_tolerance, _SETTINGS.first_steps
+    near = minimise(logarithms, points, tolerance=tolerance, most_steps=most_steps, callback=callback).position
+    direct = cooled = _within(near, _SETTINGS.margin)
+    rough: dict[str, Any] = {"tolerance": _SETTINGS.rough_tolerance, "callback": callback}
+    for weight in _SETTINGS.tempering:
+        cooled = maximise_posterior(tempered(weight), cooled, most_steps=_SETTINGS.tempering_steps, **rough)
+    ends = np.concatenate([direct, cooled, exchanged])
+    ends = maximise_posterior(tempered(1.0), ends, most_steps=_SETTINGS.rough_steps, **rough)
+    ends = ends[[bool((np.abs(ends[:row] - end) > _SETTINGS.same).any(axis=1).all()) for row, end in enumerate(ends)]]
+    modes = maximise_posterior(likelihood.posterior, np.concatenate([of_fit, ends[:refined]]), callback=callback)
+    progress("modes", total, total)  # fewer may have been different
+    return modes
+
+
+def _on_few_lines(
+    assembly: Assembly, likelihood: Likelihood
+) -> tuple[FrfResiduals, Callable[[float], PosteriorResiduals]]:
+    """Return the logarithms' residuals on evenly chosen lines, and the posterior there with a weighted measurement."""
+    step = max(1, len(likelihood.variance) // _SETTINGS.lines)
+    lines = np.arange(step // 2, len(likelihood.variance), step)
+    model = ModelFrfs.of(assembly).at(lines)
+    logarithms = FrfResiduals(model, likelihood.target.at(lines).logarithms(likelihood.variance[lines]))
+    misfit, errors, full_weight = likelihood.misfit, likelihood.errors, 1.0
+    if likelihood.by_line is not None:
+        misfit = FrfResiduals(model, likelihood.by_line.at(lines))
+        errors = errors[:, likelihood.by_line.residuals_of(lines)]
+        full_weight = float(np.sqrt(step))  # with which these lines weigh as much as all
+    return logarithms, lambda weight: PosteriorResiduals(MarginalisedResiduals(misfit, errors, weight * full_weight))
+
+
+def maximise_posterior(
+    posterior: PosteriorResiduals,
+    starts: NDArray[np.float64],
+    *,
+    tolerance: float = _SETTINGS.tolerance,
+    most_steps: int = _SETTINGS.steps,
+    callback: Callable[[], None] = lambda: None,
+) -> NDArray[np.float64]:
+    """Search for a mode from each start z (n, p); return the ends of the searches (n, p), the highest first."""
+    problem, cube = CubeResiduals(posterior), CubeResiduals.from_normal(starts)
+    minimum = minimise(problem, cube, tolerance=tolerance, most_steps=most_steps, callback=callback)
+    return CubeResiduals.to_normal(minimum.position[np.argsort(minimum.cost, kind="stable")])
+
+
+def _exchanged(assembly: Assembly, best: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return copies (n, p) of a point (p,), in fractions of the ranges, with the values of like joints exchanged.
+
+    If branches of a structure are alike, each order of their values may explain an FRF equally well.
+    """
+    of_joint, alike = defaultdict[str, list[int]](list), defaultdict[tuple[object, ...], list[list[int]]](list)
+    named = assembly.description.identified_parameters
+    for number, (joint, _) in enumerate(named):
+        of_joint[joint].append(number)
+    for numbers in of_joint.values():
+        ranges = [(named[n][1], assembly.parameters[n].lower, assembly.parameters[n].upper) for n in numbers]
+        alike[tuple(ranges)].append(numbers)
+    points = []
+    for joints in alike.values():
+        for order in itertools.islice(itertools.permutations(joints), 1, _SETTINGS.most_orders):
+            points.append(best.copy())
+            points[-1][np.concatenate(joints)] = best[np.concatenate(order)]
+    return np.reshape(points, (-1, len(best)))
+
+
+def starts_near(best: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the starts z (n, p) of searches from the best fit, in fractions of the ranges (p,).
+
+    One keeps a distance from the ends of the ranges, where a search hardly moves; if that displaces it, another is
+    at the fit.
+    """
+    return np.unique([_within(best, margin) for margin in (_SETTINGS.margin, _SETTINGS.least_margin)], axis=0)
+
+
+def _within(fraction: NDArray[np.float64], margin: float) -> NDArray[np.float64]:
+    return normal_from_unit(np.clip(fraction, margin, 1.0 - margin))
+
+
+class CubeResiduals:
+    """Residuals of prior and measurement as functions of a position in the unit cube, for the search of modes.
+
+    Parameters
+    ----------
+    posterior : PosteriorResiduals
+    """
+
+    def __init__(self, posterior: PosteriorResiduals) -> None:
+        self._posterior = posterior
+
+    @staticmethod
+    def from_normal(z: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the position in the unit cube of normal quantiles z."""
+        return (z / Z_LIMIT + 1.0) / 2.0
+
+    @staticmethod
+    def to_normal(position: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the normal quantiles z of a position in the unit cube."""
+        return (2.0 * position - 1.0) * Z_LIMIT
+
+    def residuals(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return residuals (n, m) at positions (n, p)."""
+        return self._posterior.residuals(self.to_normal(position))
+
+    def linearise(self, position: NDArray[np.float64]) -> Linearisation:
+        """Return residuals and derivatives at positions (n, p)."""
+        residuals, jacobian = self._posterior.linearise(self.to_normal(position))
+        jacobian *= 2.0 * Z_LIMIT
+        return Linearisation(residuals, jacobian)

@@ -1,0 +1,386 @@
+"""Samples of the posterior.
+
+After a search for the modes, pilot searches explore the region around them, and the misfit is reduced to the few lines
+that this region needs. Randomize-then-optimize then draws independent samples, which are weighted with all lines.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.assembly import Assembly
+from dovetail.frf import Frf
+from dovetail.inference.fitting import Fit
+from dovetail.inference.posterior.distribution import Form, Posterior, check_options
+from dovetail.inference.posterior.laplace import LaplaceApproximation, half_about_the_fit
+from dovetail.inference.posterior.likelihood import (
+    PRIOR_PRECISION,
+    Likelihood,
+    PosteriorResiduals,
+    ReducedResiduals,
+    marginalised_squares,
+    squared_norms,
+    unit_from_normal,
+)
+from dovetail.inference.posterior.mode_search import likelihood_at_mode, maximise_posterior, search_modes
+from dovetail.inference.posterior.model_error import TYPICAL, ModelError
+from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, decorrelate
+from dovetail.inference.posterior.unknown_chain import UnknownChain
+from dovetail.inference.posterior.verdicts import drawn_by_weight
+from dovetail.interfaces import Progress, logged, silent
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How the region of the posterior is explored, and when samples need Metropolis steps."""
+
+    pilots: int = 48
+    """Number of searches in each round of exploration."""
+    pilot_iterations: int = 30
+    scatter: float = 0.3
+    """Distance of the first points from a mode, in standard deviations by the fit's information."""
+    margin: float = 1e-3
+    """Distance of these points from the ends of a range, as a fraction of it."""
+    rounds: tuple[int, int] = (3, 14)
+    """Smallest and largest number of rounds of exploration; they end when the reduced misfit is accurate."""
+    reduction_error: float = 0.05
+    """Largest accepted difference of chi-squared between the reduced misfit and all lines."""
+    region: float = 200.0
+    """Chi-squared above the best one up to which a point is in the region of interest."""
+    most_snapshots: int = 600
+    """Number of FRFs, the latest ones, from which the misfit is reduced."""
+    iterations: int = 200
+    """Largest number of iterations of the search for one sample."""
+    batch: int = 100
+    """Number of searches at a time; each batch starts from the samples of the batches before."""
+    even_weights: float = 0.4
+    """Effective samples over searches above which samples need no Metropolis steps."""
+    uneven_weights: float = 0.1
+    """Effective samples over searches below which a few weights dominate and the largest are clipped."""
+    least_mass: float = 1e-3
+    """Probability about a mode, over the largest about any, below which it is left out."""
+    apart: float = 3.0
+    """Standard deviations from which two modes are separate."""
+    still: float = 0.1
+    """Decrease of chi-squared that the tangent promises below which an end of a search is a mode."""
+    least_ends: float = 0.7
+    """Searches about several modes that must end there; those along one curved valley mostly do not."""
+    weight_quantile: float = 0.975
+    """Quantile at which they are clipped: where the tangent map folds over, single weights are huge."""
+
+
+_SETTINGS = Settings()
+
+
+def sample_posterior(
+    assembly: Assembly,
+    measured: Frf | Sequence[Frf],
+    fit: Fit,
+    *,
+    samples: int = 400,
+    model_error: ModelError = TYPICAL,
+    seed: int = 0,
+    progress: Progress = silent,
+) -> Posterior:
+    """Draw samples of the parameters' posterior, given a measured FRF or one for each response.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        The distributions of its parameters over their ranges, uniform or normal on their scales, are the prior.
+    measured : Frf or sequence of Frf
+        One for each response, on its frequencies in the assembly.
+    fit : Fit
+        Of the same measurement. Its random error and the lines that it left out are used.
+    samples : int
+        Number of searches, each for one sample.
+    model_error : ModelError
+        Errors that the model is allowed; 0 for an exact model. The measurement cannot show small ones, since the
+        parameters compensate for them.
+    seed : int
+    progress : Progress
+
+    Returns
+    -------
+    Posterior
+
+    Raises
+    ------
+    ParameterError
+        An option is out of its range.
+
+    Notes
+    -----
+    The posterior is a narrow, curved valley, along which the walkers of a Markov chain hardly move. Here, each sample
+    is the end of a separate search, weighted by the ratio of posterior to sampling density. If the weights are uneven,
+    since the tangent map folds over, samples are drawn by weight and moved by Metropolis steps until they are
+    independent of their starts.
+    """
+    check_options(samples)
+    chain = UnknownChain.of(assembly, measured, fit, model_error) if model_error.background else None
+    if chain is not None:
+        posterior = sample_posterior(
+            chain.assembly,
+            measured,
+            chain.fit,
+            samples=samples,
+            model_error=chain.model_error,
+            seed=seed,
+            progress=progress,
+        )
+        return chain.without(posterior)
+    progress("modes", 0, 1)
+    with logged(__name__, "modes of the posterior"):
+        likelihood, best = likelihood_at_mode(assembly, measured, fit, model_error)
+        random = np.random.default_rng([seed, 3])
+        modes = search_modes(assembly, likelihood, best, random, progress)
+    began = time.perf_counter()
+    with logged(__name__, f"{samples} samples of the posterior"):
+        sampler = _Sampler(likelihood, modes, fit.information, np.random.default_rng([seed, 2]), progress)
+        z, log_weight = sampler.search(samples)
+        converged = len(z)
+        if _effective_sample_size(log_weight) < _SETTINGS.even_weights * samples:
+            z, log_weight = sampler.move(z, log_weight, samples)
+    weight = np.exp(log_weight - log_weight.max())
+    if model_error.quantities:
+        z, weight = half_about_the_fit(assembly, measured, fit, model_error, z, weight, seed)
+    fraction = unit_from_normal(z)
+    return Posterior.from_fractions(
+        assembly,
+        fraction,
+        weight / weight.sum(),
+        model_error=model_error,
+        searches=round(len(weight) * samples / max(converged, 1)),
+        lines=sampler.lines,
+        seconds=time.perf_counter() - began,
+        log_likelihood=likelihood.log(fraction),
+    )
+
+
+class _Sampler:
+    """Explores the region of one posterior and draws samples z of it.
+
+    Parameters
+    ----------
+    likelihood : Likelihood
+    modes : (n, p) array
+        Modes of the posterior as normal quantiles of the fractions of the ranges, the highest first.
+    information : (p, p) array
+        Fisher information of the fractions at the best fit.
+    random : numpy.random.Generator
+    progress : Progress
+    """
+
+    def __init__(
+        self,
+        likelihood: Likelihood,
+        modes: NDArray[np.float64],
+        information: NDArray[np.float64],
+        random: np.random.Generator,
+        progress: Progress,
+    ) -> None:
+        self._likelihood = likelihood
+        self._random, self._progress = random, progress
+        log_posterior = self._log_posterior(modes)
+        self._modes = self._points = modes[log_posterior >= log_posterior.max() - _SETTINGS.region / 2.0]
+        origin = likelihood.frf(unit_from_normal(self._points[:1]))[0]
+        snapshots = self._first_snapshots(unit_from_normal(self._points), information)
+        for number in range(1, _SETTINGS.rounds[1] + 1):
+            progress("exploration", number - 1, _SETTINGS.rounds[1])
+            reduced = ReducedResiduals(likelihood, snapshots, origin)
+            self._adopt(reduced)
+            target, starts = self._starts(_SETTINGS.pilots, self._tangent_map, self._points)
+            pilots, _ = self._tangent_map.solve(target, starts, _SETTINGS.pilot_iterations)
+            fraction = unit_from_normal(pilots.z)
+            frfs, on_few = likelihood.frf(fraction), reduced.residuals(fraction)
+            squares = marginalised_squares(likelihood.residual.of(frfs), likelihood.errors)
+            error = np.abs(squared_norms(on_few) + reduced.outside - squares)
+            near = squares <= squares.min() + _SETTINGS.region
+            self._points = np.concatenate([self._points, pilots.z[near]])
+            if number >= _SETTINGS.rounds[0] and error[near].max(initial=0.0) < _SETTINGS.reduction_error:
+                break
+            snapshots = np.concatenate([snapshots, frfs[near]])[-_SETTINGS.most_snapshots :]
+        self.lines = reduced.lines
+
+    def _first_snapshots(self, modes: NDArray[np.float64], information: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return the FRFs at the modes, given as fractions of the ranges, and at points scattered around them."""
+        values, vectors = np.linalg.eigh(information + PRIOR_PRECISION * np.eye(modes.shape[1]))
+        steps = self._random.standard_normal((_SETTINGS.pilots, len(values))) / np.sqrt(
+            np.maximum(values, PRIOR_PRECISION)
+        )
+        scattered = modes[np.arange(len(steps)) % len(modes)] + _SETTINGS.scatter * (steps @ vectors.T)
+        points = np.concatenate([modes, scattered])
+        return self._likelihood.frf(np.clip(points, _SETTINGS.margin, 1.0 - _SETTINGS.margin))
+
+    def _adopt(self, reduced: ReducedResiduals) -> None:
+        """Replace the residuals by these reduced ones, with their mode and the tangent map there."""
+        self._posterior = PosteriorResiduals(reduced)
+        residuals = self._posterior.residuals(self._points)
+        best = self._points[[np.argmin(squared_norms(residuals))]]
+        self._mode = maximise_posterior(self._posterior, best, tolerance=1e-3)
+        self._tangent_map = TangentMap(self._posterior, LinearisedPoints.at(self._posterior, self._mode))
+        self._points = np.concatenate([self._points, self._mode])
+
+    def _starts(
+        self, count: int, tangent_map: TangentMap, points: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], LinearisedPoints]:
+        """Return randomly drawn components (n, p), and for each the point whose components are the nearest."""
+        target = self._random.standard_normal((count, self._mode.shape[1]))
+        components = tangent_map.components(self._posterior.residuals(points))
+        squares = squared_norms(components) - 2.0 * target @ components.T
+        return target, LinearisedPoints.at(self._posterior, points[np.argmin(squares, axis=1)])
+
+    def search(self, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the ends z of the searches that converged, and the logarithms of their weights.
+
+        The searches are shared out to the separate modes. Those about each have a map and starts of their own, and
+        only ends that are nearest to it count: one map for all would reach a part of each mode only. A curved valley
+        has many points that seem to be modes, but searches about them end elsewhere: it takes one map.
+        """
+        modes = self._separate()
+        z, log_weight = self._search_about(modes, count)
+        if len(modes.z) == 1 or len(z) > _SETTINGS.least_ends * count:
+            return z, log_weight
+        return self._search_about(LinearisedPoints.at(self._posterior, self._mode), count)
+
+    def _search_about(self, modes: LinearisedPoints, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        z, log_weight = self._mode[:0], np.empty(0)
+        for number, share, tangent_map in _shares(self._posterior, modes, count):
+            for first in range(0, share, _SETTINGS.batch):
+                self._progress("samples", len(z), count)
+                about = np.concatenate([modes.z[[number]], self._points[_nearest(modes, self._points) == number]])
+                target, starts = self._starts(min(_SETTINGS.batch, share - first), tangent_map, about)
+                ends, log_density = _ends_about(modes, number, tangent_map, target, starts)
+                self._points, z = np.concatenate([self._points, ends.z]), np.concatenate([z, ends.z])
+                log_weight = np.concatenate([log_weight, self._log_posterior(ends.z) - log_density - np.log(share)])
+        self._progress("samples", count, count)
+        mixed = _mixed(len(z), modes, self._random)
+        return z[mixed], log_weight[mixed]
+
+    def _separate(self) -> LinearisedPoints:
+        """Return the separate modes of the reduced posterior; the highest alone if there are no others."""
+        others = maximise_posterior(self._posterior, self._modes, tolerance=1e-3)
+        ends = LinearisedPoints.at(self._posterior, np.concatenate([self._mode, others]))
+        steps = squared_norms(TangentMap(self._posterior, ends).components(ends.residuals))
+        modes = _separate_modes(ends.at_rows(np.flatnonzero(steps < _SETTINGS.still)))
+        return modes if len(modes.z) > 1 else LinearisedPoints.at(self._posterior, self._mode)
+
+    def move(
+        self, z: NDArray[np.float64], log_weight: NDArray[np.float64], count: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return samples drawn by weight and moved by Metropolis steps, and the logarithms of their new weights."""
+        if not len(z):
+            z, log_weight = self._mode, np.zeros(1)
+        chosen = drawn_by_weight(_clipped(log_weight, count), count, self._random)
+        start = LinearisedPoints.at(self._posterior, z[chosen])
+        points = decorrelate(self._posterior, start, self._random, self._progress)
+        return points.z, self._log_posterior(points.z) - points.log_posterior
+
+    def _log_posterior(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the log density (n,), up to a constant, of z (n, p), from all lines."""
+        return np.asarray(self._likelihood.log(unit_from_normal(z)) - squared_norms(z) / 2.0)
+
+
+def draw(
+    posterior: PosteriorResiduals, modes: NDArray[np.float64], form: Form, count: int, seed: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    """Return samples z (n, p) of a posterior with few residuals, their weights, and the parameters that they misjudge.
+
+    Parameters
+    ----------
+    posterior : PosteriorResiduals
+    modes : (n_modes, p) array
+        Starts of the searches, the highest mode first.
+    form, count, seed
+        As in `sample_posterior` and `laplace_posterior`.
+    """
+    reliable, even = np.zeros(modes.shape[1], dtype=np.bool_), np.full(count, 1.0 / count)
+    if form == "laplace":
+        approximation = LaplaceApproximation.at(posterior, modes[0])
+        return approximation.draw(count, seed), even, approximation.unreliable
+    random, separate = np.random.default_rng([seed, 8]), _separate_modes(LinearisedPoints.at(posterior, modes))
+    about, log_weights = [], []
+    for number, share, tangent_map in _shares(posterior, separate, count):
+        target, starts = random.standard_normal((share, modes.shape[1])), separate.at_rows(np.full(share, number))
+        ends, log_density = _ends_about(separate, number, tangent_map, target, starts)
+        about.append(ends)
+        log_weights.append(ends.log_posterior - log_density - np.log(share))
+    points, log_weight = LinearisedPoints.joined(about), np.concatenate(log_weights)
+    if not len(log_weight):
+        points, log_weight = separate, separate.log_posterior
+    mixed = _mixed(len(log_weight), separate, random)
+    points, log_weight = points.at_rows(mixed), log_weight[mixed]
+    if _effective_sample_size(log_weight) < _SETTINGS.even_weights * count:
+        chosen = drawn_by_weight(_clipped(log_weight, count), count, random)
+        return decorrelate(posterior, points.at_rows(chosen), random).z, even, reliable
+    weight = np.exp(log_weight - log_weight.max())
+    return points.z, weight / weight.sum(), reliable
+
+
+def _separate_modes(modes: LinearisedPoints) -> LinearisedPoints:
+    """Return the modes that are not within one another's Gaussians, except those of hardly any probability."""
+    precision = modes.jacobian @ modes.jacobian.transpose(0, 2, 1)
+    log_mass = modes.log_posterior - np.linalg.slogdet(precision)[1] / 2.0
+    kept: list[int] = []
+    for number in np.argsort(-log_mass).tolist():
+        likely = log_mass[number] > log_mass.max() + np.log(_SETTINGS.least_mass)
+        others = modes.at_rows(np.array(kept, dtype=np.intp))
+        if likely and (_distances(others, modes.z[[number]]) > _SETTINGS.apart**2).all():
+            kept.append(number)
+    return modes.at_rows(np.array(kept, dtype=np.intp))
+
+
+def _distances(modes: LinearisedPoints, z: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the squared distances (n, n_modes) of points from modes, in standard deviations of each."""
+    moved = np.einsum("pkd,kdm->pkm", z[:, np.newaxis] - modes.z, modes.jacobian)
+    return np.asarray(np.einsum("pkm,pkm->pk", moved, moved))
+
+
+def _nearest(modes: LinearisedPoints, z: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return the numbers (n,) of the modes to which points are nearest."""
+    return np.asarray(np.argmin(_distances(modes, z), axis=1))
+
+
+def _shares(
+    posterior: PosteriorResiduals, modes: LinearisedPoints, count: int
+) -> Iterator[tuple[int, int, TangentMap]]:
+    """Yield the number of each mode, how many of the searches begin about it, and the tangent map there."""
+    for number, share in enumerate(np.bincount(np.arange(count) % len(modes.z)).tolist()):
+        yield number, share, TangentMap(posterior, modes.at_rows(np.array([number])))
+
+
+def _ends_about(
+    modes: LinearisedPoints,
+    number: int,
+    tangent_map: TangentMap,
+    target: NDArray[np.float64],
+    starts: LinearisedPoints,
+) -> tuple[LinearisedPoints, NDArray[np.float64]]:
+    """Return the ends of searches from one of several modes, those nearest to it, and their log densities."""
+    ends, converged = tangent_map.solve(target, starts, _SETTINGS.iterations)
+    ends = ends.at_rows(np.flatnonzero(converged & (_nearest(modes, ends.z) == number)))
+    return ends, tangent_map.log_density(ends)
+
+
+def _mixed(count: int, modes: LinearisedPoints, random: np.random.Generator) -> NDArray[np.intp]:
+    """Return an order of samples in which each half has those of all modes."""
+    return random.permutation(count) if len(modes.z) > 1 else np.arange(count)
+
+
+def _clipped(log_weight: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """Return the weights of samples, the largest of them clipped if a few dominate."""
+    if _effective_sample_size(log_weight) < _SETTINGS.uneven_weights * count:
+        log_weight = np.minimum(log_weight, np.quantile(log_weight, _SETTINGS.weight_quantile))
+    return np.asarray(np.exp(log_weight - log_weight.max()))
+
+
+def _effective_sample_size(log_weight: NDArray[np.float64]) -> float:
+    if not len(log_weight):
+        return 0.0
+    weight = np.exp(log_weight - log_weight.max())
+    return float(weight.sum() ** 2 / np.sum(weight**2))

@@ -1,0 +1,390 @@
+"""Noise and variability on training FRFs, so that the network learns what a measurement looks like.
+
+`Augmentation` makes a noisy FRF of a clean one, `NoisyFeatures` the features of all training FRFs for an epoch;
+`ReducedEpochs` and `FreshEpochs` are what the regressor is trained with.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.assembly import Assembly, AugmentationSection
+from dovetail.dataset import latin_hypercube
+from dovetail.errors import DatasetError, Fault, FileError, MeasurementError, PluginError
+from dovetail.measurement import read_frf
+from dovetail.network.pipeline import Pair, Reduction
+from dovetail.network.preprocessing import accelerances, log10p1
+from dovetail.parallel import cores
+from dovetail.problem.random_error import MeasuredNoise
+
+TRAINING_TOLERANCE = 1e-7
+"""Estimated relative error of FRFs that are interpolated for a training alone: features have single precision."""
+
+_CHOICE_STREAM = 4
+"""Keeps the choice among samples apart from other random numbers of the same seed."""
+
+_LIKE = "identification.augmentation.like"
+
+_MOST_BYTES = 1e9
+"""Of the features that are kept to be drawn again."""
+
+_NOISE_DECADES = 3.0
+"""By which the level of additive noise varies, below its greatest value: from a bad measurement to a good one."""
+
+_NOISE_STREAM, _SAMPLE_STREAM = 2, 3
+"""Keep the random numbers of the noise and of fresh samples apart from those of the split, which has the same seed."""
+
+_ROWS = 512
+"""FRFs to which noise is added at a time, with a generator each: epochs are the same on any number of cores."""
+
+
+def measured_noises(assembly: Assembly) -> list[MeasuredNoise | None]:
+    """Read the measurements whose noise the description's `augmentation` names, one for each response.
+
+    Raises
+    ------
+    MeasurementError, FileError
+        A file is not one FRF, or not within the band; or there are neither one of them nor as many as responses.
+    """
+    settings, count = assembly.description.identification.augmentation, len(assembly.description.responses)
+    if settings is None or not settings.like:
+        return [None] * count
+    files = (settings.like,) if isinstance(settings.like, str) else settings.like
+    index = settings.like_index
+    indices = index if isinstance(index, tuple) else (index,) * len(files)
+    if len(files) not in (1, count) or len(indices) != len(files):
+        problem = f"{len(files)} files and {len(indices)} indices were given for {count} responses."
+        raise MeasurementError(Fault(_LIKE, problem, "one file for all responses or one for each, and an index each"))
+    try:
+        frfs = [read_frf(file, index=index) for file, index in zip(files, indices, strict=True)]
+        noises = [MeasuredNoise.of(frf, assembly.frequency) for frf in frfs]
+    except (MeasurementError, FileError) as error:
+        fault = error.faults[0]
+        remedy = "Say which by 'like_index', from 1." if "one is wanted" in fault.problem else fault.remedy
+        raise type(error)(Fault(f"{_LIKE}  {fault.where}", fault.problem, fault.accepted, remedy)) from None
+    return [*noises] if len(noises) == count else [noises[0]] * count
+
+
+@dataclass(frozen=True, eq=False)
+class Augmentation:
+    """Makes noisy FRFs of clean ones, with other random numbers each time.
+
+    Parameters
+    ----------
+    settings : AugmentationSection
+        Kinds and levels of noise.
+    frequency : (n_freq,) array
+        Hz.
+    deviation : float
+        Standard deviation of all training amplitudes, the unit of additive noise [m/(N s^2)].
+    measured : MeasuredNoise, optional
+        Noise of a measurement.
+    """
+
+    settings: AugmentationSection
+    frequency: NDArray[np.float64]
+    deviation: float
+    measured: MeasuredNoise | None = None
+
+    @property
+    def needs_phase(self) -> bool:
+        """Whether the accelerance's phase is needed: a remaining sensor mass cannot be added to an amplitude."""
+        return self.settings.mass > 0
+
+    def __call__(self, accelerance: NDArray[np.number], generator: np.random.Generator) -> NDArray[np.float32]:
+        """Return amplitudes with noise.
+
+        Parameters
+        ----------
+        accelerance : (n_samples, n_freq) array
+            Amplitude, or complex where `needs_phase`.
+        generator : numpy.random.Generator
+
+        Returns
+        -------
+        (n_samples, n_freq) float32 array
+            m/(N s^2), not negative.
+        """
+        amplitude = self._add_sensor_mass(accelerance, generator)
+        rows = (len(amplitude), 1)
+        amplitude = self._stretch(amplitude, generator)
+        amplitude *= (1 + self.settings.gain * generator.standard_normal(rows)).astype(np.float32)
+        self._add_noise(amplitude, generator)
+        if self.measured is not None:
+            level = 10.0 ** (self.settings.like_decades * (generator.random(rows) - 0.5))
+            self.measured.add(amplitude, level.astype(np.float32), generator)
+        self._spoil_lines(amplitude, generator)
+        return np.abs(amplitude, out=amplitude)
+
+    def _add_sensor_mass(self, accelerance: NDArray[np.number], generator: np.random.Generator) -> NDArray[np.float32]:
+        """Load the drive point with the remaining mass m of the accelerometer: A / (1 + m A)."""
+        if not self.needs_phase:
+            return accelerance.astype(np.float32)
+        mass = self.settings.mass * generator.standard_normal((len(accelerance), 1))
+        return np.asarray(np.abs(accelerance / (1 + mass * accelerance)), dtype=np.float32)
+
+    def _stretch(self, amplitude: NDArray[np.float32], generator: np.random.Generator) -> NDArray[np.float32]:
+        if self.settings.stretch == 0:
+            return amplitude
+        factors = 1 + self.settings.stretch * generator.standard_normal(len(amplitude))
+        stretched = [
+            np.interp(self.frequency / factor, self.frequency, row)
+            for factor, row in zip(factors, amplitude, strict=True)
+        ]
+        return np.array(stretched, dtype=np.float32)
+
+    def _add_noise(self, amplitude: NDArray[np.float32], generator: np.random.Generator) -> None:
+        """Add multiplicative and additive noise, in place."""
+        multiplicative = self._multiplicative_level(len(amplitude), generator)
+        if self.settings.circular > 0:
+            additive = self._additive_level(len(amplitude), generator)
+            deviation = np.sqrt(np.square(multiplicative * amplitude) + np.square(additive))
+            is_circular = generator.random((len(amplitude), 1)) < self.settings.circular
+            in_phase, quadrature = (
+                np.sqrt(share, dtype=np.float32) * generator.standard_normal(amplitude.shape, dtype=np.float32)
+                for share in (np.where(is_circular, 0.5, 1.0), np.where(is_circular, 0.5, 0.0))
+            )
+            np.sqrt(np.square(amplitude + deviation * in_phase) + np.square(deviation * quadrature), out=amplitude)
+            return
+        if self.settings.multiplicative > 0:
+            amplitude *= 1 + multiplicative * generator.standard_normal(amplitude.shape, dtype=np.float32)
+        if self.settings.additive > 0:
+            additive = self._additive_level(len(amplitude), generator)
+            amplitude += additive * generator.standard_normal(amplitude.shape, dtype=np.float32)
+
+    def _multiplicative_level(self, rows: int, generator: np.random.Generator) -> NDArray[np.float32]:
+        """Draw each row's standard deviation (rows, 1) over the amplitude."""
+        if self.settings.multiplicative == 0:
+            return np.zeros((rows, 1), np.float32)
+        drawn, decades = generator.random((rows, 1)), self.settings.multiplicative_decades
+        level = self.settings.multiplicative * (10.0 ** (-decades * drawn) if decades else drawn)
+        return np.asarray(level, dtype=np.float32)
+
+    def _additive_level(self, rows: int, generator: np.random.Generator) -> NDArray[np.float32]:
+        """Draw each row's standard deviation (rows, 1) [m/(N s^2)]."""
+        if self.settings.additive == 0:
+            return np.zeros((rows, 1), np.float32)
+        level = self.settings.additive * 10.0 ** (-_NOISE_DECADES * generator.random((rows, 1)))
+        level[generator.random((rows, 1)) < self.settings.clean] = 0.0
+        return (level * self.deviation).astype(np.float32)
+
+    def _spoil_lines(self, amplitude: NDArray[np.float32], generator: np.random.Generator) -> None:
+        if self.settings.bad_lines > 0:
+            share = self.settings.bad_lines * generator.random((len(amplitude), 1))
+            bad = generator.random(amplitude.shape, dtype=np.float32) < share
+            amplitude[bad] *= 10.0 ** generator.uniform(-1.0, 1.0, np.count_nonzero(bad)).astype(np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class NoisyFeatures:
+    """Features of the training FRFs with noise, as a function of the epoch.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Its description's `augmentation` states the noise, and its seed determines every epoch.
+    clean : (n_samples, n_responses n_freq) float32 or complex64 array
+        Accelerance without noise, amplitudes or with phases, all responses side by side. Fresh samples replace them.
+    theta : (n_samples, n_params) array
+        SI.
+    augmentations : sequence of Augmentation
+        One for each response, whose noise is independent of the others'.
+    """
+
+    assembly: Assembly
+    clean: NDArray[np.number]
+    theta: NDArray[np.float64]
+    augmentations: Sequence[Augmentation]
+
+    @classmethod
+    def of(cls, assembly: Assembly, clean: NDArray[np.number], theta: NDArray[np.float64]) -> Self:
+        """Take the unit of the noise, the standard deviation of each response's amplitudes, from the training samples.
+
+        Raises
+        ------
+        DatasetError
+            A remaining mass is asked for, which needs phases, but `clean` has none and samples are not drawn afresh.
+        MeasurementError, FileError
+            As in `measured_noises`.
+        """
+        settings = assembly.description.identification.augmentation
+        assert settings is not None
+        responses = np.split(clean, len(assembly.description.responses), axis=1)
+        augmentations = [
+            Augmentation(settings, assembly.frequency, _deviation(response), measured)
+            for response, measured in zip(responses, measured_noises(assembly), strict=True)
+        ]
+        if augmentations[0].needs_phase and not settings.fresh and not np.iscomplexobj(clean):
+            problem = "the mass left at the drive point needs the phase of each FRF, and the dataset holds amplitudes."
+            remedy = "Generate it with --storage complex, or set 'fresh: true', or 'mass: 0'."
+            raise DatasetError(Fault("identification.augmentation", problem, remedy=remedy))
+        return cls(assembly, clean, theta, augmentations)
+
+    @property
+    def fresh(self) -> bool:
+        """Whether every epoch draws new samples from the engine."""
+        return self.augmentations[0].settings.fresh
+
+    @property
+    def seed(self) -> int:
+        """The seed of all random numbers."""
+        return self.assembly.description.identification.seed
+
+    @property
+    def reuse(self) -> int:
+        """Average number of times that a fresh sample is used."""
+        return self.augmentations[0].settings.reuse
+
+    @property
+    def copies(self) -> int:
+        """Number of different epochs if each is costly to reduce."""
+        return self.augmentations[0].settings.copies
+
+    def __call__(self, epoch: int, count: int | None = None) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+        """Return features (n_samples, n_responses n_freq) and parameters (n_samples, n_params) of an epoch.
+
+        There are `count` fresh samples, by default as many as training samples.
+        """
+        return self._made(epoch, count, log10p1)
+
+    def amplitudes(self, epoch: int, count: int) -> Pair:
+        """Return amplitudes (n_samples, n_responses n_freq) [m/(N s^2)] of fresh samples, and their parameters."""
+        return self._made(epoch, count, np.positive)
+
+    def _made(
+        self, epoch: int, count: int | None, write: Callable[..., object]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+        """Return noisy amplitudes, transformed by `write`, and the parameters."""
+        theta, seed = self.theta, self.seed
+        if self.fresh:
+            theta = latin_hypercube(self.assembly, count or len(theta), (seed, _SAMPLE_STREAM, epoch))
+        features = np.empty((len(theta), self.clean.shape[1]), dtype=np.float32)
+
+        def fill(block: int, clean: NDArray[np.number]) -> None:
+            generator = np.random.default_rng([seed, _NOISE_STREAM, epoch, block])
+            noisy = with_noise(clean, self.augmentations, generator)
+            write(noisy, out=features[block * _ROWS : block * _ROWS + len(noisy)])
+
+        with ThreadPoolExecutor(cores()) as pool:
+            for future in [pool.submit(fill, block, clean) for block, clean in enumerate(self._clean_blocks(theta))]:
+                future.result()
+        return features, theta
+
+    def _clean_blocks(self, theta: NDArray[np.float64]) -> Iterator[NDArray[np.number]]:
+        """Yield the clean FRFs of the samples, block by block."""
+        for start in range(0, len(theta), _ROWS):
+            rows = slice(start, start + _ROWS)
+            if not self.fresh:
+                yield self.clean[rows]
+            else:
+                yield accelerances(self._source, theta[rows], phase=self.augmentations[0].needs_phase)
+
+    @cached_property
+    def _source(self) -> Assembly:
+        """Computes fresh samples."""
+        return self.assembly.interpolated(TRAINING_TOLERANCE)
+
+
+def with_noise(
+    clean: NDArray[np.number], augmentations: Sequence[Augmentation], generator: np.random.Generator
+) -> NDArray[np.float32]:
+    """Return amplitudes with noise (n, n_responses n_freq); that of each response is independent of the others'."""
+    pairs = zip(augmentations, np.split(clean, len(augmentations), axis=1), strict=True)
+    return np.concatenate([augmentation(response, generator) for augmentation, response in pairs], axis=1)
+
+
+def _deviation(accelerance: NDArray[np.number]) -> float:
+    """Return the standard deviation of all amplitudes, without a second copy of them where they are stored as such."""
+    amplitude = np.abs(accelerance) if np.iscomplexobj(accelerance) else accelerance
+    return float(np.std(amplitude, dtype=np.float64))
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedEpochs:
+    """The dataset's FRFs, with new noise in every epoch.
+
+    Parameters
+    ----------
+    noisy : NoisyFeatures
+    reduction : Reduction
+
+    Notes
+    -----
+    If the reduced features of `copies` epochs take no more memory than the FRFs of one, so many epochs are stored and
+    used in turn. Otherwise each epoch is made when it is needed.
+    """
+
+    noisy: NoisyFeatures
+    reduction: Reduction
+    _stored: dict[int, Pair] = field(default_factory=dict, init=False)
+
+    def __call__(self, epoch: int) -> Pair:
+        """Return features and targets."""
+        number = epoch % self.noisy.copies
+        if number in self._stored:
+            return self._stored[number]
+        features, theta = self.noisy(epoch)
+        pair = self.reduction(features, theta)
+        if self.noisy.copies * pair[0].shape[1] <= features.shape[1]:
+            self._stored[number] = pair
+        return pair
+
+
+class FreshEpochs:
+    """FRFs of new samples, made when an epoch is asked for: a training uses all cores, and both would wait.
+
+    Each epoch after the first replaces one of `reuse` segments of the rows. The rows of the others are drawn from all
+    samples that their place has had, so that the first epoch's rows, of which a regressor holds some back for its
+    validation, are at their own place or nowhere.
+
+    Parameters
+    ----------
+    noisy : NoisyFeatures
+        Of fresh samples.
+    reduction : Reduction
+    first : Pair
+        Of the first epoch.
+    """
+
+    def __init__(self, noisy: NoisyFeatures, reduction: Reduction, first: Pair) -> None:
+        self._noisy, self._reduction = noisy, reduction
+        reuse = min(noisy.reuse, len(first[0]))
+        bounds = np.linspace(0, len(first[0]), reuse + 1).astype(int).tolist()
+        self._segments = [slice(start, stop) for start, stop in itertools.pairwise(bounds)]
+        most = max(int(_MOST_BYTES / first[0].nbytes), 1) if reuse > 1 else 1
+        self._kept = [deque([(first[0][rows], first[1][rows])], maxlen=most) for rows in self._segments]
+        self._epoch = 0
+
+    def __call__(self, epoch: int) -> Pair:
+        """Return features and targets of an epoch: the last one that was asked for, or a later one."""
+        if epoch < self._epoch:
+            problem = f"fit_epochs asked for the epoch {epoch} after {self._epoch}, and fresh samples are not kept."
+            raise PluginError(Fault("", problem, remedy="Ask for epochs in their order."))
+        while self._epoch < epoch:
+            number = self._epoch % len(self._segments)
+            self._epoch += 1
+            rows = self._segments[number]
+            self._kept[number].append(self._reduction(*self._noisy(self._epoch, rows.stop - rows.start)))
+        generator = np.random.default_rng([self._noisy.seed, _CHOICE_STREAM, epoch])
+        drawn = [_draw(kept, generator) for kept in self._kept]
+        features, targets = (np.concatenate(parts) for parts in zip(*drawn, strict=True))
+        return features, targets
+
+
+def _draw(kept: deque[Pair], generator: np.random.Generator) -> Pair:
+    """Draw for each row one of the samples that its place has had."""
+    features, targets = kept[0][0].copy(), kept[0][1].copy()
+    chosen = generator.integers(len(kept), size=len(features))
+    for number in range(1, len(kept)):
+        rows = chosen == number
+        features[rows], targets[rows] = kept[number][0][rows], kept[number][1][rows]
+    return features, targets

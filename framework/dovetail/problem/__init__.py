@@ -1,0 +1,1 @@
+"""The identification problem: observations with their random error, and the model as functions of the parameters."""
