@@ -143,7 +143,7 @@ def word(result: dovetail.Identification) -> str:
     adequacy = getattr(result, "adequacy", None)
     if adequacy is not None:
         return str(adequacy.word)
-    return "to the noise" if result.believable else "not believed"
+    return "to the noise" if result.is_trustworthy else "not trustworthy"
 
 
 def row(name: str, cases: list[Case]) -> str:

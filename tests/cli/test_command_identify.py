@@ -437,10 +437,10 @@ def test_several_files_are_a_batch(run, bench, tmp_path):
     }
     page = (out / "summary.html").read_text()
     assert '<a href="b_1.csv.html">b=1.csv</a>' in page
-    assert page.count("not believed</span>") == 2  # of tripled.csv, at each of the two parameters
+    assert page.count("not trustworthy</span>") == 2  # of tripled.csv, at each of the two parameters
     with (out / "parameters.csv").open() as stream:
         table = list(csv.DictReader(stream))
-    assert [(row["measurement"], row["name"], row["believable"]) for row in table] == [
+    assert [(row["measurement"], row["name"], row["is_trustworthy"]) for row in table] == [
         (name, parameter, str(name != "tripled.csv"))
         for name in ("a.csv", "b=1.csv", "tripled.csv")
         for parameter in ("k", "c")

@@ -31,7 +31,7 @@ def test_the_table_the_modes_and_what_frequencies_do_not_tell(run, modes, tmp_pa
     names = sorted(file.name for file in (tmp_path / "result").iterdir())
     assert names == ["SHA256SUMS", "modes.csv", "parameters.csv", "result.json"]
     stored = json.loads((tmp_path / "result" / "result.json").read_text())
-    assert (stored["method"], stored["believable"]) == ("modal parameters", True)
+    assert (stored["method"], stored["is_trustworthy"]) == ("modal parameters", True)
     assert [row["name"] for row in stored["table"]] == ["k", "c", "response.gain", "response.delay"]
     header, row = (tmp_path / "result" / "modes.csv").read_text().splitlines()
     assert header == "natural_frequency,damping_ratio,measured_frequency,measured_damping"
@@ -77,7 +77,7 @@ def test_what_was_written_is_read_back_and_predicts(run, modes, tmp_path):
 def test_a_table_that_the_model_cannot_follow_ends_with_three(run, modes):
     modes.write_text(TABLE.replace("212.1", "21.21"))
     output = run("identify", OSCILLATOR, modes, "--form", "laplace", "--json", code=3).output
-    assert '"believable": false' in output
+    assert '"is_trustworthy": false' in output
 
 
 def test_options_of_an_frf_do_not_go_with_it(run, modes):

@@ -98,7 +98,7 @@ def test_your_own_measurement_is_described_mended_and_identified(tmp_path, type_
     }
     assert run_page("own_measurement.md", tmp_path, type_line, smaller) == 6
     draft, mine = (dovetail.load_result(tmp_path / name) for name in ("wrong", "results"))
-    assert (draft.believable, mine.believable) == (False, True)
+    assert (draft.is_trustworthy, mine.is_trustworthy) == (False, True)
     truth = dovetail.read_truth(tmp_path / "assemblies/measurements/shaft_hub.truth.json", mine.parameters.values())
     assert mine.parameters["k"].value == pytest.approx(truth.parameters["k"], rel=0.05)
 

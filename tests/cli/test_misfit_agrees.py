@@ -92,7 +92,7 @@ def misfit(request, one_batch, tmp_path_factory):
     folder, (model, measured) = tmp_path_factory.mktemp("misfit"), draw(request.param)
     assembly = dovetail.load(model)
     result = dovetail.identify(assembly, measured, "refined", cause_seconds=2.0)
-    assert not result.believable
+    assert not result.is_trustworthy
     batch = dovetail.Batch({"measured.csv": result}, {})
     write_results(result, folder, None)
     page = unescape((folder / "report.html").read_text(encoding="utf-8"))
@@ -178,7 +178,7 @@ def test_what_decides_comes_first_in_the_same_order(misfit):
         assert warnings[0].startswith(gap)
         assert misfit.terminal.index(gap) < misfit.terminal.index("The model does not fit")
         assert misfit.page.index(f"<li>{gap}") < misfit.page.index("<h2>The model does not fit")
-        assert misfit.summary.index(gap) < misfit.summary.index("do not believe the numbers.</span>")
+        assert misfit.summary.index(gap) < misfit.summary.index("do not trust the numbers.</span>")
     lacking = misfit.terminal.find("resonances that the model lacks")
     searches = misfit.terminal.find("searches")
     assert lacking == -1 or lacking < searches

@@ -65,7 +65,7 @@ def shown(request, sdof, tmp_path_factory):
     compared = SimpleNamespace(
         rows=[
             SimpleNamespace(
-                identification=result, believable=True, case=SimpleNamespace(name="one", value=1), method="p"
+                identification=result, is_trustworthy=True, case=SimpleNamespace(name="one", value=1), method="p"
             )
         ],
         truth={},

@@ -66,7 +66,7 @@ def spoilt(monkeypatch, right, posteriors):
             mean = posterior.weight @ posterior.fraction
             deviation = np.sqrt(posterior.weight @ (posterior.fraction - mean) ** 2)
             fraction = mean + moved * deviation + stretch * (posterior.fraction - mean)
-            return SimpleNamespace(posterior=replace(posterior, fraction=fraction), believable=True)
+            return SimpleNamespace(posterior=replace(posterior, fraction=fraction), is_trustworthy=True)
 
         monkeypatch.setattr(study, "identify", spoiling)
 

@@ -53,11 +53,11 @@ def test_a_fit_to_the_noise_is_not_doubted_for_lines_of_noise_alone(sdof):
     assert [warning for warning in result.warnings if "coherence" in warning] == []
 
 
-def test_a_good_model_is_believed_with_its_errors_and_causes_in_every_output(good, with_gain, assemblies, tmp_path):
-    """The exit code is 3 for a model that does not fit only: tests/cli/test_not_believed.py."""
+def test_a_good_model_is_trustworthy_with_its_errors_and_causes_in_every_output(good, with_gain, assemblies, tmp_path):
+    """The exit code is 3 for a model that does not fit only: tests/cli/test_not_trustworthy.py."""
     assert good.adequacy.word == "good"
-    assert good.believable
-    assert good.caveat == ""
+    assert good.is_trustworthy
+    assert good.warning == ""
     assert good.adequacy.causes
     dovetail.write_frf(with_gain, tmp_path / "measured.uff")
     command = ["identify", assemblies / "sdof.yaml", tmp_path / "measured.uff", "--method", "refined"]
@@ -73,7 +73,7 @@ def test_a_good_model_is_believed_with_its_errors_and_causes_in_every_output(goo
     assert [cause["sentence"] for cause in plain["adequacy"]["causes"]] == [
         cause.sentence for cause in good.adequacy.causes
     ]
-    assert plain["believable"]
+    assert plain["is_trustworthy"]
 
 
 def test_it_is_kept_with_the_result(good, tmp_path):
@@ -94,17 +94,17 @@ def test_a_file_of_an_earlier_version_says_yes_or_no(good, tmp_path, key, flagge
     read = load_result(tmp_path)
     bands = read.responses[0].poor_bands if flagged else ((1.0, 2.0),)
     assert read.adequacy == dovetail.Adequacy(word, reasons=("Why.",), bands=bands)
-    assert read.believable is not flagged
+    assert read.is_trustworthy is not flagged
 
 
 def test_a_network_tells_what_is_unlike_its_training_and_judges_nothing_else(model, measured):
     result = model.identify(measured, "network")
     assert result.adequacy == dovetail.Adequacy("not judged")
-    assert result.believable
+    assert result.is_trustworthy
     other = model.identify(replace(measured, values=9.81 * measured.values), "network")
     assert other.adequacy.word == "does not fit"
     assert other.adequacy.reasons
-    assert not other.believable
+    assert not other.is_trustworthy
 
 
 def test_a_mass_that_was_left_in_shifts_the_frf_as_it_says(sdof):

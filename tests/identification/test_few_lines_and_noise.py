@@ -56,7 +56,7 @@ def test_white_noise_shows_nothing_of_the_structure(sdof, lines, known, scale):
     result = dovetail.identify(sdof, measured, form="laplace", **NO_CAUSES)
     assert result.adequacy.word == "does not fit"
     assert result.adequacy.reasons == (NOTHING_SHOWN,)
-    assert {verdict.word for verdict in result.posterior.verdicts.values()} == {"not believed"}
+    assert {verdict.word for verdict in result.posterior.verdicts.values()} == {"not trustworthy"}
 
 
 @pytest.mark.parametrize("level", [0.3, 1.0])

@@ -250,7 +250,7 @@ def test_an_amplitude_far_below_the_model_is_compared(sdof):
     values = sdof.frf()[np.newaxis]
     expected = (np.abs(values) - amplitude.amplitude) * residual.weight
     np.testing.assert_allclose(residual.of(values), expected, rtol=1e-4)
-    assert not dovetail.identify(sdof, amplitude, method="refined", cause_seconds=0).believable
+    assert not dovetail.identify(sdof, amplitude, method="refined", cause_seconds=0).is_trustworthy
 
 
 @pytest.mark.parametrize("lines", [1, 2, 4])

@@ -37,7 +37,7 @@ def with_lines_deleted(frequency):
 
 def check(assembly, theta, result):
     """Make sure that a result is one of a genuine measurement."""
-    assert result.believable
+    assert result.is_trustworthy
     assert 0.9 < result.fit.chi_squared < 1.1
     deviation = np.sqrt(np.diag(np.linalg.inv(result.fit.information)))
     assert np.all(np.abs(assembly.to_unit(result.theta) - assembly.to_unit(theta)) < 4.5 * deviation)

@@ -97,9 +97,9 @@ def test_a_right_estimate_is_to_the_noise_and_its_samples_are_the_intervals(asse
     assert result.provenance["method_options"]["scatter"] == 0.02
 
 
-def test_a_wrong_estimate_is_not_believed(assembly, measured):
+def test_a_wrong_estimate_is_not_trustworthy(assembly, measured):
     result = dovetail.identify(assembly, measured, Told(Told.Config(k=2e6)))
-    assert not result.believable
+    assert not result.is_trustworthy
     assert result.interval is None
 
 

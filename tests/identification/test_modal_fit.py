@@ -121,7 +121,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(chain, form, capsys):
         theta = chain.from_unit(0.1 + 0.8 * random.random(4))
         table = table_of(chain, theta, random)
         result = dovetail.identify(chain, table, form=form, samples=100, model_error=0.0)
-        assert result.believable
+        assert result.is_trustworthy
         rows = zip(result.interval.values(), theta, strict=True)
         inside += [low <= true <= high for (low, high), true in rows]
     with capsys.disabled():
@@ -178,12 +178,12 @@ def test_modes_count_wherever_they_are_in_the_middle_of_the_ranges():
     assert row.interval_low < 5e5 < row.interval_high
 
 
-def test_frequencies_in_the_wrong_unit_are_not_believed(chain):
+def test_frequencies_in_the_wrong_unit_are_not_trustworthy(chain):
     theta = chain.from_unit(np.full(4, 0.5))
     frequency, damping = modes_of(chain, theta)
     result = dovetail.identify(chain, dovetail.ModalParameters(2 * np.pi * frequency, damping), form="laplace")
-    assert not result.believable
-    assert {row.verdict for row in result.table} == {"not believed"}
+    assert not result.is_trustworthy
+    assert {row.verdict for row in result.table} == {"not trustworthy"}
     assert repr(result).startswith(
         "<ModalIdentification: chain, modal parameters: The model does not fit the measurement"
     )
@@ -211,7 +211,7 @@ def test_a_table_of_no_more_values_than_unknowns_cannot_judge_but_a_wrong_unit_s
     assert (result.adequacy.word, result.adequacy.sentence) == ("not judged", "")
     assert "nothing is left to judge the fit by" in result.adequacy.reasons[0]
     wrong = dovetail.ModalParameters(1e3 * two[0], *two[1:])
-    assert not dovetail.identify(chain, wrong, form="laplace").believable
+    assert not dovetail.identify(chain, wrong, form="laplace").is_trustworthy
 
 
 def test_what_modal_parameters_cannot_have_is_one_error(chain, tmp_path):

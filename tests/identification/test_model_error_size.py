@@ -321,7 +321,7 @@ def test_a_single_line_that_does_not_fit_is_told(sdof, factor, stated):
     variance = None if stated is None else (stated * np.abs(values)) ** 2
     measured = dovetail.Frf(line.frequency, values, "accelerance", variance=variance)
     result = dovetail.identify(sdof, measured, "refined", cause_seconds=20.0)
-    assert (result.adequacy.word, result.believable) == ("does not fit", False)
+    assert (result.adequacy.word, result.is_trustworthy) == ("does not fit", False)
     assert factor != -3.0 or [cause.name for cause in result.adequacy.causes] == ["sign"]
 
 

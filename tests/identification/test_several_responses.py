@@ -254,7 +254,7 @@ def test_the_result_has_every_response(chain, frfs, tmp_path):
 def test_a_sign_that_is_wrong_in_one_response_does_not_fit(chain, clean):
     wrong = dovetail.Frf(chain.frequency, -clean[1].values, "accelerance")
     result = dovetail.identify(chain, [clean[0], wrong], "multistart", starts=4, cause_seconds=0.0)
-    assert not result.believable
+    assert not result.is_trustworthy
     assert result.adequacy.size.magnitude > 0.8
     assert dovetail.identify(chain, list(clean), "multistart", starts=4).adequacy.word == "to the noise"
 

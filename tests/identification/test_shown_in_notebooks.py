@@ -81,9 +81,9 @@ def test_what_the_lines_and_the_tables_say(shown, assemblies):
     assert "<td>4</td>" in shown["Dataset"]._repr_html_()
 
 
-def test_an_answer_that_is_not_to_be_believed_says_so_in_a_notebook(shown):
+def test_a_result_that_is_not_trustworthy_says_so_in_a_notebook(shown):
     result = replace(shown["Identification"], adequacy=dovetail.Adequacy("does not fit"))
     page = result._repr_html_()
-    assert f"&gt; {result.caveat}</p>" in page
+    assert f"&gt; {result.warning}</p>" in page
     assert " N/m to " not in page
-    assert result.caveat in dovetail.Batch({"other": result}, {})._repr_html_()
+    assert result.warning in dovetail.Batch({"other": result}, {})._repr_html_()

@@ -53,13 +53,13 @@ def test_without_a_posterior_the_estimate_is_the_fit(sdof):
         assert (row.estimate, row.best_fit, row.interval_low, row.verdict) == (value, None, None, "")
 
 
-def test_of_what_is_not_believed_no_interval_is_in_the_table(result):
+def test_of_what_is_not_trustworthy_no_interval_is_in_the_table(result):
     doubtful = replace(result, adequacy=dovetail.Adequacy("does not fit"))
     assert len(doubtful.table) == len(TRUTH)
     for row in doubtful.table:
-        assert (row.interval_low, row.interval_high, row.believable) == (None, None, False)
-        assert row.verdict == "not believed"
-        assert row.why == doubtful.caveat
+        assert (row.interval_low, row.interval_high, row.is_trustworthy) == (None, None, False)
+        assert row.verdict == "not trustworthy"
+        assert row.why == doubtful.warning
 
 
 @pytest.mark.parametrize(
@@ -185,12 +185,12 @@ def test_a_batch_is_what_each_measurement_gives_alone(sdof, tmp_path):
         np.testing.assert_allclose(*estimates, rtol=1e-9)
     frame = batch.to_dataframe()
     assert list(frame.index) == [(name, parameter) for name in batch.results for parameter in ("k", "c")]
-    assert batch.believable
+    assert batch.is_trustworthy
     assert repr(batch) == "<Batch: 3 identifications, 2 failures>"
     assert list(pickle.loads(pickle.dumps(batch)).results) == list(batch.results)
 
 
 def test_an_empty_batch(sdof):
     batch = dovetail.identify_many(sdof, [])
-    assert (dict(batch.results), dict(batch.failures), batch.table, batch.believable) == ({}, {}, [], True)
+    assert (dict(batch.results), dict(batch.failures), batch.table, batch.is_trustworthy) == ({}, {}, [], True)
     assert batch.to_dataframe().empty

@@ -61,13 +61,13 @@ def ripple(frf, rng):
 
 
 def share_told(model, truths, spoil):
-    """Return the share of measurements that are warned of, or not believed."""
+    """Return the share of measurements that are warned of, or not trustworthy."""
     rng = np.random.default_rng(5)
     told = []
     for theta in truths:
         result = model.identify(spoil(simulated(model, theta), rng), "network")
         warned = any(UNKNOWN in text or FAR in text for text in result.warnings)
-        told.append(warned or not result.believable)
+        told.append(warned or not result.is_trustworthy)
     return np.mean(told)
 
 

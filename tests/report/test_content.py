@@ -116,7 +116,7 @@ CAUSE = Cause("sign", "the sign reversed", (0.504, 0.991), 12.3)
 def test_a_model_that_does_not_fit_is_reported_before_any_number(result, tmp_path):
     misfit = Adequacy("does not fit", replace(SIZE, phase=3.0), None, (CAUSE,), ("It is off.",), ((100.0, 250.0),))
     sentences = adequacy_sentences(replace(result, adequacy=misfit))
-    assert sentences[0] == "The model does not fit the measurement: do not believe the numbers."
+    assert sentences[0] == "The model does not fit the measurement: do not trust the numbers."
     assert sentences[1].startswith(
         "The model does not fit, unless natural frequencies are off by 1.2 %, damping by 20 %"
     )

@@ -259,7 +259,7 @@ def test_the_verdict_stands_before_everything_else(result: Identification, tmp_p
     said = written(good, tmp_path).text
     assert "The model explains the measurement well (natural frequencies are off by 0.2 %)" in said
     bad = replace(result, adequacy=Adequacy("does not fit", ModelError(0.2)))
-    assert "The model does not explain the measurement: do not believe the numbers." in written(bad, tmp_path).text
+    assert "The model does not explain the measurement: do not trust the numbers." in written(bad, tmp_path).text
 
 
 def test_ids_are_unique_and_every_reference_resolves(result: Identification, assemblies: Path, tmp_path: Path) -> None:

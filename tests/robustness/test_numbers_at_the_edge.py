@@ -58,7 +58,7 @@ def test_a_single_line_of_zero_or_of_damage_is_a_bad_line(sdof):
 def test_an_frf_without_noise_has_its_answer(sdof):
     found = dovetail.identify(sdof, measured(sdof, lambda values: None, noise=0.0), "posterior")
     assert found.parameters["k"].value == pytest.approx(3e6, rel=1e-6)
-    assert found.believable
+    assert found.is_trustworthy
 
 
 @pytest.mark.parametrize("mass", [1e300, 1e4, -1.0, np.nan])

@@ -1,7 +1,7 @@
 """The ``dovetail`` command: every command is a few calls of the API.
 
-Exit codes: 0; 1 for a fault, explained in one block of text; 2 for a wrong command line; 3 for a result that is not to
-be believed; 130 after Ctrl-C.
+Exit codes: 0; 1 for a fault, explained in one block of text; 2 for a wrong command line; 3 for a result that is not
+trustworthy; 130 after Ctrl-C.
 """
 
 from __future__ import annotations

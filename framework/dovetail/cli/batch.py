@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from dovetail.cli.commands import INTERRUPTED, exit_unless_believable
+from dovetail.cli.commands import INTERRUPTED, exit_unless_trustworthy
 from dovetail.cli.reading import read_measured
 from dovetail.cli.result_files import write_folder, writing
 from dovetail.cli.terminal import heading, note, print_json, progress_bars, say, say_on_stderr, table, title
@@ -88,7 +88,7 @@ def identify_batch(
         raise typer.Exit(INTERRUPTED)
     if batch.failures:
         raise typer.Exit(1)
-    exit_unless_believable(batch)
+    exit_unless_trustworthy(batch)
 
 
 def _read(files: Sequence[Path], contents: Mapping[str, Any]) -> tuple[list[Frf], dict[str, str]]:
@@ -133,7 +133,7 @@ def _summary(batch: Batch) -> list[dict[str, Any]]:
                 "chi_squared": None if result.fit is None else result.fit.chi_squared,
                 "identified": None if result.posterior is None else verdicts.count("identified"),
                 "parameters": len(verdicts),
-                "believable": result.believable,
+                "is_trustworthy": result.is_trustworthy,
                 "warnings": " ".join(result.warnings),
             }
         )
@@ -160,9 +160,9 @@ def _print(assembly: Assembly, batch: Batch) -> None:
     heading("Estimates, 90 % intervals and precision" if known else "Estimates")
     cells = [[same[0].identified.name, same[0].unit, *map(_text, same)] for same in zip(*texts.values(), strict=True)]
     table(["parameter", "unit", *texts], cells, numbers=list(texts), split=True)
-    if batch.caveat:
+    if batch.warning:
         say()
-        say(f"Warning: {batch.caveat}")
+        say(f"Warning: {batch.warning}")
     names: dict[str, list[str]] = {}
     for name, result in batch.results.items():
         for warning in warnings_of(result, None):

@@ -165,14 +165,14 @@ def _markdown(done: Calibration) -> str:
 def _cases(done: Calibration) -> str:
     from dovetail.cli.result_files import csv_text
 
-    header = ["case", "seconds", "effective", "reached", "believable"]
+    header = ["case", "seconds", "effective", "reached", "is_trustworthy"]
     header += [f"{what} {name}" for what in ("truth", "estimate", "rank") for name in done.names]
     columns = zip(
         done.case.tolist(),
         done.seconds.tolist(),
         done.effective.tolist(),
         done.reached.tolist(),
-        done.believable.tolist(),
+        done.is_trustworthy.tolist(),
         *(column.tolist() for array in (done.truth, done.estimate, done.rank) for column in array.T),
         strict=True,
     )

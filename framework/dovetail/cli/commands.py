@@ -28,19 +28,19 @@ _HELP_LENGTH = 90
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as in the shell."""
 
-_UNBELIEVABLE = 3
-"""Exit code after work that was done, with a result that is not to be believed."""
+_NOT_TRUSTWORTHY = 3
+"""Exit code after work that was done, with a result that is not trustworthy."""
 
 
-class Believable(Protocol):
+class JudgedResult(Protocol):
     """A result, or several."""
 
     @property
-    def believable(self) -> bool:
-        """Whether all of it may be believed."""
+    def is_trustworthy(self) -> bool:
+        """Whether all of it can be trusted."""
 
     @property
-    def caveat(self) -> str:
+    def warning(self) -> str:
         """Warning that must accompany the result; empty if there is none."""
 
 
@@ -110,10 +110,10 @@ def _escaped_usage_errors() -> Iterator[None]:
         raise
 
 
-def say_caveat(result: Believable) -> None:
-    """Print the caveat of a result, if it has one, before its numbers."""
-    if result.caveat:
-        say(f"Warning: {result.caveat}")
+def say_warning(result: JudgedResult) -> None:
+    """Print the warning of a result, if it has one, before its numbers."""
+    if result.warning:
+        say(f"Warning: {result.warning}")
 
 
 def measurement_names(result: AnyIdentification) -> str:
@@ -130,12 +130,12 @@ def exit_if_failed(failures: Mapping[str, str]) -> None:
         raise typer.Exit(1)
 
 
-def exit_unless_believable(result: Believable) -> None:
-    """Print the caveat of a result on stderr, and exit with code 3, if it is not to be believed."""
-    if result.caveat:
-        say_on_stderr(f"Warning: {result.caveat}")
-    if not result.believable:
-        raise typer.Exit(_UNBELIEVABLE)
+def exit_unless_trustworthy(result: JudgedResult) -> None:
+    """Print the warning of a result on stderr, and exit with code 3, if it is not trustworthy."""
+    if result.warning:
+        say_on_stderr(f"Warning: {result.warning}")
+    if not result.is_trustworthy:
+        raise typer.Exit(_NOT_TRUSTWORTHY)
 
 
 def report_bug(error: Exception) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dovetail.cli import reading
-from dovetail.cli.commands import exit_if_failed, exit_unless_believable, say_caveat
+from dovetail.cli.commands import exit_if_failed, exit_unless_trustworthy, say_warning
 from dovetail.cli.options import AsJson, PluginFiles
 from dovetail.cli.terminal import heading, print_json, progress_bars, table, title
 
@@ -23,7 +23,7 @@ _HEADINGS = {
 }
 _PARAMETERS = [
     "case", "value", "method", "parameter", "unit", "identified", "estimate", "lower", "upper", "precision",
-    "verdict", "truth", "believable",
+    "verdict", "truth", "is_trustworthy",
 ]  # fmt: skip
 
 
@@ -58,7 +58,7 @@ def compare(
 
     Each identifies the joint from each measurement. Shown are the agreement of the reconstructed FRFs with the
     measured ones, resonances, parameters and times. Files of an earlier run in the output folder are replaced. A case
-    that fails does not end the others; the exit code is then 1. It is 3 where a result is not to be believed.
+    that fails does not end the others; the exit code is then 1. It is 3 where a result is not trustworthy.
     """
     import dovetail
     from dovetail.cli.result_files import prepare_folder, writing
@@ -79,7 +79,7 @@ def compare(
         else:
             _print(done)
     exit_if_failed(done.failures)
-    exit_unless_believable(done)
+    exit_unless_trustworthy(done)
 
 
 def _tables(done: Comparison) -> dict[str, tuple[list[str], list[list[object]]]]:
@@ -87,9 +87,9 @@ def _tables(done: Comparison) -> dict[str, tuple[list[str], list[list[object]]]]
 
     names = [case.name for case in done.cases]
     return {
-        "coherence": (["method", *names, "not_believed"], list(coherence_rows(done))),
-        "frequencies": (["case", "mode", "measured_Hz", *done.methods, "not_believed"], list(frequency_rows(done))),
-        "times": (["method", "training_s", "identification_s", "not_believed"], list(time_rows(done))),
+        "coherence": (["method", *names, "not_trustworthy"], list(coherence_rows(done))),
+        "frequencies": (["case", "mode", "measured_Hz", *done.methods, "not_trustworthy"], list(frequency_rows(done))),
+        "times": (["method", "training_s", "identification_s", "not_trustworthy"], list(time_rows(done))),
         "parameters": (_PARAMETERS, list(parameter_value_rows(done))),
     }
 
@@ -98,12 +98,12 @@ def _plain(done: Comparison) -> dict[str, object]:
     tables = {
         name: [dict(zip(header, row, strict=True)) for row in rows] for name, (header, rows) in _tables(done).items()
     }
-    return {"believable": done.believable, "caveat": done.caveat, "failures": dict(done.failures), **tables}
+    return {"is_trustworthy": done.is_trustworthy, "warning": done.warning, "failures": dict(done.failures), **tables}
 
 
 def _print(done: Comparison) -> None:
     title(done.title)
-    say_caveat(done)
+    say_warning(done)
     tables = _tables(done)
     for name, words in _HEADINGS.items():
         heading(words)

@@ -9,7 +9,7 @@ import typer
 
 from dovetail.cli import reading
 from dovetail.cli.batch import check_batch, identify_batch, is_batch
-from dovetail.cli.commands import exit_unless_believable, measurement_names
+from dovetail.cli.commands import exit_unless_trustworthy, measurement_names
 from dovetail.cli.completion import complete_files, complete_methods
 from dovetail.cli.options import AsJson, PluginFiles, Scheduler, assembly_or_model, chosen_method, part
 from dovetail.cli.terminal import heading, print_json, progress_bars, say, table, title
@@ -211,7 +211,7 @@ def identify(
             print_json(result.to_dict())
         else:
             _print(result, known)
-    exit_unless_believable(result)
+    exit_unless_trustworthy(result)
 
 
 def _truth(file: Path, assembly: Assembly) -> Truth:
@@ -260,17 +260,17 @@ def _identify_from_modes(
             print_json(result.to_dict())
         else:
             _print_of_modes(result, known)
-    exit_unless_believable(result)
+    exit_unless_trustworthy(result)
 
 
 def _print(result: Identification, truth: Truth | None) -> None:
-    from dovetail.inference.posterior import NOT_BELIEVED
+    from dovetail.inference.posterior import NOT_TRUSTWORTHY
     from dovetail.report.content import fit_sentence, mode_rows
 
     title(f"{result.provenance['assembly']}: joint identified from {measurement_names(result)} ({result.method})")
     _print_notes(result, truth, decisive=True)
     _print_parameters(result, truth)
-    heading("Natural frequencies [Hz]" if result.believable else f"Natural frequencies [Hz], {NOT_BELIEVED}")
+    heading("Natural frequencies [Hz]" if result.is_trustworthy else f"Natural frequencies [Hz], {NOT_TRUSTWORTHY}")
     modes = [
         (
             row.natural,
@@ -326,13 +326,15 @@ def _print_of_modes(result: ModalIdentification, truth: Truth | None) -> None:
 
 def _print_parameters(result: Identification | ModalIdentification, truth: Truth | None) -> None:
     """Print how well the model fits, the table of parameters, its meaning, and why parameters are not identified."""
-    from dovetail.inference.posterior import NOT_BELIEVED
+    from dovetail.inference.posterior import NOT_TRUSTWORTHY
     from dovetail.report import content
 
     for sentence in content.adequacy_sentences(result):
-        say(sentence if result.believable else f"Warning: {sentence}")
+        say(sentence if result.is_trustworthy else f"Warning: {sentence}")
     rows, with_truth = content.parameter_rows(result, truth), truth is not None
-    name = "parameter" if result.believable else f"parameter, {NOT_BELIEVED}"  # stands before each part of the table
+    name = (
+        "parameter" if result.is_trustworthy else f"parameter, {NOT_TRUSTWORTHY}"
+    )  # stands before each part of the table
     shown: dict[str, Callable[[ParameterRow], str]] = {
         name: lambda row: row.identified.name,
         "estimate": lambda row: row.estimate,
@@ -358,7 +360,7 @@ def _print_parameters(result: Identification | ModalIdentification, truth: Truth
     sentences = [content.columns_sentence(result), content.truth_sentence(rows)]
     if result.posterior is not None:
         sentences.append(content.posterior_sentence(result.posterior))
-    if result.believable:
+    if result.is_trustworthy:
         sentences += [
             f"{row.identified.name}: {row.identified.verdict}. {row.reason}"
             for row in rows

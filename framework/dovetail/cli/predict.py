@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dovetail.cli.commands import exit_unless_believable, measurement_names, say_caveat
+from dovetail.cli.commands import exit_unless_trustworthy, measurement_names, say_warning
 from dovetail.cli.frf_files import FrfFiles, check_frf_files, write_frf_files
 from dovetail.cli.natural_frequencies import natural_frequencies, say_natural_frequencies
 from dovetail.cli.options import AsJson, AssemblyFile, Overwrite, PluginFiles, PointNumber, at_point, check_new_files
@@ -39,7 +39,7 @@ def predict(
     """Predict the FRF of another assembly.
 
     It has the joint that was identified: another tool in the same holder, say. The exit code is 3 where the result is
-    not to be believed: the FRF is written all the same, and its files say so.
+    not trustworthy: the FRF is written all the same, and its files say so.
     """
     import dovetail
     from dovetail.identification.prediction import determined_signs, joint_values, predicted_band, predicted_frf
@@ -59,15 +59,15 @@ def predict(
     bands = {} if band is None or amplitudes is None else {band: _band_text(amplitudes, frf)}
     write_frf_files(frf, files, natural, bands, overwrite=overwrite)
     if as_json:
-        caveat = {"believable": identified.believable, "caveat": identified.caveat}
+        warning = {"is_trustworthy": identified.is_trustworthy, "warning": identified.warning}
         modes = {"natural_frequencies": natural, "damping_ratios": damping}
-        print_json({"name": loaded.name, **caveat, "parameters": values | signs, **modes})
+        print_json({"name": loaded.name, **warning, "parameters": values | signs, **modes})
     else:
-        from dovetail.inference.posterior import NOT_BELIEVED
+        from dovetail.inference.posterior import NOT_TRUSTWORTHY
 
         title(f"{loaded.name}: predicted with the joint identified from {measurement_names(identified)}")
-        say_caveat(identified)
-        doubt = "" if identified.believable else NOT_BELIEVED
+        say_warning(identified)
+        doubt = "" if identified.is_trustworthy else NOT_TRUSTWORTHY
         rows = [(p.name, quantity_text(values[p.name], p), doubt) for p in loaded.parameters]
         rows += [(name, f"{sign:g}", doubt) for name, sign in signs.items()]
         if rows:
@@ -76,13 +76,13 @@ def predict(
         say_natural_frequencies(natural, damping, reason)
     for file in (*files, *bands):
         note(f"Written: {file}")
-    exit_unless_believable(identified)
+    exit_unless_trustworthy(identified)
 
 
 def _band_text(band: Band, frf: Frf) -> str:
-    from dovetail.cli.result_files import caveat_comment, csv_text
+    from dovetail.cli.result_files import csv_text, warning_comment
 
     columns = (band.frequency, frf.amplitude, band.lower, band.upper)
     rows = zip(*(column.tolist() for column in columns), strict=True)
-    text = f"# quantity: {frf.quantity}; {band.level:.0%} of each line\n{caveat_comment(band.caveat)}"
+    text = f"# quantity: {frf.quantity}; {band.level:.0%} of each line\n{warning_comment(band.warning)}"
     return text + csv_text(["frequency_Hz", "amplitude", "lower", "upper"], rows)

@@ -176,7 +176,7 @@ def write_modal_results(result: ModalIdentification, folder: Path, truth: Truth 
     texts = (
         json_text(result.to_dict()),
         _parameters(result, truth),
-        caveat_comment(result.caveat) + csv_text(list(modes[0]) if modes else [], [mode.values() for mode in modes]),
+        warning_comment(result.warning) + csv_text(list(modes[0]) if modes else [], [mode.values() for mode in modes]),
     )
     write_texts(folder, dict(zip(MODAL_FILES, texts, strict=True)))
 
@@ -215,7 +215,7 @@ def _frfs(at_point: AtPoint) -> Iterator[str]:
         columns["measured_amplitude"] = measured.amplitude
     columns |= {"reconstructed_real": frf.values.real, "reconstructed_imag": frf.values.imag}
     columns["coherence"] = at_point.coherence
-    yield f"# quantity: {frf.quantity}\n{caveat_comment(frf.note)}"
+    yield f"# quantity: {frf.quantity}\n{warning_comment(frf.note)}"
     for first in range(0, len(frf.frequency), _LINES_PER_PIECE):
         piece = (column[first : first + _LINES_PER_PIECE].tolist() for column in columns.values())
         text = csv_text(list(columns), zip(*piece, strict=True))
@@ -233,9 +233,9 @@ def _json_pieces(value: Any) -> Iterator[str]:
     yield "\n"
 
 
-def caveat_comment(caveat: str) -> str:
-    """Return a caveat as a comment line for a table of FRF lines, as `write_frf` writes it; empty without a caveat."""
-    return f"# note: {csv_comment(caveat)}\n" if caveat else ""
+def warning_comment(warning: str) -> str:
+    """Return a warning as a comment line of a CSV file of FRF lines, as `write_frf` writes it; empty without one."""
+    return f"# note: {csv_comment(warning)}\n" if warning else ""
 
 
 def csv_text(header: Sequence[str], rows: Iterable[Iterable[Any]]) -> str:

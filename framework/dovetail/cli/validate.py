@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from dovetail.cli import reading
-from dovetail.cli.commands import exit_if_failed, exit_unless_believable, say_caveat
+from dovetail.cli.commands import exit_if_failed, exit_unless_trustworthy, say_warning
 from dovetail.cli.options import AsJson, PluginFiles, chosen_method
 from dovetail.cli.terminal import print_json, progress_bars, say, table, title
 from dovetail.plain_text import markdown_cell, markdown_table
@@ -49,7 +49,7 @@ def validate(
 
     For each case: the resonances as measured, without the accelerometer, and as predicted by the model, with the joint
     that was identified elsewhere. Files of an earlier run in the output folder are replaced. A case that fails does not
-    end the others; the exit code is then 1. It is 3 where a joint is not to be believed.
+    end the others; the exit code is then 1. It is 3 where a joint is not trustworthy.
     """
     import dovetail
     from dovetail.cli.result_files import prepare_folder, writing
@@ -68,7 +68,7 @@ def validate(
         else:
             _print(done)
     exit_if_failed(done.failures)
-    exit_unless_believable(done)
+    exit_unless_trustworthy(done)
 
 
 def _method(name: str | IdentificationMethod, plugins: list[Path]) -> str | IdentificationMethod | Identify:
@@ -83,22 +83,22 @@ def _method(name: str | IdentificationMethod, plugins: list[Path]) -> str | Iden
 
 
 def _print(done: Validation) -> None:
-    from dovetail.inference.posterior import NOT_BELIEVED
+    from dovetail.inference.posterior import NOT_TRUSTWORTHY
 
     title(done.title)
-    say_caveat(done)
+    say_warning(done)
     table(_HEADERS, _rows(done), numbers=_HEADERS[1:6])
-    if doubtful := [result.case.name for result in done.cases if not result.believable]:
-        say(f"Joints {NOT_BELIEVED}: {', '.join(doubtful)}.")  # a narrow terminal cuts the last column off
+    if doubtful := [result.case.name for result in done.cases if not result.is_trustworthy]:
+        say(f"Joints {NOT_TRUSTWORTHY}: {', '.join(doubtful)}.")  # a narrow terminal cuts the last column off
 
 
 def _rows(done: Validation) -> Iterator[list[str]]:
-    from dovetail.inference.posterior import NOT_BELIEVED
+    from dovetail.inference.posterior import NOT_TRUSTWORTHY
 
     for result in done.cases:
         method = "" if result.joint is None else result.joint.method
-        if not result.believable:
-            method += f", {NOT_BELIEVED}"
+        if not result.is_trustworthy:
+            method += f", {NOT_TRUSTWORTHY}"
         for index, row in enumerate(result.peaks):
             frequencies = [_text(f, ".1f") for f in (row.measured, row.compensated, row.predicted)]
             first = [result.case.name, method] if index == 0 else ["", ""]
@@ -111,7 +111,7 @@ def _markdown(done: Validation) -> str:
     width = len(_HEADERS) if any(row[-1] for row in rows) else len(_HEADERS) - 1
     rule = ["---", *["---:"] * 5, "---"][:width]
     text = markdown_table(_HEADERS[:width], (row[:width] for row in rows), rule)
-    return f"{text}\n{markdown_cell(done.caveat)}\n" if done.caveat else text
+    return f"{text}\n{markdown_cell(done.warning)}\n" if done.warning else text
 
 
 def _text(value: float | None, form: str) -> str:
@@ -126,10 +126,10 @@ def _write(done: Validation, folder: Path) -> None:
 
     plain = done.to_dict()
     header = ["case", "value", "measured_Hz", "compensated_Hz", "predicted_Hz", "error_percent", "shift_percent"]
-    header.append("believable")
+    header.append("is_trustworthy")
     keys = ("measured", "compensated", "predicted", "error", "shift")
     rows: list[list[Any]] = [
-        [case["name"], case["value"], *(row[key] for key in keys), case["believable"]]
+        [case["name"], case["value"], *(row[key] for key in keys), case["is_trustworthy"]]
         for case in plain["cases"]
         for row in case["peaks"]
     ]

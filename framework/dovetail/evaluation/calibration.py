@@ -102,8 +102,8 @@ class Calibration:
         Part of its searches that reached their target.
     seconds : (n,) array
         For the fit and the samples of each case, while others run at the same time.
-    believable : (n,) bool array
-        Whether each result may be believed; those that may not count like the others.
+    is_trustworthy : (n,) bool array
+        Whether each result can be trusted; those that may not count like the others.
     wall_seconds : float
         For the whole study.
     workers : int or None
@@ -121,7 +121,7 @@ class Calibration:
     effective: NDArray[np.float64]
     reached: NDArray[np.float64]
     seconds: NDArray[np.float64]
-    believable: NDArray[np.bool_]
+    is_trustworthy: NDArray[np.bool_]
     wall_seconds: float
     workers: int | None
     failures: Mapping[int, str] = field(default_factory=dict)
@@ -168,7 +168,7 @@ class Calibration:
         return {
             "setting": asdict(self.setting),
             "cases": len(self.case),
-            "not_believed": int(np.sum(~self.believable)),
+            "not_trustworthy": int(np.sum(~self.is_trustworthy)),
             "level": LEVEL,
             "parameters": [asdict(parameter) for parameter in self.parameters],
             "coverage": covered,
@@ -297,7 +297,7 @@ class _Case:
     effective: float
     reached: float
     seconds: float
-    believable: bool
+    is_trustworthy: bool
 
 
 class _Study:
@@ -356,7 +356,7 @@ class _Study:
             posterior.effective_sample_size,
             posterior.converged_fraction,
             seconds,
-            result.believable,
+            result.is_trustworthy,
         )
 
     def _measured(self, fraction: NDArray[np.float64], random: np.random.Generator) -> list[Frf]:

@@ -27,7 +27,7 @@ from dovetail.identification import Identification, Identifier, identify, train
 from dovetail.identification.identify import check_mass, find_method
 from dovetail.identification.measured_lines import batch_contradictions, check_measured
 from dovetail.identification.methods import METHODS
-from dovetail.identification.result import caveats_of
+from dovetail.identification.result import joined_warnings
 from dovetail.interfaces import IdentificationMethod, Progress, progress_reporter
 from dovetail.measurement import check_cover, within_band
 from dovetail.registry import components
@@ -66,9 +66,9 @@ class Compared:
     seconds: float
 
     @property
-    def believable(self) -> bool:
-        """Whether the identification may be believed; True for the rigid joint, which identifies nothing."""
-        return self.identification is None or self.identification.believable
+    def is_trustworthy(self) -> bool:
+        """Whether the identification can be trusted; True for the rigid joint, which identifies nothing."""
+        return self.identification is None or self.identification.is_trustworthy
 
     @property
     def coherence(self) -> NDArray[np.float64]:
@@ -117,14 +117,14 @@ class Comparison:
         return tuple(dict.fromkeys(row.case for row in self.rows))
 
     @property
-    def believable(self) -> bool:
-        """Whether all identifications may be believed."""
-        return all(row.believable for row in self.rows)
+    def is_trustworthy(self) -> bool:
+        """Whether all identifications can be trusted."""
+        return all(row.is_trustworthy for row in self.rows)
 
     @property
-    def caveat(self) -> str:
-        """Caveats of the identifications, with case and method of each; empty if there are none."""
-        return caveats_of((f"{row.case.name} by {row.method}", row.identification) for row in self.rows)
+    def warning(self) -> str:
+        """Warnings of the identifications, with case and method of each; empty if there are none."""
+        return joined_warnings((f"{row.case.name} by {row.method}", row.identification) for row in self.rows)
 
     def of(self, case: Case) -> dict[str, Compared]:
         """Return the result of each method for one measurement."""

@@ -20,7 +20,7 @@ from dovetail.identification import Identification, identify
 from dovetail.identification.identify import check_mass
 from dovetail.identification.measured_lines import batch_contradictions, check_measured
 from dovetail.identification.prediction import joint_values, predicted_frf
-from dovetail.identification.result import caveats_of
+from dovetail.identification.result import joined_warnings
 from dovetail.identification.result_file import AnyIdentification, load_result
 from dovetail.interfaces import IdentificationMethod, Progress, progress_reporter
 from dovetail.measurement import check_cover, within_band
@@ -91,9 +91,9 @@ class ValidatedCase:
     damping: tuple[float, ...] = ()
 
     @property
-    def believable(self) -> bool:
-        """Whether the joint may be believed; True where the description leaves nothing to identify."""
-        return self.joint is None or self.joint.believable
+    def is_trustworthy(self) -> bool:
+        """Whether the joint can be trusted; True where the description leaves nothing to identify."""
+        return self.joint is None or self.joint.is_trustworthy
 
     @property
     def mean_coherence(self) -> float:
@@ -120,28 +120,28 @@ class Validation:
     failures: Mapping[str, str] = field(default_factory=dict)
 
     @property
-    def believable(self) -> bool:
-        """Whether the joints of all cases may be believed."""
-        return all(result.believable for result in self.cases)
+    def is_trustworthy(self) -> bool:
+        """Whether the joints of all cases can be trusted."""
+        return all(result.is_trustworthy for result in self.cases)
 
     @property
-    def caveat(self) -> str:
-        """Caveats of the joints, with the cases that they belong to; empty if there are none."""
-        return caveats_of((result.case.name, result.joint) for result in self.cases)
+    def warning(self) -> str:
+        """Warnings of the joints, with the cases that they belong to; empty if there are none."""
+        return joined_warnings((result.case.name, result.joint) for result in self.cases)
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything but the FRFs as plain values, fit for JSON."""
         return {
             "title": self.title,
             "series": self.series,
-            "believable": self.believable,
-            "caveat": self.caveat,
+            "is_trustworthy": self.is_trustworthy,
+            "warning": self.warning,
             "failures": dict(self.failures),
             "cases": [
                 {
                     "name": result.case.name,
                     "value": result.case.value,
-                    "believable": result.believable,
+                    "is_trustworthy": result.is_trustworthy,
                     "peaks": [asdict(row) | {"error": row.error, "shift": row.shift} for row in result.peaks],
                     "natural_frequencies": list(result.natural),
                     "damping_ratios": list(result.damping),

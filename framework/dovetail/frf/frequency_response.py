@@ -125,7 +125,7 @@ class Frf:
     label : str
         Its source, for figures and reports.
     note : str
-        Free text: from its file, or the caveat of the result that it was computed from.
+        Free text: from its file, or the warning of the result that it was computed from.
     averages : int, optional
         Number of averages behind a measured FRF.
     variance : (n_freq,) array, optional

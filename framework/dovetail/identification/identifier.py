@@ -20,7 +20,7 @@ from dovetail.frf import Frf
 from dovetail.identification.identify import Measurement, as_frfs, identify
 from dovetail.identification.measured_lines import batch_contradictions
 from dovetail.identification.parameters import dataframe
-from dovetail.identification.result import Identification, caveats_of
+from dovetail.identification.result import Identification, joined_warnings
 from dovetail.interfaces import IdentificationMethod, Progress, logged, progress_reporter
 from dovetail.network.bundle import TrainedNetwork, read_bundle, write_bundle
 from dovetail.network.training import train_network
@@ -216,19 +216,19 @@ class Batch:
 
     def _repr_html_(self) -> str:
         judged = {name: "" if one.adequacy is None else one.adequacy.word for name, one in self.results.items()}
-        rows = [(name, judged[name], f"{one.mean_coherence:.3f}", one.caveat) for name, one in self.results.items()]
+        rows = [(name, judged[name], f"{one.mean_coherence:.3f}", one.warning) for name, one in self.results.items()]
         rows += [(name, "failed", "", reason) for name, reason in self.failures.items()]
         return html_table(repr(self), [("measurement", "model", "mean coherence", ""), *rows])
 
     @property
-    def believable(self) -> bool:
-        """Whether all results may be believed."""
-        return all(result.believable for result in self.results.values())
+    def is_trustworthy(self) -> bool:
+        """Whether all results can be trusted."""
+        return all(result.is_trustworthy for result in self.results.values())
 
     @property
-    def caveat(self) -> str:
-        """The caveats of the results, each after the names of those that have it; empty if none has."""
-        return caveats_of(self.results.items())
+    def warning(self) -> str:
+        """The warnings of the results, each after the names of those that have it; empty if none has."""
+        return joined_warnings(self.results.items())
 
     @property
     def table(self) -> list[dict[str, Any]]:

@@ -232,7 +232,7 @@ def by_posterior(
         The fit starts from its answer, if the measurement covers its frequencies.
     form : {"samples", "laplace"}
         Samples of the posterior, or a Gaussian about its mode, which is faster but cannot follow a curved posterior. If
-        the model does not fit, no interval is believed, and the Gaussian is used in any case.
+        the model does not fit, no interval is trustworthy, and the Gaussian is used in any case.
     samples : int
     start, cause_seconds, seed
         As in `by_refined_fit`.
@@ -252,7 +252,7 @@ def by_posterior(
     )
     assert fitted.fit is not None
     allowed = TYPICAL if fitted.adequacy is None else fitted.adequacy.error_in_intervals
-    used: Form = form if fitted.believable else "laplace"
+    used: Form = form if fitted.is_trustworthy else "laplace"
     posterior = _FORMS[used](
         measured.assembly,
         measured.frfs,
@@ -263,7 +263,7 @@ def by_posterior(
         progress=progress,
     )
     origin = {**fitted.provenance, "posterior_form": used, "model_error": allowed.natural_frequency}
-    warnings = (*fitted.warnings, *(posterior.warnings if fitted.believable else ()))
+    warnings = (*fitted.warnings, *(posterior.warnings if fitted.is_trustworthy else ()))
     return replace(fitted, method="posterior", posterior=posterior, provenance=origin, warnings=warnings)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from dovetail.errors import DovetailError, Fault
 from dovetail.inference.fitting.fit import end_reached
 from dovetail.inference.posterior.distribution import Posterior
-from dovetail.inference.posterior.verdicts import NOT_BELIEVED, Group, Verdict
+from dovetail.inference.posterior.verdicts import NOT_TRUSTWORTHY, Group, Verdict
 from dovetail.interfaces import Parameter, Prior, Scale
 
 ROUNDING = 1e-9
@@ -115,7 +115,7 @@ class TableRow:
     estimate : float
         What to quote of this parameter by itself: the posterior mean, else the value of the fit or of the network.
     interval_low, interval_high : float or None
-        Ends of the 90 % interval; None too where the result is not to be believed.
+        Ends of the 90 % interval; None too where the result is not trustworthy.
     unit : str
     precision : str
         How far the true value may be from the estimate, with a probability of 90 %, as in `Verdict`: "±4 %"; empty if
@@ -123,7 +123,7 @@ class TableRow:
     factor : float or None
         Largest ratio of the estimate to an end of the interval, or the reverse; None if the interval includes zero.
     verdict : str
-        "identified", "weakly identified", "not identifiable", "not believed"; empty if the method does not judge it.
+        "identified", "weakly identified", "not identifiable", "not trustworthy"; empty if the method does not judge it.
     why : str
         The reason of the verdict, in a sentence.
     range_low, range_high : float
@@ -143,7 +143,7 @@ class TableRow:
         The answer of a trained network, if one took part.
     joint, description : str
         As in `IdentifiedParameter`.
-    believable : bool
+    is_trustworthy : bool
         As in `Identification`.
     follows : str
         The identified parameter to which the description ties this one; empty for those that are sought.
@@ -169,7 +169,7 @@ class TableRow:
     network: float | None
     joint: str
     description: str
-    believable: bool
+    is_trustworthy: bool
     follows: str = ""
 
     def of(self, follower: Follower) -> TableRow:
@@ -204,20 +204,20 @@ def parameter_table(
     parameters: Mapping[str, IdentifiedParameter],
     posterior: Posterior | None,
     network: Mapping[str, float] | None,
-    caveat: str,
+    warning: str,
     *,
     is_fitted: bool,
 ) -> tuple[TableRow, ...]:
     """Return a row for each parameter in their order, then for each that follows one of them.
 
-    The caveat is that of the result, whose values may be a fit.
+    The warning is that of the result, whose values may be a fit.
     """
-    intervals = {} if posterior is None or caveat else posterior.interval()
+    intervals = {} if posterior is None or warning else posterior.interval()
     estimates = {} if posterior is None else dict(zip(posterior.names, posterior.estimate.tolist(), strict=True))
     verdicts = {} if posterior is None else posterior.verdicts
-    groups = {} if posterior is None or caveat else posterior.groups
+    groups = {} if posterior is None or warning else posterior.groups
     doubtful = () if posterior is None else posterior.unreliable
-    unjudged = Verdict(NOT_BELIEVED, 0.0, caveat) if caveat else None
+    unjudged = Verdict(NOT_TRUSTWORTHY, 0.0, warning) if warning else None
     rows = []
     for name, parameter in parameters.items():
         low, high = intervals.get(name, (None, None))
@@ -233,7 +233,7 @@ def parameter_table(
                 interval_high=high,
                 unit=parameter.unit,
                 precision="" if judged is None else judged.precision,
-                factor=None if judged is None or caveat else judged.factor,
+                factor=None if judged is None or warning else judged.factor,
                 verdict="" if judged is None else judged.word,
                 why=f"{why} The interval is not to be trusted." if name in doubtful else why,
                 range_low=parameter.lower,
@@ -247,7 +247,7 @@ def parameter_table(
                 network=None if network is None else network.get(name),
                 joint=parameter.joint,
                 description=parameter.description,
-                believable=not caveat,
+                is_trustworthy=not warning,
             )
         )
     pairs = zip(rows, parameters.values(), strict=True)

@@ -38,7 +38,7 @@ def predict(assembly: AssemblySource, result: AnyIdentification | str | Path | M
     -------
     Frf
         In the quantity and on the frequencies of `assembly`, at the first of its responses. For the second, pass
-        ``assembly.at(1)``. Its note is the caveat of `result`, which `write_frf` writes to every format.
+        ``assembly.at(1)``. Its note is the warning of `result`, which `write_frf` writes to every format.
 
     Raises
     ------
@@ -49,7 +49,7 @@ def predict(assembly: AssemblySource, result: AnyIdentification | str | Path | M
     Warns
     -----
     UserWarning
-        `result` is not to be believed.
+        `result` is not trustworthy.
 
     Notes
     -----
@@ -63,10 +63,10 @@ def predict(assembly: AssemblySource, result: AnyIdentification | str | Path | M
 
 def predicted_frf(assembly: Assembly, result: AnyIdentification | Mapping[str, float | str]) -> Frf:
     """Return the same as `predict`, without a warning: the callers show the note of the FRF."""
-    values, caveat = joint_values(assembly, result), "" if isinstance(result, Mapping) else result.caveat
+    values, warning = joint_values(assembly, result), "" if isinstance(result, Mapping) else result.warning
     response, label = assembly.description.response, f"{assembly.name}, predicted"
     frf = _with_signs(assembly, result).frf(values)
-    return response.frf(assembly.frequency, frf, label=label, note=caveat)
+    return response.frf(assembly.frequency, frf, label=label, note=warning)
 
 
 def determined_signs(assembly: Assembly, result: AnyIdentification | Mapping[str, float | str]) -> dict[str, float]:
@@ -83,9 +83,9 @@ def _with_signs(assembly: Assembly, result: AnyIdentification | Mapping[str, flo
 
 
 def _warn(result: AnyIdentification | Mapping[str, float | str]) -> None:
-    """Warn whoever called the caller if the joint is not to be believed."""
-    if not isinstance(result, Mapping) and result.caveat:
-        warnings.warn(f"predicted from {result.measured.label}: {result.caveat}", stacklevel=3)
+    """Warn whoever called the caller if the joint is not trustworthy."""
+    if not isinstance(result, Mapping) and result.warning:
+        warnings.warn(f"predicted from {result.measured.label}: {result.warning}", stacklevel=3)
 
 
 def joint_values(assembly: Assembly, result: AnyIdentification | Mapping[str, float | str]) -> dict[str, float]:
@@ -233,7 +233,7 @@ class Band:
         Amplitudes in the quantity of the assembly's response.
     level : float
         Probability, line by line.
-    caveat : str
+    warning : str
         That of the result it comes from.
     """
 
@@ -241,7 +241,7 @@ class Band:
     lower: NDArray[np.float64]
     upper: NDArray[np.float64]
     level: float
-    caveat: str = ""
+    warning: str = ""
 
 
 def predict_band(
@@ -274,7 +274,7 @@ def predict_band(
     Warns
     -----
     UserWarning
-        `result` is not to be believed.
+        `result` is not trustworthy.
     """
     joint = load_result(result) if isinstance(result, (str, Path)) else result
     _warn(joint)
@@ -302,7 +302,7 @@ def predicted_band(assembly: Assembly, result: AnyIdentification, level: float =
     scatter = random.standard_normal((*values.shape, 2)) @ [1.0, 1.0j] / np.sqrt(2.0)
     amplitude = np.abs(values + posterior.model_error.other * np.abs(values) * scatter)
     lower, upper = np.quantile(amplitude, [(1.0 - level) / 2.0, (1.0 + level) / 2.0], axis=0)
-    return Band(assembly.frequency, lower, upper, level, result.caveat)
+    return Band(assembly.frequency, lower, upper, level, result.warning)
 
 
 def _frfs(assembly: Assembly, result: AnyIdentification, theta: NDArray[np.float64]) -> NDArray[np.complex128]:

@@ -226,7 +226,7 @@ def _warnings(result: Identification, without_modes: str, fitted_lines: Sequence
         if result.fit is not None:
             warnings += _warnings_of_lines(result.fit.at(index, fitted_lines), where)
         to_noise = result.adequacy is not None and result.adequacy.word == "to the noise"
-        warnings += _warnings_at(at_point, where, result.believable and not to_noise)
+        warnings += _warnings_at(at_point, where, result.is_trustworthy and not to_noise)
     if without_modes:
         warnings.append(without_modes)
     return tuple(warnings)

@@ -20,7 +20,7 @@ from dovetail.measurement import ModalParameters
 from dovetail.plain_text import html_table, terminal_text
 from dovetail.units import format_quantity
 
-_CAVEAT = "The model does not fit the measurement: do not believe the numbers."
+_MISFIT = "The model does not fit the measurement: do not trust the numbers."
 """At most 80 characters of ASCII, the length of an id line in UFF."""
 
 
@@ -59,7 +59,7 @@ class _Answer:
     warnings: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        """Make mappings read-only, order the warnings, and give the posterior the caveat and the doubts.
+        """Make mappings read-only, order the warnings, and give the posterior the warning and the doubts.
 
         It may be used by itself.
         """
@@ -68,30 +68,30 @@ class _Answer:
         if self.posterior is not None:
             definitions = [parameter.definition for parameter in self.parameters.values()]
             doubts = {} if self.adequacy is None else self.adequacy.doubts(self.posterior.interval(), definitions)
-            object.__setattr__(self, "posterior", replace(self.posterior, caveat=self.caveat, doubts=doubts))
+            object.__setattr__(self, "posterior", replace(self.posterior, warning=self.warning, doubts=doubts))
 
     def __repr__(self) -> str:
-        """Return assembly, measurement and parameters in one line, the caveat before all numbers."""
+        """Return assembly, measurement and parameters in one line, the warning before all numbers."""
         values = ", ".join(f"{row.name}={format_quantity(row.estimate, row.unit)}" for row in self.table)
         return terminal_text(
-            f"<{type(self).__name__}: {self._head}: {f'{self.caveat} ' if self.caveat else ''}{values}>"
+            f"<{type(self).__name__}: {self._head}: {f'{self.warning} ' if self.warning else ''}{values}>"
         )
 
     @property
-    def believable(self) -> bool:
-        """Whether the numbers may be believed, as far as the method judges that: False if the model does not fit."""
+    def is_trustworthy(self) -> bool:
+        """Whether the numbers can be trusted, as far as the method judges that: False if the model does not fit."""
         return self.adequacy is None or self.adequacy.fits
 
     @property
-    def caveat(self) -> str:
-        """Sentence that must accompany every number of this result; empty if it is to be believed."""
-        return "" if self.believable else _CAVEAT
+    def warning(self) -> str:
+        """Sentence that must accompany every number of this result; empty if it is trustworthy."""
+        return "" if self.is_trustworthy else _MISFIT
 
     @property
     def table(self) -> tuple[TableRow, ...]:
         """What is known of each parameter, the same wherever it is shown: a row for each, in their order."""
         is_fitted = self.method != "network"
-        return parameter_table(self.parameters, self.posterior, self.network, self.caveat, is_fitted=is_fitted)
+        return parameter_table(self.parameters, self.posterior, self.network, self.warning, is_fitted=is_fitted)
 
     @property
     def _head(self) -> str:
@@ -117,8 +117,8 @@ class _Answer:
         """Return what all results have in common as plain values, the method first: by it a file is recognised."""
         return {
             "method": self.method,
-            "believable": self.believable,
-            "caveat": self.caveat,
+            "is_trustworthy": self.is_trustworthy,
+            "warning": self.warning,
             "adequacy": None if self.adequacy is None else self.adequacy.to_dict(),
             "parameters": {name: asdict(parameter) for name, parameter in self.parameters.items()},
             "table": [asdict(row) for row in self.table],
@@ -171,8 +171,8 @@ class Identification(_Answer):
 
     Notes
     -----
-    Whatever shows or passes on a result takes its words from `believable` and `caveat`. The caveat is handed to the
-    posterior, whose verdicts then read "not believed", and to the reconstructed FRFs as their note.
+    Whatever shows or passes on a result takes its words from `is_trustworthy` and `warning`. The warning is handed to
+    the posterior, whose verdicts then read "not trustworthy", and to the reconstructed FRFs as their note.
     """
 
     method: str
@@ -193,16 +193,16 @@ class Identification(_Answer):
     peaks_without_mode: tuple[Mode, ...] = ()
 
     def __post_init__(self) -> None:
-        """Hand the caveat to what may be used by itself: the reconstructed FRFs too.
+        """Hand the warning to what may be used by itself: the reconstructed FRFs too.
 
         Where a model is off that does not fit is where its FRFs and the measured ones agree poorly.
         """
         super().__post_init__()
-        if self.adequacy is not None and not self.believable:
+        if self.adequacy is not None and not self.is_trustworthy:
             bands = tuple(band for response in self.responses for band in response.poor_bands)
             object.__setattr__(self, "adequacy", replace(self.adequacy, bands=bands))
-        further = tuple(replace(at_point, frf=replace(at_point.frf, note=self.caveat)) for at_point in self.further)
-        object.__setattr__(self, "frf", replace(self.frf, note=self.caveat))
+        further = tuple(replace(at_point, frf=replace(at_point.frf, note=self.warning)) for at_point in self.further)
+        object.__setattr__(self, "frf", replace(self.frf, note=self.warning))
         object.__setattr__(self, "further", further)
 
     def _repr_html_(self) -> str:
@@ -212,7 +212,7 @@ class Identification(_Answer):
             interval = " to ".join(format_quantity(end, row.unit) for end in ends)
             words = row.precision, row.verdict, row.why
             rows.append((row.name, format_quantity(row.estimate, row.unit), interval, *words))
-        head = f"<Identification: {self._head}> {self.caveat}"
+        head = f"<Identification: {self._head}> {self.warning}"
         return html_table(head, [("parameter", "estimate", "90 % interval", "precision", "verdict", "why"), *rows])
 
     @property
@@ -257,7 +257,7 @@ class Identification(_Answer):
         if self.posterior is None:
             problem = f"the method '{self.method}' gives no posterior."
             raise DovetailError(Fault(self.measured.label, problem, remedy='Identify with the method "posterior".'))
-        about = {"caveat": self.caveat, "measurement": self.measured.label}
+        about = {"warning": self.warning, "measurement": self.measured.label}
         parameters = [parameter.definition for parameter in self.parameters.values()]
         return inference_data(self.posterior, parameters, draws, seed, about)
 
@@ -360,10 +360,10 @@ class ModalIdentification(_Answer):
         }
 
 
-def caveats_of(results: Iterable[tuple[str, _Answer | None]]) -> str:
-    """Return the caveats of several results, each once and after the names of those that have it; empty if none has."""
+def joined_warnings(results: Iterable[tuple[str, _Answer | None]]) -> str:
+    """Return the `warning` of several results, each once and after the names of those that have it."""
     names: dict[str, list[str]] = {}
     for name, result in results:
-        if result is not None and result.caveat:
-            names.setdefault(result.caveat, []).append(name)
-    return " ".join(f"{', '.join(named)}: {caveat}" for caveat, named in names.items())
+        if result is not None and result.warning:
+            names.setdefault(result.warning, []).append(name)
+    return " ".join(f"{', '.join(named)}: {warning}" for warning, named in names.items())

@@ -336,7 +336,7 @@ def _complex_surprise(
 
 
 def least_variance(frf: Frf) -> float:
-    """Return the smallest E|error|^2 that an FRF is believed to have."""
+    """Return the smallest E|error|^2 that an FRF is assumed to have."""
     return float((_SETTINGS.least * frf.amplitude.max()) ** 2)
 
 

@@ -33,14 +33,14 @@ def write_batch(batch: Batch, path: str | Path, title: str, reports: Mapping[str
     content = {
         "title": title,
         "count": len(batch.results) + len(batch.failures),
-        "caveat": batch.caveat,
+        "warning": batch.warning,
         "measurements": [
             (name, mark, sentence, f"{batch.results[name].mean_coherence:.3f}", reports.get(name, ""))
             for name, (mark, sentence) in judged.items()
         ],
         "failures": dict(batch.failures),
         "parameters": _parameters(batch),
-        "believable": {name: result.believable for name, result in batch.results.items()},
+        "is_trustworthy": {name: result.is_trustworthy for name, result in batch.results.items()},
     }
     return write_page(path, "batch.html.jinja", content, charts=False)
 

@@ -83,10 +83,10 @@ def calibration_rows(calibration: Calibration) -> list[list[str]]:
 
 
 def calibration_times(calibration: Calibration) -> str:
-    """Return sentences on the time of the cases, the effective samples, and the results that are not believed."""
+    """Return sentences on the time of the cases, the effective samples, and the results that are not trustworthy."""
     plain = calibration.to_dict()
-    seconds, effective, count = plain["seconds"], plain["effective_samples"], plain["not_believed"]
-    doubt = f" Results that are not to be believed: {count}; they count like the others." if count else ""
+    seconds, effective, count = plain["seconds"], plain["effective_samples"], plain["not_trustworthy"]
+    doubt = f" Results that are not trustworthy: {count}; they count like the others." if count else ""
     at_once = "on a cluster" if calibration.workers is None else f"{calibration.workers} at once"
     return (
         f"{plain['cases']} cases in {calibration.wall_seconds:.0f} s, {at_once}; each "

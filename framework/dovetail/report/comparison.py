@@ -8,8 +8,8 @@ from typing import Any
 
 from dovetail.evaluation import Compared, Comparison
 from dovetail.evaluation.cases import Case
-from dovetail.identification.result import caveats_of
-from dovetail.inference.posterior import NOT_BELIEVED
+from dovetail.identification.result import joined_warnings
+from dovetail.inference.posterior import NOT_TRUSTWORTHY
 from dovetail.plain_text import ABSENT, display_unit, fixed, hertz, number
 from dovetail.report.comparison_figures import parameter_comparison
 from dovetail.report.pages import as_data, chart_data, write_page
@@ -34,15 +34,15 @@ def write_comparison(comparison: Comparison, path: str | Path) -> Path:
     -------
     Path
     """
-    shown = None if comparison.caveat else -1  # without the last column, which would be empty
+    shown = None if comparison.warning else -1  # without the last column, which would be empty
     figures = [
-        (case.name, f"chart-{index + 1}", as_data(_chart(comparison, case)), _case_caveat(comparison, case))
+        (case.name, f"chart-{index + 1}", as_data(_chart(comparison, case)), _case_warning(comparison, case))
         for index, case in enumerate(comparison.cases)
     ]
     figure = parameter_comparison(comparison) if any(row.identification for row in comparison.rows) else None
     content = {
         "title": comparison.title,
-        "caveat": comparison.caveat,
+        "warning": comparison.warning,
         "series": comparison.series,
         "cases": [case.name for case in comparison.cases],
         "methods": comparison.methods,
@@ -68,32 +68,36 @@ def _chart(comparison: Comparison, case: Case) -> dict[str, Any]:
     return chart_data(title, curves, coherence=agreement, most=_MOST_LINES)
 
 
-def _case_caveat(comparison: Comparison, case: Case) -> str:
-    return caveats_of((method, row.identification) for method, row in comparison.of(case).items())
+def _case_warning(comparison: Comparison, case: Case) -> str:
+    return joined_warnings((method, row.identification) for method, row in comparison.of(case).items())
 
 
-def _not_believed(rows: Iterable[Compared], name: Callable[[Compared], str]) -> str:
-    """Return the names of the results that are not to be believed, separated by semicolons."""
-    return "; ".join(name(row) for row in rows if not row.believable)
+def _not_trustworthy(rows: Iterable[Compared], name: Callable[[Compared], str]) -> str:
+    """Return the names of the results that are not trustworthy, separated by semicolons."""
+    return "; ".join(name(row) for row in rows if not row.is_trustworthy)
 
 
 def coherence_rows(comparison: Comparison) -> Iterator[Row]:
-    """Yield method, mean coherence of each case (Table 4), and the cases with a result that is not to be believed."""
+    """Yield method, mean coherence of each case (Table 4), and the cases with a result that is not trustworthy."""
     for method in comparison.methods:
         rows = [comparison.of(case)[method] for case in comparison.cases]
-        yield [method, *(f"{row.mean_coherence:.4f}" for row in rows), _not_believed(rows, lambda row: row.case.name)]
+        yield [
+            method,
+            *(f"{row.mean_coherence:.4f}" for row in rows),
+            _not_trustworthy(rows, lambda row: row.case.name),
+        ]
 
 
 def frequency_rows(comparison: Comparison) -> Iterator[Row]:
     """Yield case, number and frequency of each resonance, and each method's error in per cent (Table 5).
 
-    The last cell names the methods with a result that is not to be believed.
+    The last cell names the methods with a result that is not trustworthy.
     """
     for case in comparison.cases:
         compared = comparison.of(case)
         for index, (measured, _) in enumerate(next(iter(compared.values())).peaks):
             errors = [_error(compared[method].peaks[index]) for method in comparison.methods]
-            doubted = _not_believed(compared.values(), lambda row: row.method)
+            doubted = _not_trustworthy(compared.values(), lambda row: row.method)
             yield [case.name, index + 1, hertz(measured), *errors, doubted]
 
 
@@ -103,25 +107,25 @@ def _error(peak: tuple[float, float | None]) -> str:
 
 
 def time_rows(comparison: Comparison) -> Iterator[Row]:
-    """Yield method, seconds of training, median seconds of one identification, and the cases not to be believed."""
+    """Yield method, seconds of training, median seconds of one identification, and the cases not trustworthy."""
     for method in comparison.methods:
         rows = [row for row in comparison.rows if row.method == method]
         times = sorted(row.seconds for row in rows)
         training = comparison.training.get(method)
         seconds = [ABSENT if training is None else f"{training:.0f}", f"{times[len(times) // 2]:.3f}"]
-        yield [method, *seconds, _not_believed(rows, lambda row: row.case.name)]
+        yield [method, *seconds, _not_trustworthy(rows, lambda row: row.case.name)]
 
 
 def parameter_value_rows(comparison: Comparison) -> Iterator[Row]:
     """Yield what each result says of each parameter, in SI, as the columns of the table of parameters have it.
 
-    The last cell says whether the result may be believed; if not, there is no interval.
+    The last cell says whether the result can be trusted; if not, there is no interval.
     """
     for row in comparison.rows:
         if row.identification is None:
             continue
         posterior = row.identification.posterior
-        intervals = {} if posterior is None or not row.believable else posterior.interval()
+        intervals = {} if posterior is None or not row.is_trustworthy else posterior.interval()
         for index, (name, parameter) in enumerate(row.identification.parameters.items()):
             low, high = intervals.get(name, ("", ""))
             estimate = "" if posterior is None else float(posterior.estimate[index])
@@ -130,7 +134,7 @@ def parameter_value_rows(comparison: Comparison) -> Iterator[Row]:
             true = comparison.truth.get(row.case.name, {}).get(name, "")
             yield [
                 row.case.name, row.case.value, row.method, name, parameter.unit, parameter.value,
-                estimate, low, high, *words, true, row.believable,
+                estimate, low, high, *words, true, row.is_trustworthy,
             ]  # fmt: skip
 
 
@@ -152,6 +156,6 @@ def _verdicts(comparison: Comparison) -> list[tuple[str, str, list[tuple[str, st
             interval = f"{texts[1]} to {texts[2]} {inside}".strip()
             judged = posterior.verdicts[name]
             words = ", ".join(filter(None, [judged.precision, judged.word]))
-            cells.append((texts[0], "withheld" if judged.word == NOT_BELIEVED else interval, words))
+            cells.append((texts[0], "withheld" if judged.word == NOT_TRUSTWORTHY else interval, words))
         table.append((name, shown.text, cells))
     return table

@@ -42,16 +42,16 @@ def parameter_comparison(comparison: Comparison) -> Figure:
         _draw_parameter(axes, comparison, name)
     for axes in panels[-_COLUMNS:]:
         axes.set_xlabel(terminal_text(comparison.series or "case"), parse_math=False)
-    _finish(figure, panels[0], comparison.caveat)
+    _finish(figure, panels[0], comparison.warning)
     return figure
 
 
-def _finish(figure: Figure, panel: Axes, caveat: str) -> None:
-    """Put the legend of a panel above the figure, and a caveat above the legend."""
+def _finish(figure: Figure, panel: Axes, warning: str) -> None:
+    """Put the legend of a panel above the figure, and a warning above the legend."""
     handles, labels = panel.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=5, fontsize=8.5)
-    if caveat:
-        set_title(figure, caveat)
+    if warning:
+        set_title(figure, warning)
 
 
 def _logarithmic(axes: Axes) -> None:
@@ -80,7 +80,7 @@ def _draw_parameter(axes: Axes, comparison: Comparison, name: str) -> None:
         values = np.clip([_value(result, name) * shown.factor for result in results], low, high)
         axes.plot(positions, values, **style, markersize=3.5, linewidth=1, label=method)
         withheld = (np.nan, np.nan)
-        ends = [r.interval[name] if r.believable else withheld for r in results if r.interval is not None]
+        ends = [r.interval[name] if r.is_trustworthy else withheld for r in results if r.interval is not None]
         if ends:
             axes.fill_between(
                 positions, *(np.array(ends).T * shown.factor), color=style["color"], alpha=0.15, linewidth=0

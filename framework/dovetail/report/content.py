@@ -45,7 +45,7 @@ _EXPLAINED = {
     "to the noise": ("good", "The model explains the measurement down to its noise"),
     "good": ("good", "The model explains the measurement well"),
     "rough": ("rough", "The model explains the measurement roughly"),
-    "does not fit": ("bad", "The model does not explain the measurement: do not believe the numbers."),
+    "does not fit": ("bad", "The model does not explain the measurement: do not trust the numbers."),
     "not judged": ("open", "Whether the model explains the measurement was not judged"),
 }
 """Mark and sentence for each word of the adequacy."""
@@ -69,7 +69,7 @@ class ParameterRow:
     """One row of the table of parameters: what was `identified`, as text, with the truth if it is known.
 
     Places are fractions of the range on the parameter's scale, None if nothing is drawn. The interval of a result that
-    is not to be believed is withheld, since it would be valid only if the model were right.
+    is not trustworthy is withheld, since it would be valid only if the model were right.
     """
 
     identified: TableRow
@@ -161,11 +161,11 @@ def adequacy_sentences(result: Identification | ModalIdentification) -> list[str
     adequacy = result.adequacy
     if adequacy is None:
         return []
-    notes = [*adequacy.reasons, "" if result.caveat else adequacy.meaning]
+    notes = [*adequacy.reasons, "" if result.warning else adequacy.meaning]
     notes += [cause.sentence for cause in adequacy.causes]
-    if isinstance(result, Identification) and not result.believable:
+    if isinstance(result, Identification) and not result.is_trustworthy:
         notes += [_poor_bands_sentence(response, result) for response in result.responses]
-    return [readable(sentence) for sentence in (result.caveat, adequacy.sentence, *by_importance(notes)) if sentence]
+    return [readable(sentence) for sentence in (result.warning, adequacy.sentence, *by_importance(notes)) if sentence]
 
 
 def _poor_bands_sentence(response: AtPoint, result: Identification) -> str:
@@ -181,7 +181,7 @@ def _poor_bands_sentence(response: AtPoint, result: Identification) -> str:
 def parameter_rows(result: Identification | ModalIdentification, truth: Truth | None) -> list[ParameterRow]:
     """Return the table of parameters, in the assembly's order."""
     true = {} if truth is None else truth.with_followers(result.parameters.values())
-    withheld = result.posterior is not None and not result.believable
+    withheld = result.posterior is not None and not result.is_trustworthy
     return [_parameter_row(row, withheld, true.get(row.name)) for row in result.table]
 
 

@@ -97,7 +97,7 @@ def _context(result: Identification, truth: Truth | None) -> dict[str, Any]:
         "mean_coherence": _mean_coherence(result),
         "fit": "" if result.fit is None else content.fit_sentence(result.fit),
         "joints": list(dict.fromkeys(row.joint for row in result.table)),
-        "believable": result.believable,
+        "is_trustworthy": result.is_trustworthy,
         "adequacy": content.adequacy_sentences(result),
         "decisive": [warning for warning in warnings if is_decisive(warning)],
         "warnings": [warning for warning in warnings if not is_decisive(warning)],
@@ -139,7 +139,7 @@ def _figures(result: Identification) -> list[tuple[str, str, Any, bool]]:
     natural = [mode.natural_frequency for mode in result.modes]
     figures = []
     for index, response in enumerate(result.responses):
-        bands = () if result.believable else response.poor_bands
+        bands = () if result.is_trustworthy else response.poor_bands
         both = {"measured": ("measured", response.measured), "model": ("reconstructed", response.frf)}
         title = f"Measured and reconstructed FRF and their agreement, {response.point or 'the response'}"
         content = chart_data(title, both, coherence=response.coherence, natural=natural, bands=bands, most=_MOST_LINES)
@@ -151,10 +151,10 @@ def _figures(result: Identification) -> list[tuple[str, str, Any, bool]]:
 def _pair_plot(result: Identification) -> dict[str, Any] | None:
     """Return panels with samples of pairs of the most correlated parameters, as plain numbers.
 
-    None without samples or correlated parameters, and for a result that is not to be believed.
+    None without samples or correlated parameters, and for a result that is not trustworthy.
     """
     posterior = result.posterior
-    if posterior is None or not result.believable or not (chosen := _correlated_parameters(posterior)):
+    if posterior is None or not result.is_trustworthy or not (chosen := _correlated_parameters(posterior)):
         return None
     definitions = [parameter.definition for parameter in result.parameters.values()]
     theta = posterior.sample(_SAMPLES)

@@ -25,7 +25,7 @@ def plot_frf(result: Identification | Frf, response: int = 0) -> Figure:
     -------
     matplotlib.figure.Figure
         Its ``savefig`` writes it, its ``axes`` can be changed. The natural frequencies of an identification are marked,
-        and its caveat, if there is one, is the title.
+        and its warning, if there is one, is the title.
 
     Raises
     ------
@@ -36,7 +36,7 @@ def plot_frf(result: Identification | Frf, response: int = 0) -> Figure:
         return simulated_figure(result)
     natural = [mode.natural_frequency for mode in result.modes]
     at_point = result.responses[response]
-    return frf_figure(at_point.measured, at_point.frf, at_point.coherence, natural, result.caveat)
+    return frf_figure(at_point.measured, at_point.frf, at_point.coherence, natural, result.warning)
 
 
 def plot_assembly(assembly: AssemblySource) -> Figure:

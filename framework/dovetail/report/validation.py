@@ -39,13 +39,13 @@ def write_validation(validation: Validation, path: str | Path) -> Path:
             as_data(_chart(case)),
             list(_rows(case)),
             f"{case.mean_coherence:.4f}",
-            case.believable,
+            case.is_trustworthy,
         )
         for index, case in enumerate(validation.cases)
     ]
     content = {
         "title": validation.title,
-        "caveat": validation.caveat,
+        "warning": validation.warning,
         "verdict": _verdict(validation),
         "cases": cases,
         "series": series,

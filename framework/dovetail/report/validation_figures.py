@@ -48,7 +48,7 @@ def validation_figure(validation: Validation) -> Figure:
     for axes, case in zip(panels, validation.cases, strict=True):
         _draw_case(axes, case)
     panels[0].legend(loc="lower right", ncols=3, fontsize=9)
-    set_title(figure, validation.title, validation.caveat)
+    set_title(figure, validation.title, validation.warning)
     panels[-1].set_xlabel("Frequency [Hz]")
     return figure
 
@@ -101,7 +101,7 @@ def series_figure(validation: Validation) -> Figure:
         _draw_resonance(axes, cases, index)
     panels[-1].legend(loc="best", fontsize=9)
     panels[0].set_xlabel(terminal_text(validation.series), parse_math=False)
-    set_title(figure, validation.title, validation.caveat)
+    set_title(figure, validation.title, validation.warning)
     return figure
 
 

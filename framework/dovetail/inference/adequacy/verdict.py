@@ -52,7 +52,7 @@ _MEANING: Final[dict[AdequacyWord, str]] = {
     "to the noise": "Nothing but random error separates model and measurement.",
     "good": "The model can be relied on as far as its intervals say; they allow for these errors.",
     "rough": "Take it for what goes with what, not for precise values; the intervals allow for these errors.",
-    "does not fit": "No error of a plausible size explains the measurement: do not believe the numbers.",
+    "does not fit": "No error of a plausible size explains the measurement: do not trust the numbers.",
     "not judged": "",
 }
 _KINDS = {
@@ -162,7 +162,7 @@ class Adequacy:
     def meaning(self) -> str:
         """What the word means for use, in a sentence; empty if the model was not judged."""
         if NOTHING_SHOWN in self.reasons:
-            return "Do not believe the numbers: measure again with a stronger force, more averages, or another point."
+            return "Do not trust the numbers: measure again with a stronger force, more averages, or another point."
         return f"{_MEANING[self.word]} {_CHANGE}" if self.causes and self.fits else _MEANING[self.word]
 
     @property

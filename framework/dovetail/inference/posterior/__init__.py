@@ -11,14 +11,14 @@ from dovetail.inference.posterior.model_error import (
     typical_model_error,
 )
 from dovetail.inference.posterior.sampling import sample_posterior
-from dovetail.inference.posterior.verdicts import FIXED, LEVEL, LIMITS, NOT_BELIEVED, Group, Verdict, quantiles
+from dovetail.inference.posterior.verdicts import FIXED, LEVEL, LIMITS, NOT_TRUSTWORTHY, Group, Verdict, quantiles
 
 __all__ = [
     "FIXED",
     "LEVEL",
     "LIMITS",
     "MODEL_ERROR",
-    "NOT_BELIEVED",
+    "NOT_TRUSTWORTHY",
     "PRIOR_PRECISION",
     "TYPICAL",
     "Form",

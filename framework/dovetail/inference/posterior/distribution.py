@@ -18,7 +18,7 @@ from dovetail.inference.posterior.model_error import ModelError
 from dovetail.inference.posterior.verdicts import (
     FIXED,
     LEVEL,
-    NOT_BELIEVED,
+    NOT_TRUSTWORTHY,
     Group,
     Known,
     Verdict,
@@ -99,8 +99,8 @@ class Posterior:
         SI; the posterior mode, with the form "laplace".
     unreliable : tuple of str
         Parameters for which the Laplace approximation fails; their intervals are not to be trusted.
-    caveat : str
-        That of the `Identification`: why no interval is to be believed; empty if they may be.
+    warning : str
+        That of the `Identification`: why no interval is trustworthy; empty if they may be.
     doubts : mapping of str to str
         By parameter, what the `Identification` says of a change with which it lies far beyond its interval.
     log_likelihood : (n,) array or None
@@ -122,7 +122,7 @@ class Posterior:
     form: Form = "samples"
     mode: NDArray[np.float64] | None = None
     unreliable: tuple[str, ...] = ()
-    caveat: str = ""
+    warning: str = ""
     doubts: Mapping[str, str] = field(default_factory=dict)
     log_likelihood: NDArray[np.float64] | None = None
     normal: tuple[str, ...] = ()
@@ -266,8 +266,8 @@ class Posterior:
         return {name: self._verdict(index, known[index]) for index, name in enumerate(self.names)}
 
     def _verdict(self, index: int, known: Known) -> Verdict:
-        if self.caveat:
-            return Verdict(NOT_BELIEVED, known.gain, self.caveat)
+        if self.warning:
+            return Verdict(NOT_TRUSTWORTHY, known.gain, self.warning)
         name = self.names[index]
         word, precision = word_for(known), precision_text(known, is_normal=name in self.normal)
         reasons = []
@@ -301,7 +301,7 @@ class Posterior:
         intervals = self.interval()
         return {
             "form": self.form,
-            "caveat": self.caveat,
+            "warning": self.warning,
             "level": LEVEL,
             "warnings": list(self.warnings),
             "parameters": {

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 LEVEL = 0.9
 """Probability that an interval holds the true value."""
 
-NOT_BELIEVED: Final = "not believed"
-"""The verdict on every parameter of a result that is not to be believed."""
+NOT_TRUSTWORTHY: Final = "not trustworthy"
+"""The verdict on every parameter of a result that is not trustworthy."""
 
 FIXED: Final = "The measurement fixes it."
 """The reason of a verdict with nothing to add."""
 
-Word: TypeAlias = Literal["identified", "weakly identified", "not identifiable", "not believed"]
+Word: TypeAlias = Literal["identified", "weakly identified", "not identifiable", "not trustworthy"]
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ class Verdict:
     Parameters
     ----------
     word : str
-        "identified", "weakly identified" or "not identifiable"; "not believed" if the result is not to be believed.
+        "identified", "weakly identified" or "not identifiable"; "not trustworthy" if the result is not trustworthy.
     gain : float
         Share of the prior variance that the measurement removes; 1 if the parameter is known exactly.
     reason : str
@@ -153,7 +153,8 @@ class Verdict:
         How far the true value may be from the estimate, with a probability of 90 %: "±4 %" or "factor 1.6".
         "lower bound" or "upper bound" if the range cuts off the other end of the interval, "may be zero" if the
         interval includes zero, "range only" ("prior only" for a normal prior) if the measurement hardly narrows what
-        was known before, "2 groups" if the likely values are in separate groups. Empty if the result is not believed.
+        was known before, "2 groups" if the likely values are in separate groups. Empty if the result is not
+        trustworthy.
     factor : float or None
         Largest ratio of the estimate to an end of the interval, or the reverse; None if the interval includes zero.
     """

@@ -24,7 +24,7 @@ from dovetail.identification.result_file import load_result
 from dovetail.inference.fitting import refinement
 
 pytestmark = pytest.mark.usefixtures("few_mode_searches")
-CAVEAT = "The model does not fit the measurement: do not believe the numbers."
+WARNING = "The model does not fit the measurement: do not trust the numbers."
 HEAVIER = "extends: sdof.yaml\nname: heavier\nsubstructures: {mass: {masses: [{mass: 2 kg}]}}\n"
 JOINT = "{assembly: sdof.yaml, measured: measured.uff}"
 CASES = f"""\
@@ -119,18 +119,18 @@ def made(request, run, assemblies, tmp_path_factory, each_fit_once):
     written = [
         file for file in folder.rglob("*") if file.is_file() and file not in before and file.name != "SHA256SUMS"
     ]
-    return SimpleNamespace(**vars(done), result=result, written=written, believable=code == 0)
+    return SimpleNamespace(**vars(done), result=result, written=written, is_trustworthy=code == 0)
 
 
 def says_so(file):
-    """Whether a file says of itself that its numbers are not to be believed; an unknown kind of file is refused."""
+    """Whether a file says of itself that its numbers are not trustworthy; an unknown kind of file is refused."""
     if file.suffix in (".uff", ".npz"):
-        return dovetail.read_frf(file).note == CAVEAT
+        return dovetail.read_frf(file).note == WARNING
     content = file.read_bytes()
     if file.suffix == ".png":
-        return CAVEAT.encode() in content
+        return WARNING.encode() in content
     text = content.decode()
-    return {".csv": csv_says_so, ".json": json_says_so, ".html": html_says_so, ".md": lambda text: CAVEAT in text}[
+    return {".csv": csv_says_so, ".json": json_says_so, ".html": html_says_so, ".md": lambda text: WARNING in text}[
         file.suffix
     ](text)
 
@@ -138,18 +138,20 @@ def says_so(file):
 def csv_says_so(text):
     comments = [line for line in text.splitlines() if line.startswith("#")]
     if comments:
-        return f"# note: {CAVEAT}" in comments
+        return f"# note: {WARNING}" in comments
     rows = list(csv.DictReader(text.splitlines()))
     assert rows
-    said = {row["believable"] == "False" if "believable" in row else bool(row["not_believed"]) for row in rows}
+    said = {
+        row["is_trustworthy"] == "False" if "is_trustworthy" in row else bool(row["not_trustworthy"]) for row in rows
+    }
     assert len(said) == 1
     return said.pop()
 
 
 def json_says_so(text):
     content = json.loads(text)
-    assert content["believable"] == (content["caveat"] == "")
-    return not content["believable"] and CAVEAT in content["caveat"]
+    assert content["is_trustworthy"] == (content["warning"] == "")
+    return not content["is_trustworthy"] and WARNING in content["warning"]
 
 
 def html_says_so(text):
@@ -157,44 +159,44 @@ def html_says_so(text):
     title = head[head.index("<title>") : head.index("</title>")]
     sections = [section for section in text.split("<section") if "<table" in section]
     assert len(sections) >= (1 if "models against measurements" in title else 2)  # one of each case, here one
-    marked = all("not believed" in section.lower() for section in sections)
-    return "believed:" in title and CAVEAT in head[head.index("<body>") :] and marked
+    marked = all("not trustworthy" in section.lower() for section in sections)
+    return "trustworthy:" in title and WARNING in head[head.index("<body>") :] and marked
 
 
 def test_every_file_says_so(made):
     assert len(made.written) == 28
     said = {str(file.relative_to(made.folder)): says_so(file) for file in made.written}
-    assert said == dict.fromkeys(said, not made.believable)
+    assert said == dict.fromkeys(said, not made.is_trustworthy)
 
 
-def test_a_genuine_result_does_not_mention_belief(made):
-    if not made.believable:
+def test_a_trustworthy_result_does_not_mention_trust(made):
+    if not made.is_trustworthy:
         return
     for file in made.written:
-        text = file.read_bytes().replace(b"believable", b"").replace(b"not_believed", b"")
-        assert b"believe" not in text, file
+        text = file.read_bytes().replace(b"is_trustworthy", b"").replace(b"not_trustworthy", b"")
+        assert b"trustworthy" not in text, file
     for done in made.tables.values():
-        assert "believe" not in done.output
+        assert "not trustworthy" not in done.output
 
 
 def test_every_table_says_so(made):
     blocks = {name: done.stdout.split("\n\n") for name, done in made.tables.items()}
     tables = [(name, block) for name, texts in blocks.items() for block in texts if "───" in block]
     assert {name for name, _ in tables} == set(made.tables)
-    marked = [table for table in tables if "not believed" in table[1] or "not_believed" in table[1]]
-    assert marked == ([] if made.believable else tables)
+    marked = [table for table in tables if "not trustworthy" in table[1] or "not_trustworthy" in table[1]]
+    assert marked == ([] if made.is_trustworthy else tables)
     for done in made.tables.values():
-        assert (CAVEAT in " ".join(done.stdout.split())) != made.believable
+        assert (WARNING in " ".join(done.stdout.split())) != made.is_trustworthy
 
 
 def test_stderr_says_so(made):
     for done in (*made.tables.values(), *made.plain.values()):
-        assert (CAVEAT in done.stderr) != made.believable
+        assert (WARNING in done.stderr) != made.is_trustworthy
 
 
 def test_printed_json_says_so(made):
     assert {name: json_says_so(done.stdout) for name, done in made.plain.items()} == dict.fromkeys(
-        made.plain, not made.believable
+        made.plain, not made.is_trustworthy
     )
 
 
@@ -203,27 +205,27 @@ def test_intervals_are_withheld_and_no_verdict_is_given(made):
     compared = (made.folder / "compare" / "comparison.html").read_text(encoding="utf-8")
     low, _ = made.result.interval["k"]
     for text in (made.tables["identify"].stdout, page):
-        assert (f"{low / 1e6:.4g} to" in text) == made.believable
+        assert (f"{low / 1e6:.4g} to" in text) == made.is_trustworthy
     for text in (made.tables["identify"].stdout, page, compared):
-        assert ("withheld" in text) != made.believable
-        assert not made.believable or re.search(r"2\.99\d to 3\.00\d", text)
-    assert ('stroke-width="7"' in page) == made.believable  # the interval drawn on the range
+        assert ("withheld" in text) != made.is_trustworthy
+        assert not made.is_trustworthy or re.search(r"2\.99\d to 3\.00\d", text)
+    assert ('stroke-width="7"' in page) == made.is_trustworthy  # the interval drawn on the range
     with (made.folder / "compare" / "parameters.csv").open(encoding="utf-8") as stream:
         ends = {bool(row["lower"]) for row in csv.DictReader(stream) if row["method"] == "posterior"}
-    assert ends == {made.believable}
+    assert ends == {made.is_trustworthy}
     words = {verdict.word for verdict in made.result.posterior.verdicts.values()}
-    assert made.result.posterior.form == ("samples" if made.believable else "laplace")  # samples take minutes
-    assert (words == {"not believed"}) != made.believable
+    assert made.result.posterior.form == ("samples" if made.is_trustworthy else "laplace")  # samples take minutes
+    assert (words == {"not trustworthy"}) != made.is_trustworthy
 
 
 def test_python_says_so(made):
     result = made.result
-    assert result.believable == made.believable
+    assert result.is_trustworthy == made.is_trustworthy
     for shown in (repr(result), str(result), repr(result.posterior), repr(result.frf)):
-        assert (CAVEAT in shown) != made.believable
+        assert (WARNING in shown) != made.is_trustworthy
     assert repr(result).startswith("<Identification: sdof, measured.uff, posterior: ")
-    assert result.caveat == ("" if made.believable else CAVEAT)
-    assert (dovetail.plot_frf(result).get_suptitle() == CAVEAT) != made.believable
+    assert result.warning == ("" if made.is_trustworthy else WARNING)
+    assert (dovetail.plot_frf(result).get_suptitle() == WARNING) != made.is_trustworthy
 
 
 @pytest.mark.parametrize("predict", [dovetail.predict, dovetail.predict_band])
@@ -233,22 +235,28 @@ def test_a_prediction_in_python_warns(made, predict):
         warnings.simplefilter("always")
         done = predict(heavier, made.result)
     assert [(str(warning.message), warning.filename) for warning in caught] == (
-        [] if made.believable else [(f"predicted from measured.uff: {CAVEAT}", __file__)]
+        [] if made.is_trustworthy else [(f"predicted from measured.uff: {WARNING}", __file__)]
     )
-    assert (CAVEAT in repr(done)) != made.believable
+    assert (WARNING in repr(done)) != made.is_trustworthy
 
 
 @pytest.mark.parametrize("key", ["misspecification", "foreign"])
 def test_a_file_of_an_earlier_version_is_judged_by_its_verdict(made, tmp_path, key):
     stored = made.result.to_dict()
-    del stored["believable"], stored["caveat"], stored["posterior"]["caveat"]
+    del stored["is_trustworthy"], stored["warning"], stored["posterior"]["warning"]
     del stored["adequacy"]
-    stored[key] = {"flagged": not made.believable, "statistic": 2.0, "looks_like": "", "reasons": [], "bands_Hz": []}
+    stored[key] = {
+        "flagged": not made.is_trustworthy,
+        "statistic": 2.0,
+        "looks_like": "",
+        "reasons": [],
+        "bands_Hz": [],
+    }
     for parameter in stored["posterior"]["parameters"].values():
         parameter["verdict"] = "identified"
     (tmp_path / "result.json").write_text(json.dumps(stored))
     read = load_result(tmp_path)
-    assert (read.believable, read.caveat) == (made.result.believable, made.result.caveat)
+    assert (read.is_trustworthy, read.warning) == (made.result.is_trustworthy, made.result.warning)
     for name, verdict in made.result.posterior.verdicts.items():
         assert read.posterior.verdicts[name] == replace(
             verdict, gain=pytest.approx(verdict.gain), factor=verdict.factor and pytest.approx(verdict.factor)
@@ -257,19 +265,19 @@ def test_a_file_of_an_earlier_version_is_judged_by_its_verdict(made, tmp_path, k
 
 def test_what_is_handed_on_follows_the_result(made):
     genuine = replace(made.result, adequacy=None)
-    assert genuine.frf.note == genuine.posterior.caveat == ""
-    assert "not believed" not in {verdict.word for verdict in genuine.posterior.verdicts.values()}
+    assert genuine.frf.note == genuine.posterior.warning == ""
+    assert "not trustworthy" not in {verdict.word for verdict in genuine.posterior.verdicts.values()}
 
 
-def test_a_calibration_counts_the_results_that_are_not_believed(run, sdof, assemblies, tmp_path, monkeypatch):
+def test_a_calibration_counts_the_results_that_are_not_trustworthy(run, sdof, assemblies, tmp_path, monkeypatch):
     done = dovetail.calibrate(sdof, cases=2, samples=50, workers=1)
-    assert done.believable.all()
-    monkeypatch.setattr(dovetail, "calibrate", lambda *_, **__: replace(done, believable=np.array([True, False])))
+    assert done.is_trustworthy.all()
+    monkeypatch.setattr(dovetail, "calibrate", lambda *_, **__: replace(done, is_trustworthy=np.array([True, False])))
     printed = run("calibrate", assemblies / "sdof.yaml", "--cases", 2, "-o", tmp_path / "out")
-    said = "Results that are not to be believed: 1; they count like the others."
+    said = "Results that are not trustworthy: 1; they count like the others."
     assert said in " ".join(printed.stdout.split())
     assert said in (tmp_path / "out" / "calibration.md").read_text()
-    assert json.loads((tmp_path / "out" / "calibration.json").read_text())["not_believed"] == 1
+    assert json.loads((tmp_path / "out" / "calibration.json").read_text())["not_trustworthy"] == 1
     with (tmp_path / "out" / "cases.csv").open() as stream:
         next(stream)
-        assert [row["believable"] for row in csv.DictReader(stream)] == ["True", "False"]
+        assert [row["is_trustworthy"] for row in csv.DictReader(stream)] == ["True", "False"]
