@@ -27,7 +27,7 @@ import dovetail
 STRUCTURES = 25
 CHI_SQUARED = 0.93, 1.07
 HEADER = (
-    "| noise | to the noise | chi-squared 0.93 to 1.07 | right minimum | median time | longest |\n"
+    "| noise | reaches the noise | chi-squared 0.93 to 1.07 | right minimum | median time | longest |\n"
     "|---|---|---|---|---|---|"
 )
 
@@ -88,9 +88,9 @@ class Case:
         wrong = [] if self.to_the_noise else [f"said to be '{self.word}'"]
         wrong += [] if self.inside else [f"chi-squared {self.chi_squared:.3f} (by chance +-{self.deviation:.3f})"]
         wrong += [] if self.right else [f"another minimum: {self.chi_squared:.3f}, not {self.at_truth:.3f}"]
-        stated = "stated" if self.stated else "not stated"
+        given = "variance given" if self.stated else "variance unknown"
         return (
-            f"case {self.number}, structure {self.number % STRUCTURES}: {'; '.join(wrong)} ({self.noise}, {stated}, "
+            f"case {self.number}, structure {self.number % STRUCTURES}: {'; '.join(wrong)} ({self.noise}, {given}, "
             f"{self.lines} lines, {self.unknowns} unknowns, {self.agreeing} of {self.starts} searches agree, "
             f"{self.seconds:.1f} s)"
         )
@@ -172,7 +172,7 @@ def study(
         for stated in (True, False):
             chosen = [case for case in cases if (case.noise, case.stated) == (noise, stated)]
             if chosen:
-                report(row(f"{noise}, {'stated' if stated else 'not stated'}", chosen))
+                report(row(f"{noise}, variance {'given' if stated else 'unknown'}", chosen))
     report(row("all", cases))
     return cases
 

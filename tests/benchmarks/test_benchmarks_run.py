@@ -102,9 +102,9 @@ def test_genuine_measurements_of_random_structures_reach_the_noise():
     printed = run("genuine_measurements.py", "--cases", 4, "--seed", 3, *few)
     rows = {row[0]: row[1:] for row in cells(printed)[2:]}
     assert rows["all"][2] == "4 of 4", printed
-    assert {name for name in rows if "additive" in name} == {"additive, stated", "additive, not stated"}
+    assert {name for name in rows if "additive" in name} == {"additive, variance given", "additive, variance unknown"}
     alone = cells(run("genuine_measurements.py", "--only", 2, "--seed", 3, *few))[2:]
-    assert [row[0] for row in alone] == ["additive, stated", "all"]
+    assert [row[0] for row in alone] == ["additive, variance given", "all"]
 
 
 def test_two_resonances_that_lie_close_together_are_told_apart():

@@ -30,7 +30,8 @@ SMALLER = {"--cases": "1", "--starts": "4"}
 
 def commands(page):
     blocks = re.findall(r"```bash\n(.*?)```", (ROOT / "docs" / page).read_text(encoding="utf-8"), flags=re.S)
-    return [shlex.split(line)[1:] for block in blocks for line in block.splitlines() if line.startswith("dovetail ")]
+    lines = [line for block in blocks for line in block.replace("\\\n", " ").splitlines()]
+    return [shlex.split(line)[1:] for line in lines if line.startswith("dovetail ")]
 
 
 def without_those_that_others_hold(found):
