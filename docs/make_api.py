@@ -9,6 +9,7 @@ PAGE = Path(__file__).with_name("api.md")
 
 SECTIONS = {
     "assembly": "Assemblies",
+    "description": "Assemblies",
     "measurement": "Measurements",
     "frf": "Frequency response functions",
     "coupling": "Measured parts and spindles",

@@ -16,10 +16,10 @@ import make_drawings
 
 import dovetail
 from dovetail import JointModel, SubstructureModel
-from dovetail.assembly import description_schema
 from dovetail.cli import app
 from dovetail.cli.model_description import describe_offer
 from dovetail.cli.terminal import range_text
+from dovetail.description import description_schema
 from dovetail.registry import Offer, Registry, components
 from dovetail.units import format_quantity
 

@@ -2,7 +2,6 @@
 # loads each name when it is first used (Scientific Python's SPEC 1).
 
 from .assembly import Assembly as Assembly
-from .assembly import description_schema as description_schema
 from .assembly import find_doubts as find_doubts
 from .assembly import find_omissions as find_omissions
 from .assembly import load as load
@@ -15,6 +14,7 @@ from .coupling import write_receptance as write_receptance
 from .dataset import Dataset as Dataset
 from .dataset import generate as generate
 from .dataset import merge as merge
+from .description import description_schema as description_schema
 from .errors import BundleError as BundleError
 from .errors import DatasetError as DatasetError
 from .errors import DescriptionError as DescriptionError

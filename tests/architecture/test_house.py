@@ -45,7 +45,7 @@ def trips() -> dict[str, list[str]]:
     ("trip", "first", "last", "most"),
     [
         ("identification", "dovetail/measurement/frf_files.py", "dovetail/report/html_report.py", 70),
-        ("synthesis", "dovetail/assembly/assembly.py", "dovetail/synthesis/codegen/compiler.py", 10),
+        ("synthesis", "dovetail/assembly/model.py", "dovetail/synthesis/codegen/compiler.py", 10),
     ],
 )
 def test_a_trip_through_the_house_enters_few_files(trips, trip, first, last, most):

@@ -11,8 +11,8 @@ import pytest
 import typer
 
 import dovetail
-from dovetail.assembly import description_schema
 from dovetail.cli import app
+from dovetail.description import description_schema
 from dovetail.registry import components
 
 DOCS = Path(__file__).parents[2] / "docs"

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 import dovetail
-from dovetail.assembly.changed_joints import with_damping
+from dovetail.description import with_damping
 from dovetail.errors import DovetailError
 from dovetail.evaluation.mesh_refinement import finer
 from dovetail.inference.adequacy.perturbations import find_overhangs, list_perturbations

@@ -23,7 +23,7 @@ from dovetail import (
     SubstructureModel,
     hookimpl,
 )
-from dovetail.assembly.reader import read_description
+from dovetail.description import read_description
 from dovetail.errors import DescriptionError
 from dovetail.registry import Registry
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail.assembly import description_schema
+from dovetail.description import description_schema
 from dovetail.errors import DescriptionError
 from dovetail.registry import components
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from dovetail.assembly.reader import read_description
+from dovetail.description import read_description
 from dovetail.documents.yaml_reader import LARGEST_FILE, LARGEST_TREE
 from dovetail.errors import DescriptionError
 

@@ -14,7 +14,7 @@ from typing import Any
 import jsonschema
 import pytest
 
-from dovetail.assembly import description_schema
+from dovetail.description import description_schema
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.tree import plain_values
 from dovetail.documents.yaml_reader import read_yaml

@@ -7,7 +7,7 @@ import json
 import pytest
 
 import dovetail
-from dovetail.assembly.reader import read_description
+from dovetail.description import read_description
 
 ONE = "response: {at: tool, position: 10 mm}\n"
 SEVERAL = """\

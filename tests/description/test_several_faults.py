@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from dovetail.assembly.reader import read_description
+from dovetail.description import read_description
 from dovetail.documents.fault_list import MOST_FAULTS
 from dovetail.errors import DescriptionError
 from dovetail.registry import Registry, hookimpl

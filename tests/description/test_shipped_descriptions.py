@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from dovetail.assembly.reader import read_description
+from dovetail.description import read_description
 from dovetail.errors import DescriptionError
 from dovetail.registry import installed_components
 

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from dovetail.assembly.reader import read_description
+from dovetail.description import read_description
 from dovetail.errors import DescriptionError
 
 

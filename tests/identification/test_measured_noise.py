@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail.assembly import AugmentationSection
+from dovetail.description import AugmentationSection
 from dovetail.errors import DescriptionError, MeasurementError
 from dovetail.network.augmentation import Augmentation, NoisyFeatures, measured_noises
 from dovetail.problem.random_error import MeasuredNoise, most_likely_parts

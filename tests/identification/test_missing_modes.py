@@ -44,7 +44,7 @@ def warnings_of(assembly, theta):
 
 def test_a_joint_that_depends_on_frequency_has_natural_frequencies_too(sdof):
     """One mass of 1 kg on k (1 + 0.01 i)."""
-    from dovetail.assembly.reader import read_description
+    from dovetail.description import read_description
     from dovetail.registry import Registry
 
     registry = Registry()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail.assembly import AugmentationSection
+from dovetail.description import AugmentationSection
 from dovetail.errors import DatasetError
 from dovetail.network.augmentation import Augmentation, FreshEpochs, NoisyFeatures
 from dovetail.network.pipeline import Reduction

@@ -10,8 +10,8 @@ import pytest
 from noisy_measurements import frf_on, noisy
 
 import dovetail
-from dovetail.assembly import AugmentationSection
 from dovetail.dataset import complex_accelerance
+from dovetail.description import AugmentationSection
 from dovetail.errors import MeasurementError, ParameterError
 from dovetail.identification.result_file import load_result
 from dovetail.inference.fitting import multistart, refine

@@ -176,8 +176,8 @@ class Plugin:
 
 
 def assembly(model: str, fails: str = "", part: str = "lumped", more: type | None = None):
-    from dovetail.assembly.assembly import Assembly
-    from dovetail.assembly.reader import read_description
+    from dovetail.assembly import Assembly
+    from dovetail.description import read_description
 
     registry = Registry()
     registry.load_entry_points()

@@ -118,7 +118,7 @@ def loaded(drawn: Drawn):
             (part, label): dense.parts[part].positions[label] for part in drawn.nodes for label in drawn.nodes[part]
         }
         description = drawn.written(Path(folder), dense.frequency, position)
-        with patch("dovetail.assembly.reader.check_facing"):  # nets of DOFs, whose nodes lie anywhere
+        with patch("dovetail.description.reader.check_facing"):  # nets of DOFs, whose nodes lie anywhere
             assembly = dovetail.load(description, plugins=UNUSUAL_JOINTS)
         yield assembly, dense, position
 

@@ -55,7 +55,7 @@ def compare(drawn: Drawn, draws: list[tuple[int, int]], tally: Tally) -> None:
     }
     with tempfile.TemporaryDirectory() as folder:
         description = drawn.written(Path(folder), dense.frequency, position)
-        with mock.patch("dovetail.assembly.reader.check_facing"):  # nets of DOFs, whose nodes lie anywhere
+        with mock.patch("dovetail.description.reader.check_facing"):  # nets of DOFs, whose nodes lie anywhere
             assembly = dovetail.load(description, plugins=UNUSUAL_JOINTS)
     pairs = [(output % len(points), force % len(points)) for output, force in draws]
     numbers = [assembly.point(part, position[part, label], direction) for part, label, direction in points]

@@ -8,8 +8,8 @@ import scipy.sparse as sp
 from solid_bar import solid_bar, with_rigid_sections
 
 import dovetail
-from dovetail.assembly.assembly import Assembly
-from dovetail.assembly.reader import read_description
+from dovetail.assembly import Assembly
+from dovetail.description import read_description
 from dovetail.errors import PluginError
 from dovetail.registry import Registry
 from dovetail.synthesis import condensation, direct_receptance, sparse_condensation

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
-from dovetail.assembly.assembly import Assembly
+from dovetail.assembly.model import Assembly
 from dovetail.assembly.placement import placement_doubts
 from dovetail.documents.validation import number_unit
 from dovetail.errors import DovetailError, Fault, PluginError

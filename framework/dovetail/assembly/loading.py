@@ -6,8 +6,8 @@ import os
 from collections.abc import Mapping
 from typing import Any, TypeAlias
 
-from dovetail.assembly.assembly import Assembly
-from dovetail.assembly.reader import read_description
+from dovetail.assembly.model import Assembly
+from dovetail.description.reader import read_description
 from dovetail.errors import Fault, ParameterError
 from dovetail.interfaces import logged
 from dovetail.registry import PluginPaths, components

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly.assembly import Assembly
-from dovetail.assembly.calibration import without_window
+from dovetail.assembly.model import Assembly
+from dovetail.assembly.structure import without_window
 from dovetail.errors import DovetailError, Fault, PluginError, listing
 from dovetail.interfaces import JointModel, Omission, Parameter, Port, StructuralMatrices, plugin_errors
 from dovetail.synthesis import Connection, DampedModes, Graph

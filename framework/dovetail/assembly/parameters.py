@@ -10,8 +10,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dovetail.assembly.calibration import Chain
-from dovetail.assembly.description import ParameterEntry, Response, follow
+from dovetail.assembly.measurement_chain import Chain
+from dovetail.description.checked import ParameterEntry, Response, follow
 from dovetail.errors import Fault, ParameterError, UnitError, did_you_mean, listing
 from dovetail.frf import conversion
 from dovetail.interfaces import Parameter

@@ -9,10 +9,10 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly.assembly import Assembly
-from dovetail.assembly.description import Description, JointEntry
-from dovetail.assembly.facing import Side, facing_faults, has_positions, sides_of
-from dovetail.assembly.unknown_parts import UnknownPart
+from dovetail.assembly.model import Assembly
+from dovetail.description.checked import Description, JointEntry
+from dovetail.description.facing import Side, facing_faults, has_positions, sides_of
+from dovetail.description.unknown_parts import UnknownPart
 from dovetail.interfaces import DIRECTIONS, JointModel, SubstructureModel
 from dovetail.synthesis.joint_evaluation import depends_on_frequency, joint_matrices
 from dovetail.units import format_quantity

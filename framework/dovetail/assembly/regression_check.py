@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dovetail.assembly.assembly import Assembly
+from dovetail.assembly.model import Assembly
 
 FRF_TOLERANCE = 1e-6
 """Relative difference up to which amplitudes are the same; they are stored in single precision."""

@@ -9,7 +9,7 @@ from itertools import repeat
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly.calibration import without_window
+from dovetail.assembly.structure import without_window
 from dovetail.interfaces import DIRECTIONS
 from dovetail.synthesis import DampedModes, Graph, Point, Poles
 from dovetail.synthesis.joint_evaluation import Theta

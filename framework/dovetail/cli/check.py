@@ -17,7 +17,7 @@ from dovetail.errors import listing
 
 if TYPE_CHECKING:
     from dovetail.assembly import Assembly
-    from dovetail.assembly.description import Place, Response
+    from dovetail.description import Place, Response
 
 
 def check(

@@ -23,9 +23,9 @@ def schema(
     It knows the options of every model at hand. The first line of a description, "# yaml-language-server:
     $schema=dovetail.schema.json", makes editors use it.
     """
-    from dovetail.assembly import description_schema
     from dovetail.atomic_files import write_whole
     from dovetail.cli.result_files import json_text
+    from dovetail.description import description_schema
     from dovetail.registry import components
 
     if output is not None:

@@ -9,9 +9,10 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly import FRF_TOLERANCE, Assembly, fingerprint, largest_frf_difference
+from dovetail.assembly import FRF_TOLERANCE, Assembly, largest_frf_difference
 from dovetail.dataset.metadata import check_attributes, check_metadata, read_metadata
 from dovetail.dataset.storage import ARRAYS, READING_ERRORS, Storage, StoredFrfs, read_array, read_flags
+from dovetail.description import fingerprint
 from dovetail.errors import DatasetError, Fault
 from dovetail.plain_text import html_table
 

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly, AssemblySource, as_assembly, modes_in_band
-from dovetail.assembly.description import Place
 from dovetail.dataset import latin_hypercube
+from dovetail.description import Place
 from dovetail.design.truncated_gaussian import RemainingUncertainty, remaining_uncertainty
 from dovetail.errors import Fault, ParameterError
 from dovetail.inference.posterior import PRIOR_PRECISION

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly, AssemblySource, as_assembly
-from dovetail.assembly.reader import read_description
 from dovetail.dataset import Dataset, Storage, generate
+from dovetail.description import read_description
 from dovetail.errors import Fault, PluginError
 from dovetail.identification import Identifier, train
 from dovetail.interfaces import Progress, progress_reporter

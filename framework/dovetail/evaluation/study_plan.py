@@ -7,9 +7,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from dovetail.assembly import Assembly, SearchRange
-from dovetail.assembly.reader import read_description
+from dovetail.assembly import Assembly
 from dovetail.dataset import Storage
+from dovetail.description import SearchRange, read_description
 from dovetail.errors import DescriptionError, DovetailError, Fault
 from dovetail.evaluation.study_ledger import Proposal, Trial
 from dovetail.evaluation.study_search import SearchSpace

@@ -11,7 +11,7 @@ import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from dovetail.assembly import SearchRange
+from dovetail.description import SearchRange
 from dovetail.errors import DovetailError, Fault
 from dovetail.evaluation.study_ledger import Trial
 

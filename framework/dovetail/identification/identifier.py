@@ -13,8 +13,8 @@ from textwrap import indent
 from typing import Any, Self
 
 from dovetail.assembly import Assembly, AssemblySource, as_assembly
-from dovetail.assembly.calibration import SHARED
 from dovetail.dataset import Dataset
+from dovetail.description import SHARED
 from dovetail.errors import DovetailError, Fault, MeasurementError, ParameterError, explained, listing
 from dovetail.frf import Frf
 from dovetail.identification.identify import Measurement, as_frfs, identify

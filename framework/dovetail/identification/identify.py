@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from dovetail.assembly import FRF_TOLERANCE, Assembly, AssemblySource, as_assembly, largest_frf_difference
-from dovetail.assembly.calibration import unknown_signs, with_signs
-from dovetail.assembly.description import Response
+from dovetail.description import Response
 from dovetail.errors import Fault, MeasurementError, ParameterError, did_you_mean, listing
 from dovetail.frf import Frf
 from dovetail.identification.measured_lines import MeasuredLines
@@ -314,7 +313,7 @@ def _check_kind(frf: Frf, response: Response) -> None:
 def _with_signs(lines: MeasuredLines, progress: Progress) -> MeasuredLines:
     """Determine the signs that the description leaves open, from a fit that ignores the phases."""
     description = lines.described.description
-    unknown = unknown_signs(description)
+    unknown = description.unknown_signs
     if not unknown:
         return lines
     few = lines.every_nth
@@ -326,7 +325,7 @@ def _with_signs(lines: MeasuredLines, progress: Progress) -> MeasuredLines:
         for (response, frf), alone in zip(pairs, few.assembly.each_response, strict=True)
         if response.name in unknown
     }
-    described = lines.described.with_description(with_signs(lines.described.description, signs))
+    described = lines.described.with_description(lines.described.description.with_signs(signs))
     return replace(MeasuredLines.of(described, lines.whole), unweighted=lines.unweighted)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
-from dovetail.assembly.description import Description, Place
+from dovetail.description import Description, Place
 from dovetail.errors import Fault, Importance, MeasurementError, Note, listing
 from dovetail.frf import Frf
 from dovetail.frf.resonance_peaks import resonance_peaks

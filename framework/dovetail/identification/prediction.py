@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly, AssemblySource, as_assembly
-from dovetail.assembly.calibration import unknown_signs, with_signs
 from dovetail.errors import Fault, ParameterError, UnitError, listing
 from dovetail.frf import Frf
 from dovetail.identification.result_file import AnyIdentification, load_result
@@ -72,14 +71,14 @@ def predicted_frf(assembly: Assembly, result: AnyIdentification | Mapping[str, f
 def determined_signs(assembly: Assembly, result: AnyIdentification | Mapping[str, float | str]) -> dict[str, float]:
     """Return the signs, by response, that the measurement determined and that the description leaves unknown."""
     known = result if isinstance(result, Mapping) else result.known
-    names = unknown_signs(assembly.description)
+    names = assembly.description.unknown_signs
     return {name: to_si(known[f"{name}.sign"], "1") for name in names if f"{name}.sign" in known}
 
 
 def _with_signs(assembly: Assembly, result: AnyIdentification | Mapping[str, float | str]) -> Assembly:
     """Return the assembly with the signs that were determined from the measurement, where its own are unknown."""
     signs = determined_signs(assembly, result)
-    return assembly.with_description(with_signs(assembly.description, signs)) if signs else assembly
+    return assembly.with_description(assembly.description.with_signs(signs)) if signs else assembly
 
 
 def _warn(result: AnyIdentification | Mapping[str, float | str]) -> None:

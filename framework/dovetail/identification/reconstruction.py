@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly, VibrationMode
-from dovetail.assembly.description import Tie, follow
+from dovetail.description import Tie, follow
 from dovetail.errors import DovetailError, Importance, Note, PluginError, by_importance
 from dovetail.frf import LOW_COHERENCE, Frf
 from dovetail.frf.resonance_peaks import PairedPeaks, counterpart, resonance_peaks

@@ -17,8 +17,9 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly import Assembly, AugmentationSection
+from dovetail.assembly import Assembly
 from dovetail.dataset import latin_hypercube
+from dovetail.description import AugmentationSection
 from dovetail.errors import DatasetError, Fault, FileError, MeasurementError, PluginError
 from dovetail.measurement import read_frf
 from dovetail.network.pipeline import Pair, Reduction

@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly import Assembly, AugmentationSection, IdentificationSettings
+from dovetail.assembly import Assembly
 from dovetail.dataset import Dataset, Storage, generate
+from dovetail.description import AugmentationSection, IdentificationSettings
 from dovetail.errors import Fault, ParameterError, PluginError
 from dovetail.interfaces import (
     FeatureContext,

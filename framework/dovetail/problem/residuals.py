@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from dovetail.assembly import Assembly
-from dovetail.assembly.parameters import ResponseFrfs
+from dovetail.assembly import Assembly, ResponseFrfs
 from dovetail.frf import Frf
 from dovetail.frf.rice import rice_mean
 from dovetail.problem.least_squares import Linearisation, SumOfSquares

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dovetail.assembly import Assembly, Description
-from dovetail.assembly.description import Place
+from dovetail.assembly import Assembly
+from dovetail.description import Description, Place
 from dovetail.errors import DovetailError, Fault, PluginError, listing
 from dovetail.interfaces import SubstructureModel, plugin_errors
 from dovetail.plain_text import terminal_text

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
-from dovetail.assembly.calibration import unknown_gains
 from dovetail.errors import Fault, Importance, Note, ParameterError, listing
 from dovetail.frf import Frf
 from dovetail.frf.resonance_peaks import counterpart, resonance_peaks
@@ -270,7 +269,7 @@ def _followers_of_gain(assembly: Assembly, theta: NDArray[np.float64]) -> list[s
         np.concatenate([part.real, part.imag]) for part in (values / size, derivatives * theta / size[:, None])
     )
     share = np.linalg.lstsq(columns, gain, rcond=_SETTINGS.independent)[0]
-    parameters, gains = zip(assembly.parameters, share, strict=True), unknown_gains(assembly.description)
+    parameters, gains = zip(assembly.parameters, share, strict=True), assembly.description.unknown_gains
     followers = [parameter for parameter, part in parameters if abs(part) > _SETTINGS.follows]
     told = any(parameter.prior == "normal" or parameter.name in gains for parameter in followers)
     remainder = np.linalg.norm(columns @ share - gain) / np.linalg.norm(gain)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly.description import Description, Response
+from dovetail.description import Description, Response
 from dovetail.frf.resonances import Resonances, fit_resonances
 from dovetail.inference.adequacy.candidates import Trial, Trials
 from dovetail.inference.adequacy.model_causes import Candidate

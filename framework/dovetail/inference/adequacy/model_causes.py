@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from dovetail.assembly import Assembly
-from dovetail.assembly.changed_joints import has_dampers, with_damping
-from dovetail.assembly.description import Place
+from dovetail.description import Place, has_dampers, with_damping
 from dovetail.errors import DovetailError
 from dovetail.frf import conversion
 from dovetail.frf.resonances import Resonances, fit_resonances

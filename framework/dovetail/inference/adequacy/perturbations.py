@@ -14,8 +14,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly import Assembly, Description
-from dovetail.assembly.parameters import Theta
+from dovetail.assembly import Assembly, Theta
+from dovetail.description import Description
 from dovetail.errors import DovetailError
 from dovetail.frf import conversion
 from dovetail.interfaces import StructuralMatrices, SubstructureModel

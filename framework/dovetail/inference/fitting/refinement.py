@@ -11,7 +11,6 @@ import scipy
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
-from dovetail.assembly.calibration import unknown_gains
 from dovetail.frf import Frf
 from dovetail.inference.fitting.fit import Fit, bounds_reached, count_agreeing, fractions_within, highest_agreeing
 from dovetail.inference.fitting.search_lines import Smoothed, missed_resonances, search_lines, thinned_lines
@@ -350,7 +349,7 @@ class _Refinement:
         for _ in range(_SETTINGS.most_discrepancies):
             before, values = self._model_variance, self._values(best)
             magnitude = np.abs(values)
-            if unknown_gains(self._assembly.description):
+            if self._assembly.description.unknown_gains:
                 magnitude = np.maximum(magnitude, self._target.amplitude)  # or a vanishing model would fit best
             relative, background = self._target.discrepancy(values, magnitude, self._variance, self._used)
             self._model_variance = (relative * magnitude) ** 2 + (background * self._target.level) ** 2

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
-from dovetail.assembly.description import ParameterEntry
+from dovetail.description import ParameterEntry
 from dovetail.frf import Frf
 from dovetail.frf.single_mode import background_shapes
 from dovetail.inference.fitting import Fit

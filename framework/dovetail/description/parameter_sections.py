@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
-from dovetail.assembly.component_sections import LabelledComponent
-from dovetail.assembly.description import ParameterEntry, Tie, follow
-from dovetail.assembly.sections import ParameterSection
+from dovetail.description.checked import ParameterEntry, Tie, follow
+from dovetail.description.component_sections import LabelledComponent
+from dovetail.description.sections import ParameterSection
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.tree import Item, Path, format_value, plain_values
 from dovetail.documents.validation import validate

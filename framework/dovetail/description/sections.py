@@ -1,6 +1,6 @@
 """The sections of a description as pydantic models, except for the options of components.
 
-`dovetail.assembly.reader` validates a description by them, `dovetail.assembly.json_schema` publishes them.
+`dovetail.description.reader` validates a description by them, `dovetail.description.json_schema` publishes them.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, RootModel, model_validator
 
-from dovetail.assembly.noise_levels import NoiseLevel
+from dovetail.description.noise_levels import NoiseLevel
 from dovetail.frf import Quantity
 from dovetail.interfaces import FileName
 from dovetail.units import Frequency, InUnit, Mass, refuse_marks

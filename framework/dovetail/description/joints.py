@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from dovetail.assembly.changed_joints import DampingSection, has_dampers
-from dovetail.assembly.component_sections import LabelledComponent, build_component
-from dovetail.assembly.description import JointEntry, ParameterEntry, Response
-from dovetail.assembly.parameter_sections import check_ranges, ends_of, read_parameters
-from dovetail.assembly.sections import AttachmentSection
+from dovetail.description.checked import JointEntry, ParameterEntry, Response
+from dovetail.description.component_sections import LabelledComponent, build_component
+from dovetail.description.damping import DampingSection, has_dampers
+from dovetail.description.parameter_sections import check_ranges, ends_of, read_parameters
+from dovetail.description.sections import AttachmentSection
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.tree import Path, format_value
 from dovetail.documents.validation import validate

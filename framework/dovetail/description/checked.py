@@ -12,12 +12,15 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly.sections import AugmentationSection, CorrectionSection
-from dovetail.assembly.study_section import StudySection
+from dovetail.description.sections import AugmentationSection, CorrectionSection
+from dovetail.description.study_section import StudySection
 from dovetail.frf import Frf, Quantity
 from dovetail.interfaces import DIRECTIONS, IdentificationMethod, Parameter, Reducer, Regressor, SubstructureModel
 from dovetail.synthesis import Connection, Point
 from dovetail.units import format_quantity
+
+SHARED = "calibration"
+"""Owner of the parameters that the chains of all responses share, and their key in a description."""
 
 
 @dataclass(frozen=True)
@@ -294,6 +297,25 @@ class Description:
         for step in steps:
             section = section[step]
         return section, last
+
+    @property
+    def unknown_signs(self) -> tuple[str, ...]:
+        """The responses whose sign is determined from the measurement."""
+        chains = self.calibrations.items()
+        return tuple(name for name, chain in chains if name != SHARED and np.isnan(chain.fixed.get("sign", 1.0)))
+
+    @property
+    def unknown_gains(self) -> tuple[str, ...]:
+        """The identified parameters that are gains of measurement chains, by name."""
+        chains = self.calibrations.items()
+        return tuple(f"{name}.gain" for name, chain in chains if any(p.name == "gain" for p in chain.identified))
+
+    def with_signs(self, signs: Mapping[str, float]) -> Description:
+        """Return the description with known signs of some responses, by name; its text is unchanged."""
+        chains = dict(self.calibrations)
+        for name, sign in signs.items():
+            chains[name] = replace(chains[name], fixed={**chains[name].fixed, "sign": sign})
+        return replace(self, calibrations=chains)
 
     @property
     def known_parts(self) -> Mapping[str, SubstructureModel]:

@@ -1,4 +1,4 @@
-"""Parts as the graph of an assembly sees them: reversed ones, and the nodes of those with unknown options."""
+"""Parts that are described from their other end."""
 
 from __future__ import annotations
 
@@ -83,31 +83,6 @@ class ReversedPart(SubstructureModel):
     def dof_label(self, dof: int) -> str:
         """Return the part's label of a DOF."""
         return self._part.dof_label(dof)
-
-
-class NodesAlone(SubstructureModel):
-    """The nodes of a part without its matrices, which its `UnknownPart` has.
-
-    Parameters
-    ----------
-    part : SubstructureModel
-    """
-
-    name = "nodes"
-    summary = "Nodes without mass or stiffness"
-
-    def __init__(self, part: SubstructureModel) -> None:
-        super().__init__()
-        self._nodes = part.nodes
-
-    @property
-    def nodes(self) -> tuple[Node, ...]:
-        """The nodes of the part."""
-        return self._nodes
-
-    def matrices(self) -> StructuralMatrices:
-        """Return (d, d) matrices of zeros."""
-        return StructuralMatrices.zeros(2 * len(self._nodes))
 
 
 def rotation_signs(nodes: int, size: int) -> NDArray[np.float64]:

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ValidationError
 
-from dovetail.assembly.description import JointEntry, Tie
-from dovetail.assembly.parameter_sections import StatedParameters, steps_of
-from dovetail.assembly.reversed_parts import ReversedPart, opposite_rotations
+from dovetail.description.checked import JointEntry, Tie
+from dovetail.description.parameter_sections import StatedParameters, steps_of
+from dovetail.description.reversed_parts import ReversedPart, opposite_rotations
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.tree import Item, Path, replace_item, replace_value
 from dovetail.documents.validation import number_unit

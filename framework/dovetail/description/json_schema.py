@@ -9,10 +9,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from dovetail.assembly.calibration import CHAIN, SIGN
-from dovetail.assembly.changed_joints import DampingSection
-from dovetail.assembly.reversed_parts import OrientationSection
-from dovetail.assembly.sections import (
+from dovetail.description.calibration import CHAIN, SIGN
+from dovetail.description.damping import DampingSection
+from dovetail.description.reversed_parts import OrientationSection
+from dovetail.description.sections import (
     FORMAT,
     AttachmentSection,
     DescriptionSection,
@@ -23,7 +23,7 @@ from dovetail.assembly.sections import (
     ResponseSection,
     SensorSection,
 )
-from dovetail.assembly.study_section import StudySection
+from dovetail.description.study_section import StudySection
 from dovetail.interfaces import KINDS, Component, JointModel, Kind, Parameter, Port, SubstructureModel, option_schema
 from dovetail.registry import Offer, Registry
 from dovetail.units import format_quantity

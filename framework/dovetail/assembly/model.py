@@ -11,11 +11,11 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dovetail.assembly.calibration import entries_at_response, graph_between, graph_of
-from dovetail.assembly.description import Description, Response
-from dovetail.assembly.joints import find_point
 from dovetail.assembly.parameters import ParameterSpace, ResponseFrfs, Theta, points_and_pairs
+from dovetail.assembly.structure import entries_at_response, graph_between, graph_of
 from dovetail.assembly.vibration_modes import SeenPoles, VibrationMode, natural
+from dovetail.description.checked import Description, Response
+from dovetail.description.joints import find_point
 from dovetail.errors import Fault, ParameterError
 from dovetail.frf import Frf
 from dovetail.interfaces import Parameter

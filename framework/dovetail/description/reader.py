@@ -1,6 +1,6 @@
 """Reading of a description: its sections one by one, all faults collected, and the `Description` without faults.
 
-Substructures, frequency, responses and identification are read here; joints in `dovetail.assembly.joints`.
+Substructures, frequency, responses and identification are read here; joints in `dovetail.description.joints`.
 """
 
 from __future__ import annotations
@@ -15,9 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly.calibration import SHARED
-from dovetail.assembly.component_sections import LabelledComponent, build_component, locate_files, read_property
-from dovetail.assembly.description import (
+from dovetail.description.checked import (
+    SHARED,
     Description,
     IdentificationSettings,
     JointEntry,
@@ -26,12 +25,13 @@ from dovetail.assembly.description import (
     Tie,
     follow,
 )
-from dovetail.assembly.facing import check_facing, sides_of
-from dovetail.assembly.joints import Substructures, add_model_faults, check_connected, read_joint
-from dovetail.assembly.parameter_sections import check_ranges, check_ties, ends_of, steps_of
-from dovetail.assembly.responses import RESPONSE, RESPONSES, calibration_place, read_responses
-from dovetail.assembly.reversed_parts import OrientationSection
-from dovetail.assembly.sections import (
+from dovetail.description.component_sections import LabelledComponent, build_component, locate_files, read_property
+from dovetail.description.facing import check_facing, sides_of
+from dovetail.description.joints import Substructures, add_model_faults, check_connected, read_joint
+from dovetail.description.parameter_sections import check_ranges, check_ties, ends_of, steps_of
+from dovetail.description.responses import RESPONSE, RESPONSES, calibration_place, read_responses
+from dovetail.description.reversed_parts import OrientationSection
+from dovetail.description.sections import (
     FORMAT,
     AugmentationSection,
     DescriptionSection,
@@ -40,8 +40,8 @@ from dovetail.assembly.sections import (
     FrequencySection,
     IdentificationSection,
 )
-from dovetail.assembly.study_section import read_study
-from dovetail.assembly.unknown_parts import UnknownPart, add_unknown_part, objection, take_unknown_options
+from dovetail.description.study_section import read_study
+from dovetail.description.unknown_parts import UnknownPart, add_unknown_part, objection, take_unknown_options
 from dovetail.documents.extends import read_source
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.mapping_reader import read_mapping

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Literal
 
-from dovetail.assembly.calibration import SHARED, read_calibration, shared_by
-from dovetail.assembly.description import ParameterEntry, Place, Response
-from dovetail.assembly.joints import Substructures, find_node
-from dovetail.assembly.sections import ForceSection, ResponseSection, SensorSection
+from dovetail.description.calibration import read_calibration, shared_by
+from dovetail.description.checked import SHARED, ParameterEntry, Place, Response
+from dovetail.description.joints import Substructures, find_node
+from dovetail.description.sections import ForceSection, ResponseSection, SensorSection
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.tree import Path, format_path, format_value
 from dovetail.documents.validation import validate

@@ -1,0 +1,67 @@
+"""The measurement chain of a response: the factor of its FRF by gain, sign, phase, delay and an exponential window."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.description.checked import ParameterEntry
+from dovetail.frf import QUANTITIES, Quantity
+
+
+class Chain:
+    """The factor by which a measurement chain multiplies an FRF, and its derivatives by the chain's parameters.
+
+    Under a window of decay rate s, each time derivative is a factor of i omega + s instead of i omega.
+
+    Parameters
+    ----------
+    frequency : (n_freq,) array
+        Hz.
+    quantity : {"receptance", "mobility", "accelerance"}
+        The measured quantity.
+    entry : ParameterEntry
+        The response's.
+    theta : (n, n_chain) array
+        Its parameters in SI.
+    """
+
+    def __init__(
+        self, frequency: NDArray[np.float64], quantity: Quantity, entry: ParameterEntry, theta: NDArray[np.float64]
+    ) -> None:
+        sign = entry.fixed.get("sign", 1.0)
+        self._names = [parameter.name for parameter in entry.parameters]
+        self._omega = 2.0 * np.pi * frequency
+        self._power = QUANTITIES.index(quantity)
+        self._gain = self._column("gain", theta, 1.0)
+        delay = self._column("delay", theta, 0.0)
+        phase = self._column("phase", theta, 0.0)
+        self._turned = (1.0 if np.isnan(sign) else sign) * np.exp(1j * (phase - self._omega * delay))
+        self._ratio = 1.0 + self._column("window", theta, 0.0) / (1j * self._omega)
+
+    def _column(self, name: str, theta: NDArray[np.float64], otherwise: float) -> NDArray[np.float64]:
+        """Return one of the parameters, (n, 1)."""
+        if name not in self._names:
+            return np.full((len(theta), 1), otherwise)
+        return theta[:, [self._names.index(name)]]
+
+    @cached_property
+    def factor(self) -> NDArray[np.complex128]:
+        """(n, n_freq) gain, sign, phase, delay, and the window's change of the time derivatives."""
+        return np.asarray(self._gain * self._turned * self._ratio**self._power)
+
+    def derivative(self, column: int) -> NDArray[np.complex128]:
+        """Return the derivative of the factor by the parameter in a column of theta, (n, n_freq)."""
+        name = self._names[column]
+        if name == "gain":
+            return np.asarray(self._turned * self._ratio**self._power)
+        if name == "phase":
+            return 1j * self.factor
+        if name == "delay":
+            return np.asarray(-1j * self._omega * self._gain * self._turned * self._ratio**self._power)
+        if name == "window":
+            before = self._gain * self._turned * self._power * self._ratio ** (self._power - 1)
+            return np.asarray(before / (1j * self._omega))
+        return np.zeros_like(self.factor)

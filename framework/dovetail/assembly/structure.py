@@ -1,0 +1,179 @@
+"""The structure that is computed for a response: the graph of the parts and joints, with sensors and under a window.
+
+A sensor's mass is one more component. An exponential window of decay rate s, which multiplies signals by exp(-s t),
+moves the frequency to omega - i s. That is the same as other matrices, K + s C + s^2 M and C + 2 s M instead of K and
+C, and i omega + s instead of i omega where a quantity is the derivative of the displacement.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.assembly.changed_joints import ChangedJoint, structurally_damped
+from dovetail.description.calibration import MASS, WINDOW
+from dovetail.description.checked import SHARED, Description, JointEntry, Place, Tie
+from dovetail.description.reversed_parts import ReversedPart
+from dovetail.description.unknown_parts import UnknownPart, UnknownReceptance
+from dovetail.errors import Fault, ParameterError
+from dovetail.interfaces import JointModel, Node, Parameter, Port, StructuralMatrices, SubstructureModel
+from dovetail.synthesis import Attachment, Connection, Graph
+from dovetail.synthesis.joint_evaluation import depends_on_frequency
+
+
+class _SensorMass(JointModel):
+    """The mass of a sensor at a node."""
+
+    name = "sensor_mass"
+    summary = "Mass of a sensor"
+    parameters = (MASS,)
+    ports = (Port("sensor", 1),)
+
+    def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
+        matrices = StructuralMatrices.zeros(len(theta), self.size)
+        matrices.M[:, 0, 0] = theta[:, 0]
+        return matrices
+
+
+class _Windowed(ChangedJoint):
+    """A joint or a part as seen under an exponential window, whose decay rate is the last parameter."""
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The model's parameters and the decay rate."""
+        return (*self.model.parameters, WINDOW)
+
+    def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
+        """Return the matrices (n, d, d) at the frequency omega - i s."""
+        plain = self.model.matrices(theta[:, :-1])
+        rate = theta[:, -1, np.newaxis, np.newaxis]
+        stiffness = plain.K + rate * plain.C + rate**2 * plain.M
+        return StructuralMatrices(plain.M, stiffness, plain.C + 2.0 * rate * plain.M, plain.D)
+
+
+class _NodesAlone(SubstructureModel):
+    """The nodes of a part without its matrices, which its `UnknownPart` has.
+
+    Parameters
+    ----------
+    part : SubstructureModel
+    """
+
+    name = "nodes"
+    summary = "Nodes without mass or stiffness"
+
+    def __init__(self, part: SubstructureModel) -> None:
+        super().__init__()
+        self._nodes = part.nodes
+
+    @property
+    def nodes(self) -> tuple[Node, ...]:
+        """The nodes of the part."""
+        return self._nodes
+
+    def matrices(self) -> StructuralMatrices:
+        """Return (d, d) matrices of zeros."""
+        return StructuralMatrices.zeros(2 * len(self._nodes))
+
+
+def entries_at_response(description: Description) -> dict[str, JointEntry]:
+    """Return all components of the first response's structure that depend on parameters, by their names in the graph.
+
+    Raises
+    ------
+    ParameterError
+        There is a window, and a part or a joint without matrices.
+    """
+    entries: dict[str, JointEntry] = {**description.joints, **description.unknown_parts}
+    entries |= {name: structurally_damped(joint) for name, joint in entries.items() if joint.structural_damping}
+    response = description.response
+    chain = description.chain_of(response)
+    names = {parameter.name for parameter in chain.parameters}
+    if "mass" in names:
+        entries[f"{response.name} sensor"] = _sensor(response, response.name)
+    for place in description.sensors:
+        entries[f"sensor {place.substructure} {place.node}"] = _sensor(place, SHARED)
+    if "window" not in names:
+        return entries
+    for name, part in description.substructures.items():
+        if name not in description.unknown_parts and not part.grounded:
+            nodes = Attachment(name, tuple(range(len(part.nodes))))
+            model = UnknownPart(part, (), reversed=name in description.reversed_parts)
+            entries[f"part {name}"] = JointEntry(connection=Connection(model, (nodes,)))
+    window = chain.ties.get("window", Tie(response.name, "window"))
+    return {f"{name} windowed": _windowed(name, entry, window) for name, entry in entries.items()}
+
+
+def _sensor(place: Place, owner: str) -> JointEntry:
+    sensor = Connection(_SensorMass(), (Attachment(place.substructure, (place.node,)),))
+    return JointEntry(connection=sensor, parameters=_SensorMass.parameters, ties={"mass": Tie(owner, "mass")})
+
+
+def _windowed(name: str, entry: JointEntry, window: Tie) -> JointEntry:
+    model = entry.connection.model
+    if depends_on_frequency(model) or (isinstance(model, UnknownPart) and not model.has_matrices):
+        owner = name.removeprefix("part ")
+        problem = f"'{owner}' has no matrices, so that the effect of the exponential window cannot be computed."
+        remedy = "Remove the window from the measured FRF, or leave 'window' out."
+        raise ParameterError(Fault(f"{window.owner}.window", problem, remedy=remedy))
+    ties = {parameter.name: entry.ties.get(parameter.name, Tie(name, parameter.name)) for parameter in model.parameters}
+    windowed = _Windowed(model)
+    connection = replace(entry.connection, model=windowed)
+    return JointEntry(connection=connection, parameters=windowed.parameters, ties={**ties, "window": window})
+
+
+def graph_of(description: Description, entries: Mapping[str, JointEntry], *, rigid: bool) -> Graph:
+    """Return the substructures and their connections.
+
+    Parameters
+    ----------
+    description : Description
+    entries : mapping of str to JointEntry
+        Of the same description, by `entries_at_response`.
+    rigid : bool
+        Whether the contacts of the joints with identified parameters are rigid.
+    """
+    joints = description.joints.items() if rigid else ()
+    rigid_joints = {name for name, joint in joints if len(joint.fixed) < len(joint.parameters)}
+    connections, alone = {}, set[str]()
+    for name, entry in entries.items():
+        connections[name] = replace(entry.connection, rigid=name.removesuffix(" windowed") in rigid_joints)
+        model = entry.connection.model
+        if isinstance(model.model if isinstance(model, _Windowed) else model, UnknownPart):
+            alone.add(entry.connection.attachments[0].substructure)
+    parts: dict[str, SubstructureModel] = dict(description.substructures)
+    parts |= {name: ReversedPart(parts[name]) for name in description.reversed_parts}
+    parts |= {name: _NodesAlone(parts[name]) for name in alone}
+    return Graph(parts, connections)
+
+
+def graph_between(graph: Graph, points: Sequence[tuple[str, int]]) -> Graph:
+    """Return a graph in which unknown parts that are described by FRFs have only the DOFs in use.
+
+    Parameters
+    ----------
+    graph : Graph
+    points : sequence of (str, int)
+        Substructure and DOF of each force and response.
+    """
+    connections = dict(graph.connections)
+    for name, connection in graph.connections.items():
+        if isinstance(connection.model, UnknownReceptance):
+            owner = connection.attachments[0].substructure
+            others = [other for key, other in graph.connections.items() if key != name]
+            ports = [port for other in others for port in other.attachments if port.substructure == owner]
+            used = {dof for port in ports for dof in port.dofs} | {dof for part, dof in points if part == owner}
+            connections[name] = replace(connection, model=connection.model.between(sorted(used)))
+    return Graph(graph.substructures, connections)
+
+
+def without_window(graph: Graph, theta: Mapping[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:
+    """Return the parameters of each joint, (n, n_params), with which the structure itself is seen, without a window."""
+    windowed = {name for name, connection in graph.connections.items() if isinstance(connection.model, _Windowed)}
+    unseen = {name: theta[name].copy() for name in windowed}
+    for values in unseen.values():
+        values[:, -1] = 0.0
+    return {**theta, **unseen}
