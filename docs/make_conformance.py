@@ -8,7 +8,7 @@ from pathlib import Path
 from dovetail.testing.kit import check_descriptions
 
 PAGE = Path(__file__).with_name("conformance.md")
-PLUGINS = Path(__file__).parents[1] / "tests" / "testing"
+TESTS = Path(__file__).parents[1] / "tests"
 HEADINGS = {"joint": "Joints", "substructure": "Substructures", "reducer": "Reducers", "regressor": "Regressors"}
 HEADINGS |= {"reader": "File readers", "method": "Methods of identification"}
 
@@ -18,8 +18,8 @@ Here you find what each check of the kit demands of a plugin, and a mistake that
 its outcomes mean is in [Write a plugin](plugins.md#the-conformance-kit).
 
 The page is made by `python docs/make_conformance.py` from the docstrings of the checks and from the broken plugins in
-`tests/testing`: {plugins} components with a single fault each, all of which the kit catches. Beside each check stands a
-plugin that it alone catches, and how many others are listed for it.
+`tests/support/broken_plugins`: {plugins} components with a single fault each, all of which the kit catches. Each check
+is listed with a plugin that only this check catches, and with the number of further plugins for it.
 """
 ROW = "| {check} | {text} | {alone} | {others} |\n"
 HEAD = ROW.format(check="check", text="what must hold", alone="a plugin that only it catches", others="others")
@@ -56,13 +56,12 @@ def _table(heading: str, checks: dict[str, str], alone: dict, further: list) -> 
 
 def _broken_plugins():
     """Import every module of broken plugins, and return the one in which they are listed."""
-    sys.path.insert(0, str(PLUGINS))
+    sys.path.insert(0, str(TESTS))
     try:
-        for file in sorted(PLUGINS.glob("broken_*.py")):
-            importlib.import_module(file.stem)
-        return importlib.import_module("broken")
+        importlib.import_module("support.broken_plugins").load_broken_plugins()
+        return importlib.import_module("support.broken_plugins.lists")
     finally:
-        sys.path.remove(str(PLUGINS))
+        sys.path.remove(str(TESTS))
 
 
 if __name__ == "__main__":

@@ -1,13 +1,15 @@
-"""Assemblies and truths that several tests share."""
+"""Assemblies, truths and a small trained network that several folders share, and the limit of memory."""
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 import tracemalloc
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -30,8 +32,9 @@ ROOT = Path(__file__).resolve().parent.parent
 ASSEMBLIES = ROOT / "assemblies"
 MOST_MEMORY = 3000
 """MiB that a process of the default suite takes at most: one for each core must fit into a usual machine."""
-LAST = ("architecture", "coupling", "description", "plugins", "registry", "report")
+LAST = ("architecture", "coupling", "description", "frf", "plugins", "registry", "report")
 """Folders of short tests, which are run when the others have begun: no worker then has a long file left at the end."""
+WithSettings = Callable[..., dovetail.Assembly]
 TOO_MUCH = pytest.StashKey[bool]()
 """Whether a test of this process has been failed for it."""
 
@@ -125,3 +128,46 @@ def torque_100() -> np.ndarray:
     return np.array(
         [36.119e-3, 12.839e-3, 0.048748, 0.088281, 8.1204e8, 1.9413e4, 240, 0.6, 2.1673e9, 7.3429e5, 300, 1.21]
     )
+
+
+@pytest.fixture(scope="session")
+def with_settings(sdof: dovetail.Assembly) -> WithSettings:
+    """The SDOF assembly with other identification settings."""
+
+    def changed(**identification: Any) -> dovetail.Assembly:
+        description = json.loads(sdof.description.text)
+        description["identification"].update(identification)
+        return dovetail.load(description)
+
+    return changed
+
+
+@pytest.fixture(scope="session")
+def small(with_settings: WithSettings) -> dovetail.Assembly:
+    """Settings that train in seconds."""
+    return with_settings(
+        samples=1500,
+        reducer={"model": "pca", "n_components": 20},
+        regressor={"model": "mlp", "hidden": [64, 32], "dropout": 0.0, "max_epochs": 150},
+    )
+
+
+@pytest.fixture(scope="session")
+def dataset(small: dovetail.Assembly, tmp_path_factory: pytest.TempPathFactory) -> dovetail.Dataset:
+    return dovetail.generate(small, tmp_path_factory.mktemp("dataset") / "sdof.zarr")
+
+
+@pytest.fixture(scope="session")
+def model(small: dovetail.Assembly, dataset: dovetail.Dataset) -> dovetail.Identifier:
+    return dovetail.train(small, dataset)
+
+
+@pytest.fixture(scope="session")
+def truth() -> np.ndarray:
+    """Stiffness [N/m] and damping [N s/m] of the joint that the tests measure."""
+    return np.array([4e6, 60.0])
+
+
+@pytest.fixture(scope="session")
+def measured(small: dovetail.Assembly, truth: np.ndarray) -> dovetail.Frf:
+    return dovetail.Frf(small.frequency, small.frf(truth), "accelerance", label="measured.csv")

@@ -23,13 +23,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from processes import ASSEMBLY
-from synthesis import printed
 
 import dovetail
 from dovetail import JointModel, Parameter, Port
 from dovetail.dataset import latin_hypercube
 from dovetail.registry import Registry
 from dovetail.synthesis import Attachment, Connection, Engine, Graph
+from synthesis import printed
 
 SAMPLES, LINES = 64, 1024
 MATERIAL = {"young": 210e9, "density": 7800, "poisson": 0.3, "loss_factor": 0.004}

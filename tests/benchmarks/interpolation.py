@@ -25,11 +25,11 @@ import numpy as np
 from numpy.typing import NDArray
 from processes import ASSEMBLY
 from scipy.interpolate import AAA
-from synthesis import printed
 
 import dovetail
 from dovetail.dataset import latin_hypercube
 from dovetail.synthesis.interpolation import RationalInterpolant, chebyshev_lines
+from synthesis import printed
 
 COUNTS = (13, 17, 21, 25, 29, 33, 41, 49)
 TOLERANCE = 1e-9

@@ -8,9 +8,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from mass_on_mount import mass_on_mount
 
 import dovetail
+from support.mass_on_mount import mass_on_mount
 
 
 class Certain:

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 
+import gallery
 import numpy as np
 import pytest
 
 import dovetail
-
-sys.path.insert(0, str(Path(__file__).parent))
-import gallery
-
-sys.path.pop(0)
 
 ROOT = Path(__file__).parents[2]
 

@@ -10,18 +10,14 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import measured_data
+import measured_structures
 import numpy as np
 import pytest
 import scipy.io
-
-import dovetail
-
-sys.path.insert(0, str(Path(__file__).parent))
-import measured_data
-import measured_structures
 from measured_data import STRUCTURES, altered, cases, convert, measured
 
-sys.path.pop(0)
+import dovetail
 
 FRAME = {
     "storey1.k": 3.5e5,

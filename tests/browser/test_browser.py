@@ -5,7 +5,6 @@ Without Chromium these tests are skipped. axe-core lies in `vendor/`, MPL-2.0, f
 
 from __future__ import annotations
 
-import sys
 import threading
 from collections.abc import Iterator
 from dataclasses import replace
@@ -24,7 +23,6 @@ from dovetail.report.page_server import PageServer
 from dovetail.report.validation import write_validation
 
 pytest.importorskip("fcntl", reason="the browser is reached over pipes, as POSIX has them")
-sys.path.insert(0, str(Path(__file__).parent))
 from chromium import Browser, Page, find_chromium
 
 CHROMIUM = find_chromium()

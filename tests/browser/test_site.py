@@ -15,7 +15,6 @@ import pytest
 
 pytest.importorskip("fcntl", reason="the browser is reached over pipes, as POSIX has them")
 pytest.importorskip("sphinx")
-sys.path.insert(0, str(Path(__file__).parent))
 from chromium import Browser, find_chromium
 
 CHROMIUM = find_chromium()

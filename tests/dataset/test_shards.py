@@ -15,13 +15,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from mass_on_mount import mass_on_mount
 from typer.testing import CliRunner
 
 import dovetail
 from dovetail.cli import app
 from dovetail.dataset import generation
 from dovetail.errors import DatasetError
+from support.mass_on_mount import mass_on_mount
 
 SAMPLES = 300
 

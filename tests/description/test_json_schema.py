@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import importlib
 import json
-import sys
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -42,9 +41,10 @@ def validator() -> jsonschema.Draft202012Validator:
     """With what is installed, and the outside packages of the docs."""
     registry = Registry()
     registry.load_entry_points()
-    for source in sorted((ROOT / "docs" / "examples").glob("*/src/*/__init__.py")):
-        sys.path.append(str(source.parents[1]))
-        registry.add(importlib.import_module(source.parent.name), "docs")
+    with pytest.MonkeyPatch.context() as patch:
+        for source in sorted((ROOT / "docs" / "examples").glob("*/src/*/__init__.py")):
+            patch.syspath_prepend(source.parents[1])
+            registry.add(importlib.import_module(source.parent.name), "docs")
     schema = json.loads(json.dumps(description_schema(registry), allow_nan=False))
     jsonschema.Draft202012Validator.check_schema(schema)
     return jsonschema.Draft202012Validator(schema)

@@ -25,11 +25,9 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-import strict_readers
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 from scipy.io import savemat
-from test_labview_files import HEADER, SEGMENT
 
 import dovetail
 from dovetail.documents.fault_list import FaultList
@@ -39,6 +37,8 @@ from dovetail.measurement.formats import guarded
 from dovetail.units import to_si
 from dovetail_plugins.substructures.dof_table import read_dof_table
 from dovetail_plugins.substructures.matrix_files import read_archive
+from support import strict_readers
+from support.labview_files import HEADER, SEGMENT
 
 MANY = int(os.environ.get("DOVETAIL_FUZZ_CASES", "20000"))
 SECONDS, MEGABYTES = 10.0, 1000

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-import sys
 
+import identify_joints
+import make_joints
 import numpy as np
 import pytest
 
@@ -24,17 +25,6 @@ CLOSE = {
 QUICK = [pytest.param(name, marks=[pytest.mark.slow] * (name == "spindle_bt40_er32")) for name in CLOSE]
 
 
-@pytest.fixture(scope="module")
-def scripts(assemblies):
-    """The modules beside the measurements."""
-    sys.path.insert(0, str(assemblies / "measurements"))
-    import identify_joints
-    import make_joints
-
-    yield make_joints, identify_joints
-    sys.path.remove(str(assemblies / "measurements"))
-
-
 @pytest.mark.parametrize("name", CLOSE)
 def test_the_frf_is_that_of_the_direct_solve(name, assemblies):
     description = json.loads(dovetail.load(assemblies / f"{name}.yaml").description.text)
@@ -50,9 +40,9 @@ def test_the_frf_is_that_of_the_direct_solve(name, assemblies):
 
 
 @pytest.mark.parametrize("name", QUICK)
-def test_the_joints_are_found_again(name, scripts):
+def test_the_joints_are_found_again(name):
     """What one FRF determines, within the few per cent that the coarser mesh costs, and inside the intervals."""
-    _, result, truth = scripts[1].identified(name, 1)
+    _, result, truth = identify_joints.identified(name, 1)
     errors = dict(zip(result.parameters, np.abs(result.theta / truth - 1.0), strict=True))
     for parameter, limit in CLOSE[name].items():
         assert errors[parameter] < limit
@@ -62,9 +52,9 @@ def test_the_joints_are_found_again(name, scripts):
 
 
 @pytest.mark.parametrize("name", QUICK)
-def test_on_the_mesh_of_the_structure_every_parameter_lies_within_its_interval(name, scripts):
+def test_on_the_mesh_of_the_structure_every_parameter_lies_within_its_interval(name):
     """Without any model error; of 24 intervals of 90 % two or three may miss, of 99.9 % none."""
-    _, result, truth = scripts[1].identified(name, 4)
+    _, result, truth = identify_joints.identified(name, 4)
     wide = result.posterior.interval(0.999)
     assert all(wide[name][0] <= true <= wide[name][1] for name, true in zip(wide, truth, strict=True))
 
@@ -77,8 +67,7 @@ def test_the_two_joints_of_the_spindle_are_identified_together(assemblies):
 
 
 @pytest.mark.parametrize("name", CLOSE)
-def test_the_measurement_is_what_its_script_makes_and_says_that_it_is_synthetic(name, scripts, assemblies, tmp_path):
-    make_joints, _ = scripts
+def test_the_measurement_is_what_its_script_makes_and_says_that_it_is_synthetic(name, assemblies, tmp_path):
     folder = assemblies / "measurements"
     known = json.loads((folder / f"{name}.truth.json").read_text())
     shipped = dovetail.read_frf(folder / f"{name}.uff")

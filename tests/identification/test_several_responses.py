@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from noisy_measurements import frf_on, noisy
 
 import dovetail
 from dovetail.dataset import complex_accelerance
@@ -21,6 +20,7 @@ from dovetail.network.augmentation import Augmentation, NoisyFeatures
 from dovetail.network.preprocessing import log10p1
 from dovetail.problem.observations import Observations
 from dovetail.problem.residuals import FrfResiduals, ModelFrfs
+from support.noisy_measurements import frf_on, noisy
 
 LINES = 300
 CHAIN = {

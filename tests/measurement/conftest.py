@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from measured_files import accelerance, fault_of
 
 from dovetail.frf import Frf
 from dovetail.measurement.formats import guarded
+from support.measured_files import accelerance, fault_of
 
 
 @pytest.fixture

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from measured_files import REMOVE
 
 from dovetail.measurement import read_frf
 from dovetail.measurement.recording import MOST_LINES
+from support.measured_files import REMOVE
 
 HEADERS = (
     "Accepted: frequency_Hz,real,imag | frequency_Hz,amplitude,phase_deg | frequency_Hz,amplitude, "

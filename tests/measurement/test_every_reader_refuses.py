@@ -11,13 +11,13 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-from measured_files import set_58, write_sets
 from scipy.io import savemat
-from test_labview_files import HEADER, SEGMENT
-from test_matlab_files import matlab_7_3
 
 from dovetail.errors import FileError, MeasurementError
 from dovetail.measurement import read_frf
+from support.labview_files import HEADER, SEGMENT
+from support.matlab_files import matlab_7_3
+from support.measured_files import set_58, write_sets
 
 FREQUENCY = 10.0 + 2.5 * np.arange(60)
 VALUES = (1 + 2j) / FREQUENCY

@@ -8,12 +8,12 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-from measured_files import fault_of, set_58, write_sets
 from scipy.io import savemat
-from stated_files import FREQUENCY, VALUES
-from test_matlab_files import matlab_7_3
 
 from dovetail.measurement import read_frf
+from support.matlab_files import matlab_7_3
+from support.measured_files import fault_of, set_58, write_sets
+from support.stated_files import FREQUENCY, VALUES
 
 pytestmark = pytest.mark.usefixtures("unguarded")
 

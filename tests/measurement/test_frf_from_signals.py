@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from measured_files import accelerance
+from hammer_test import HammerTest
 
 from dovetail.errors import MeasurementError
 from dovetail.frf import Frf
 from dovetail.measurement import frf_from_signals, without_window_damping
 from dovetail.measurement.impact_test.signal_files import read_signals
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "assemblies" / "campaign"))
-from hammer_test import HammerTest
+from support.measured_files import accelerance
 
 MODES = ((700.3, 0.03, 0.4), (2100.7, 0.03, 0.5), (5200.1, 0.02, 0.3))
 BENCH = HammerTest(samples=4096, force_noise=0.05, acceleration_noise=0.5)

@@ -7,10 +7,10 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from measured_files import fault_of
 
 from dovetail.errors import MeasurementError
 from dovetail.measurement import read_frf
+from support.measured_files import fault_of
 
 FREQUENCY = 10.0 + 2.5 * np.arange(7)
 VALUES = np.array([1 + 2j, -3, 4j, 5.5 - 1j, 1e-9j, 7e5, -8 - 8j])

@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from measured_files import damaged, set_58, write_sets
 from scipy.io import savemat
-from test_labview_files import HEADER, SEGMENT
 
 from dovetail.errors import FileError, MeasurementError
 from dovetail.frf import Frf
 from dovetail.measurement import read_frf, write_frf
+from support.labview_files import HEADER, SEGMENT
+from support.measured_files import damaged, set_58, write_sets
 
 ACCEPTED = "  Accepted: .uff, .unv, .csv, .npz, .npy, .tsv, .txt, .txf, .asc, .dat, .mat, .h5, .hdf5, .frf, .lvm"
 SUFFIXES = (".uff", ".unv", ".csv", ".tsv", ".npz", ".npy", ".mat", ".h5", ".frf", ".lvm")

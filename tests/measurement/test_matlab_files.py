@@ -10,12 +10,13 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from measured_files import fault_of
 from scipy.io import savemat
 from scipy.io.matlab import MatlabObject
 from scipy.sparse import csc_matrix
 
 from dovetail.measurement import read_frf
+from support.matlab_files import matlab_7_3
+from support.measured_files import fault_of
 
 FREQUENCY = 10.0 + 2.5 * np.arange(7)
 VALUES = np.array([1 + 2j, -3, 4j, 5.5 - 1j, 1e-9j, 7e5, -8 - 8j])
@@ -92,23 +93,6 @@ def test_one_of_several_columns(tmp_path: Path) -> None:
         np.testing.assert_array_equal(frf.coherence, np.full(7, 0.2))
     one = saved(tmp_path / "b.mat", f=FREQUENCY, H=VALUES, quantity="mobility")
     assert fault_of(one, index=1) == "b.mat\n  index=1 chooses one of several FRFs, and the file holds one."
-
-
-def matlab_7_3(path: Path, **variables: object) -> Path:
-    """Write what `save -v7.3` writes: a header of 512 bytes, reversed axes, complex compounds, texts as numbers."""
-    with h5py.File(path, "w", userblock_size=512) as file:
-        for name, value in variables.items():
-            if isinstance(value, str):
-                data, kind = np.array([[ord(c)] for c in value], dtype=np.uint16), "char"
-            elif np.iscomplexobj(value):
-                data = np.zeros(np.transpose(value).shape, dtype=[("real", "<f8"), ("imag", "<f8")])
-                data["real"], data["imag"], kind = np.transpose(value).real, np.transpose(value).imag, "double"
-            else:
-                data, kind = np.transpose(value), "double"
-            file.create_dataset(name, data=data).attrs["MATLAB_class"] = np.bytes_(kind)
-    with path.open("r+b") as stream:
-        stream.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM")
-    return path
 
 
 def test_version_7_3(tmp_path: Path) -> None:

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from measured_files import damaged
 
 from dovetail import MeasurementError, ModalParameters, read_modal_parameters
+from support.measured_files import damaged
 
 TABLES = {
     "mode,frequency_Hz,damping_ratio,frequency_sd_Hz,damping_ratio_sd\n1,100,0.01,0.1,0.001\n2,250.5,0.02,0.2,0.002\n",

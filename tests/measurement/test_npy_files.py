@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_npz_files import Marker
 
 from dovetail.measurement import read_frf
+from support.measured_files import Marker
 
 FREQUENCY = np.array([10.0, 12.5, 15.0])
 VALUES = np.array([1.5 - 2j, 3 + 0.25j, -4.125j])

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from measured_files import REMOVE
 
 from dovetail.measurement import read_frf
+from support.measured_files import REMOVE, Marker
 
 AXIS = np.array([1.0, 2.0, 3.0])
 
@@ -40,15 +40,6 @@ def test_arrays_of_other_types(tmp_path: Path) -> None:
     frf = read_frf(tmp_path / "a.npz")
     np.testing.assert_array_equal(frf.values, [1 + 2j, 3j])
     assert frf.quantity == "receptance"
-
-
-class Marker:
-    """Leaves a trace when it is unpickled."""
-
-    opened = False
-
-    def __reduce__(self) -> tuple:
-        return (setattr, (Marker, "open_hdf5", True))
 
 
 @pytest.mark.parametrize(

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from measured_files import accelerance
 
 from dovetail.errors import MeasurementError
 from dovetail.frf import Frf
 from dovetail.measurement import complex_noise, on_grid
+from support.measured_files import accelerance
 
 MEASURED = 1.5625 * np.arange(64, 5761)
 GRID = np.arange(100.0, 9001.0, 2.0)

@@ -6,10 +6,10 @@ import h5py
 import numpy as np
 import pytest
 from scipy.io import savemat
-from signal_writers import FORCE, LVM, RATE, RESPONSE, SAMPLES, Stated, uff_set
 
 from dovetail.errors import MeasurementError
 from dovetail.measurement.impact_test.signal_files import read_signals
+from support.signal_writers import FORCE, LVM, RATE, RESPONSE, SAMPLES, Stated, uff_set
 
 SI = Stated("N", "m/s^2")
 

@@ -4,11 +4,23 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from signal_writers import FORCE, HERTZ, MOTIONS, NEWTONS, RATE, RESPONSE, SECONDS, TYPES, WORDS, WRITERS, Stated
 
 from dovetail.errors import MeasurementError
 from dovetail.measurement.formats import guarded
 from dovetail.measurement.impact_test.signal_files import read_signals
+from support.signal_writers import (
+    FORCE,
+    HERTZ,
+    MOTIONS,
+    NEWTONS,
+    RATE,
+    RESPONSE,
+    SECONDS,
+    TYPES,
+    WORDS,
+    WRITERS,
+    Stated,
+)
 
 
 @pytest.fixture(autouse=True)

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from measured_files import fault_of, set_58, write_sets
-from stated_files import COLUMNS, FREQUENCY, LINES, TEXTS, VALUES, Said, npy
 
 from dovetail.measurement import read_frf
+from support.measured_files import fault_of, set_58, write_sets
+from support.stated_files import COLUMNS, FREQUENCY, LINES, TEXTS, VALUES, Said, npy
 
 pytestmark = pytest.mark.usefixtures("unguarded")
 

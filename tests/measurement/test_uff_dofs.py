@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import pyuff
-from measured_files import fault_of, set_58, write_sets
 
 from dovetail.frf import Frf
 from dovetail.measurement import read_frf, write_frf
+from support.measured_files import fault_of, set_58, write_sets
 
 FREQUENCY = 10.0 + 2.5 * np.arange(7)
 VALUES = np.array([1 + 2j, -3, 4j, 5.5 - 1j, 1e-9j, 7e5, -8 - 8j])

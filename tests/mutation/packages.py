@@ -32,7 +32,7 @@ SLOW = (
     "test_the_worst_files_take_bounded_time_and_memory",
     "test_random_assemblies_against_the_dense_solve",
 )
-"""Most are repetitions in tests/physics/test_exactness.py; each of the others takes half a minute or more."""
+"""Most are repetitions in tests/synthesis/test_exactness.py; each of the others takes half a minute or more."""
 
 SLOW_POSTERIORS = (
     "five_torques",
@@ -55,19 +55,20 @@ def _in(folder: str, *names: str) -> tuple[str, ...]:
 
 
 PACKAGES = {
-    "synthesis": Package(("dovetail/synthesis/*",), ("tests/physics", *_in("plugins", "measured")), SLOW),
+    "synthesis": Package(("dovetail/synthesis/*",), ("tests/synthesis", *_in("plugins", "measured")), SLOW),
     "plugins": Package(
         ("dovetail_plugins/*",),
-        ("tests/plugins", *_in("physics", "joints", "beam", "imported_solid", "shipped_assemblies")),
+        ("tests/plugins", *_in("synthesis", "joints", "beam", "imported_solid", "shipped_assemblies")),
         SLOW,
     ),
     "frf": Package(
         ("dovetail/frf/*",),
         (
-            *_in("measurement", "frf", "random_variance", "csv_files", "accelerometer_mass", "resampling", "noise"),
-            *_in("measurement", "tables_with_units", "npz_files", "uff_files", "round_trip", "resonance_peaks"),
+            *_in("frf", "frf", "random_variance", "resonance_peaks"),
+            *_in("measurement", "csv_files", "accelerometer_mass", "resampling", "noise"),
+            *_in("measurement", "tables_with_units", "npz_files", "uff_files", "round_trip"),
             *_in("coupling", "receptance_coupling"),
-            *_in("physics", "synthesis"),
+            *_in("synthesis", "synthesis"),
             *_in("identification", "identify_result"),
         ),
         SLOW,
@@ -84,25 +85,28 @@ PACKAGES = {
         (
             *_in("measurement", "frf_from_signals", "accelerometer_mass", "accelerometer_anywhere", "resampling"),
             *_in("measurement", "tables_with_units", "csv_files", "cutpro_files", "npz_files", "uff_files"),
-            *_in("measurement", "noise", "random_variance", "round_trip", "signal_limits", "uff_dofs"),
+            *_in("measurement", "noise", "round_trip", "signal_limits", "uff_dofs"),
+            *_in("frf", "random_variance"),
             *_in("description", "sections_of_a_beam", "valid_descriptions", "faults_of_parameters", "json_schema"),
             *_in("cli", "command_convert_and_frf"),
         ),
         SLOW,
     ),
     "fitting": Package(
-        ("dovetail/identification/fitting/*",),
+        ("dovetail/inference/fitting/*",),
         (
-            *_in("identification", "fitting", "fit_limits", "genuine_fits", "adequacy", "laplace", "scaling"),
+            *_in("inference", "fitting", "fit_limits", "genuine_fits", "adequacy", "laplace"),
+            *_in("network", "scaling"),
             *_in("identification", "several_responses"),
         ),
         SLOW,
     ),
     "posterior": Package(
-        ("dovetail/identification/posterior/*",),
+        ("dovetail/inference/posterior/*",),
         (
-            *_in("identification", "posterior", "posterior_limits", "sampling_weights", "laplace"),
-            *_in("identification", "model_errors", "model_error_size", "frequency_average"),
+            *_in("inference", "posterior", "posterior_limits", "sampling_weights", "laplace"),
+            *_in("inference", "model_errors", "model_error_size"),
+            *_in("problem", "frequency_average"),
         ),
         (*SLOW, *SLOW_POSTERIORS),
     ),

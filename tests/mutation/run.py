@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 from mutants import Mutant, changed_lines, mutants_of, with_plain_properties
+
 from packages import PACKAGES, Package
 
 ROOT = Path(__file__).resolve().parents[2]

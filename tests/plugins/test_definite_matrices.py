@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 import scipy.io
 import scipy.sparse as sp
-from test_matrices import beam, load, table, write
 
 import dovetail
 from dovetail.errors import DescriptionError
 from dovetail.registry import components
+from support.beam_matrices import beam, load, table, write
 
 GIVEN = beam().matrices()
 FORMS = ["npz", "sparse npz", "mat", "mtx"]

@@ -7,12 +7,12 @@ import sys
 
 import numpy as np
 import pytest
-from mass_on_mount import mass_on_mount
 from numpy.typing import NDArray
 
 import dovetail
 from dovetail_plugins.regressors.flow import Flow
 from dovetail_plugins.regressors.mlp import MLP
+from support.mass_on_mount import mass_on_mount
 
 pytest.importorskip("zuko")
 

@@ -10,7 +10,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import yaml
-from mass_on_mount import mass_on_mount
 from pydantic import Field
 from typer.testing import CliRunner
 
@@ -23,8 +22,10 @@ from dovetail.identification.methods import METHODS
 from dovetail.interfaces.method import TAKEN_NAMES
 from dovetail.measurement import noisy_frf
 from dovetail.registry import Registry
+from support import unusual_learners
+from support.mass_on_mount import mass_on_mount
 
-PLUGIN = Path(__file__).with_name("unusual_learners.py")
+PLUGIN = Path(unusual_learners.__file__)
 BLOCK = mass_on_mount(
     {"start": 10, "stop": 600, "step": 5},
     {"k": {"range": [1e5, 1e7], "scale": "log"}, "c": {"range": [5.0, 100.3]}},

@@ -11,7 +11,6 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from mass_on_mount import mass_on_mount
 from pydantic import create_model
 
 import dovetail
@@ -20,6 +19,7 @@ from dovetail.errors import PluginError
 from dovetail.interfaces import ComponentConfig, JointModel, Parameter, Port
 from dovetail.registry import Registry, components
 from dovetail.registry import catalogue as module
+from support.mass_on_mount import mass_on_mount
 
 GOOD = '''
 import numpy as np

@@ -7,20 +7,19 @@ import os
 import random
 import sys
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
-from broken import BROKEN, FURTHER
 from threadpoolctl import threadpool_limits
 
 from dovetail.testing import check_component, check_names
 from dovetail.testing.kit import each_check
+from support.broken_plugins import load_broken_plugins
+from support.broken_plugins.lists import BROKEN, FURTHER
 
 KINDS = {kind: f"{kind}s" for kind in ("joint", "substructure", "reducer", "regressor", "reader", "method")}
-PLUGINS = {kind: importlib.import_module(f"broken_{name}") for kind, name in KINDS.items()}
-for file in sorted(Path(__file__).parent.glob("broken_*.py")):
-    importlib.import_module(file.stem)
+PLUGINS = {kind: importlib.import_module(f"support.broken_plugins.{name}") for kind, name in KINDS.items()}
+load_broken_plugins()
 CASES = [(kind, check) for kind in PLUGINS for check in BROKEN[kind]]
 
 

@@ -8,8 +8,6 @@ from typing import Annotated
 
 import numpy as np
 import pytest
-from broken import BROKEN
-from broken_joints import SoundJoint
 
 import dovetail.testing
 from dovetail import InUnit
@@ -17,6 +15,8 @@ from dovetail.errors import PluginError
 from dovetail.interfaces import KINDS, ComponentConfig, Node, StructuralMatrices, SubstructureModel
 from dovetail.registry import Registry, installed_components
 from dovetail.testing import CheckResult, check_component, check_names, conformance
+from support.broken_plugins.joints import SoundJoint
+from support.broken_plugins.lists import BROKEN
 
 SLOW = ("flow",)
 """Of which `mlp`, whose training it shares, shows most."""

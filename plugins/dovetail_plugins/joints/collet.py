@@ -41,7 +41,7 @@ class Collet(JointModel):
 
     That nothing but kr_tc and kr_hc resists sliding along the axis leaves no stiffness out, unlike in a bolted lap:
     tool, collet and holder bend about one axis. With stiff layers the natural frequencies are those of a solid body
-    within 1.1 % (``pytest tests/physics/test_sliding_faces.py``), the difference of the two beam models in shear.
+    within 1.1 % (``pytest tests/synthesis/test_sliding_faces.py``), the difference of the two beam models in shear.
     """
 
     name = "collet"

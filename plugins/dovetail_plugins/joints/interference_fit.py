@@ -33,7 +33,7 @@ class InterferenceFit(JointModel):
 
     That nothing but kr resists sliding along the axis leaves no stiffness out, unlike in a bolted lap: shaft and hub
     bend about one axis. With a stiff layer the natural frequencies are those of a solid shaft within 0.5 % (``pytest
-    tests/physics/test_sliding_faces.py``), which is the difference of the two beam models in shear.
+    tests/synthesis/test_sliding_faces.py``), which is the difference of the two beam models in shear.
     """
 
     name = "interference_fit"

@@ -1,0 +1,160 @@
+"""Samples with uneven weights: moved if the effective share is below 0.4, weights truncated if below 0.1."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import dovetail
+from dovetail.inference.fitting import refine
+from dovetail.inference.posterior import laplace_posterior, sample_posterior, sampling, typical_model_error
+from dovetail.inference.posterior.laplace import half_about_the_fit
+from support.noisy_measurements import noisy
+
+
+@pytest.mark.parametrize(("effective", "moved"), [(36, True), (44, False)])
+def test_samples_are_moved_where_fewer_than_four_tenths_of_them_count(sdof, monkeypatch, effective, moved):
+    """Of 100 samples so many have weight 1, and the others next to none."""
+    z, calls = np.random.default_rng(0).standard_normal((100, 2)), []
+
+    class Sampler:
+        lines = 9
+
+        def __init__(self, *_):
+            pass
+
+        def search(self, _):
+            return z, np.where(np.arange(100) < effective, 0.0, -50.0)
+
+        def move(self, points, log_weight, count):
+            calls.append(count)
+            return points, np.zeros(len(points))
+
+    monkeypatch.setattr(sampling, "_Sampler", Sampler)
+    frf = noisy(sdof, sdof.frf(), 0.1)
+    posterior = sample_posterior(sdof, frf, refine(sdof, frf), samples=100)
+    assert calls == ([100] if moved else [])
+    assert posterior.effective_sample_size == pytest.approx(100 if moved else effective)
+
+
+@pytest.mark.parametrize(("light", "kept"), [(4.0, False), (3.5, True)])
+def test_weights_are_cut_where_fewer_than_a_tenth_of_the_samples_count(monkeypatch, light, kept):
+    """20 of 1000 weigh 1, the others exp(-4) or exp(-3.5): 71 or 118 count. Cut at 97.5 %, all weigh the same."""
+    monkeypatch.setattr(sampling, "decorrelate", lambda _, points, *__: points)
+    points = SimpleNamespace(z=None, log_posterior=np.zeros(1))
+    chosen = []
+
+    def at(_, z):
+        chosen.append(z)
+        return points
+
+    monkeypatch.setattr(sampling.LinearisedPoints, "at", staticmethod(at))
+    sampler = SimpleNamespace(
+        _random=np.random.default_rng(0),
+        _posterior=None,
+        _log_posterior=lambda _: np.zeros(1),
+        _mode=None,
+        _progress=None,
+    )
+    log_weight = np.where(np.arange(1000) < 20, 0.0, -light)
+    z = np.arange(1000.0)[:, np.newaxis]
+    sampling._Sampler.move(sampler, z, log_weight, 1000)
+    share = np.mean(chosen[0][:, 0] < 20)
+    weight = np.exp(log_weight)
+    assert share == pytest.approx(weight[:20].sum() / weight.sum() if kept else 0.02, abs=0.002)
+
+
+class Parabola:
+    """One coordinate of which (z - 2)(z + 1) is measured, and told to be 0: a posterior with two modes."""
+
+    error = 0.05
+
+    def residuals(self, z):
+        return np.concatenate([z, (z - 2.0) * (z + 1.0) / self.error], axis=1)
+
+    def linearise(self, z):
+        return self.residuals(z), np.stack([np.ones_like(z), (2.0 * z - 1.0) / self.error], axis=2)
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_samples_about_separate_modes_weigh_what_the_posterior_has_there(order):
+    z = np.linspace(-3.0, 4.0, 700_001)
+    density = np.exp(-np.sum(Parabola().residuals(z[:, np.newaxis]) ** 2, axis=1) / 2.0)
+    samples, weight, _ = sampling.draw(Parabola(), np.array([[2.0], [-1.0]])[::order], "samples", 4000, 0)
+    right = samples[:, 0] > 0.5
+    assert weight @ right == pytest.approx(density[z > 0.5].sum() / density.sum(), abs=0.01)
+    assert weight[right] @ samples[right, 0] / weight[right].sum() == pytest.approx(
+        density[z > 0.5] @ z[z > 0.5] / density[z > 0.5].sum(), abs=1e-3
+    )
+
+
+def test_the_same_mode_counts_once_and_one_of_hardly_any_probability_not_at_all():
+    modes = np.array([[2.0], [2.001], [-1.0]])
+    assert len(sampling._separate_modes(sampling.LinearisedPoints.at(Parabola(), modes)).z) == 2
+    steep = Parabola()
+    steep.residuals = lambda z: np.concatenate([z, (z - 2.0) * (z + 1.0) / 0.05 + 10.0 * (z < 0.5)], axis=1)
+    assert len(sampling._separate_modes(sampling.LinearisedPoints.at(steep, modes)).z) == 1
+
+
+@pytest.mark.parametrize(("light", "kept"), [(4.0, False), (3.5, True)])
+def test_the_largest_weights_are_cut_where_a_few_dominate(light, kept):
+    log_weight = np.where(np.arange(1000) < 20, 0.0, -light)
+    weight = sampling._clipped(log_weight, 1000)
+    share = weight[:20].sum() / weight.sum()
+    assert share == pytest.approx(20 / (20 + 980 * np.exp(-light)) if kept else 0.02, abs=0.002)
+
+
+HEAVY_CART = {
+    "dovetail": 1,
+    "name": "cart",
+    "frequency": {"start": "1 Hz", "stop": "10 Hz", "step": "0.05 Hz"},
+    "substructures": {
+        "cart": {"model": "lumped", "masses": [{"mass": {"about": "1 kg", "sd": "5 %"}}]},
+        "base": {"model": "ground"},
+    },
+    "joints": {
+        "spring": {
+            "model": "spring_damper",
+            "direction": "x",
+            "connect": {"a": {"to": "cart", "at": 0}, "b": {"to": "base", "at": 0}},
+            "parameters": {
+                "k": {"range": [20.0, 5000.0], "scale": "log"},
+                "c": {"range": [0.05, 200.0], "scale": "log"},
+            },
+        }
+    },
+    "response": {"at": "cart", "position": 0, "quantity": "receptance"},
+}
+
+
+@pytest.fixture(scope="module")
+def light_cart():
+    """A cart of which the fit has three standard deviations less mass than its prior: assembly, FRF, fit and error."""
+    cart = dovetail.load(HEAVY_CART)
+    measured = noisy(cart, cart.frf({"k": 1050.0, "c": 2.7, "cart.masses.0.mass": 0.85}), 0.05, 4)
+    return cart, measured, refine(cart, measured), replace(typical_model_error(1e-3), quantities=2e-3)
+
+
+@pytest.mark.parametrize("draw", [sample_posterior, laplace_posterior])
+def test_samples_about_a_fit_far_from_its_prior_keep_the_natural_frequency(light_cart, draw):
+    """The measurement tells k / m far better than either: neither half of the samples may leave it."""
+    cart, measured, fit, error = light_cart
+    posterior = draw(cart, measured, fit, model_error=error)
+    k, _, mass = posterior.theta.T
+    natural = np.sqrt(k / mass) / (2.0 * np.pi)
+    assert np.abs(natural / (np.sqrt(1050.0 / 0.85) / (2.0 * np.pi)) - 1.0).max() < 0.01
+    assert posterior.weight[::2].sum() == pytest.approx(0.5)
+    assert np.median(mass[1::2]) < np.median(mass[::2]) + 0.01  # the fit has 0.85 kg, and what errs tells less
+
+
+def test_halves_weigh_alike_however_uneven_the_weights_are(light_cart):
+    uneven, z = np.array([0.9, 0.02, 0.05, 0.03]), np.zeros((4, 3))
+    both, weight = half_about_the_fit(*light_cart, z, uneven, 0)
+    assert weight == pytest.approx([0.5 * 0.9 / 0.95, 0.25, 0.5 * 0.05 / 0.95, 0.25])
+    assert (both[::2] == 0.0).all()
+    assert (both[1::2] != 0.0).all()
+    single, one = half_about_the_fit(*light_cart, np.ones((1, 3)), np.array([3.0]), 0)
+    assert (single.tolist(), one.tolist()) == ([[1.0, 1.0, 1.0]], [1.0])

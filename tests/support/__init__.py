@@ -1,0 +1,1 @@
+"""What several test modules share: assemblies, measurements, files, and independent formulas."""
