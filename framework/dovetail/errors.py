@@ -100,6 +100,16 @@ _SYNONYMS = {"inertance": "accelerance", "compliance": "receptance", "flexibilit
 """Other words of the field, which are spelt like a wrong one."""
 
 
+def argument(name: str, value: object = None) -> str:
+    """Return an argument of the API as messages name it, with a value or without.
+
+    ``argument("columns", "force,time")`` is ``"`columns='force,time'`"``. The command line prints the option that sets
+    this argument in its place; so the library knows no options.
+    """
+    text = "" if value is None else repr(value).replace("`", "\\x60")
+    return f"`{name}={text}`"
+
+
 def did_you_mean(word: str, accepted: Iterable[str]) -> str:
     """Return ``"Did you mean 'x'?"`` with the accepted spelling nearest to `word`, or an empty text."""
     word = word[:_LONGEST_WORD].lower()

@@ -194,7 +194,7 @@ def _client(address: str) -> Iterator[Any]:
 def _require_workers(workers: dict[str, int]) -> None:
     if not workers:
         problem = f"it has had no worker for {_PATIENCE:.0f} s."
-        raise DovetailError(Fault(_WHERE, problem, remedy="Start some by 'dask worker ADDRESS --nthreads 1'."))
+        raise DovetailError(Fault(_WHERE, problem, remedy="Start some by 'dask worker ADDRESS', with one thread each."))
 
 
 def _require_same_versions(by_worker: dict[str, Any]) -> None:

@@ -2,7 +2,9 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import html
 import json
+import shlex
 import shutil
 import subprocess
 import sys
@@ -505,3 +507,11 @@ def test_files_of_one_name_that_cannot_be_read_are_all_named(run, bench, tmp_pat
     done = run("identify", bench.description, *files, "--method", "refined", code=1)
     for failed in (files[0], files[2]):
         assert done.output.count(str(failed)) >= 1
+
+
+def test_the_report_shows_the_command_line_that_made_it(run, bench, tmp_path):
+    options = ["--method", "refined", "--amplitude-only", "--cause-seconds", "0", "-o", tmp_path / "a folder"]
+    run("-q", "identify", bench.description, bench.measured, *options)
+    page = html.unescape((tmp_path / "a folder" / "report.html").read_text(encoding="utf-8"))
+    words = ["dovetail", "-q", "identify", bench.description, bench.measured, *options]
+    assert f"# {shlex.join(map(str, words))}" in page

@@ -43,7 +43,7 @@ for _ in range(int(sys.argv[4])):
             limit(moments.choice([0, 1, 10_000, 1_000_000, 7_000_000]))  # a chunk has 8 MB
 
     assert attempt(refuse) is None
-assert all("File too large" in refusal and "--resume" in refusal for refusal in refusals), refusals
+assert all("File too large" in refusal and "`resume=True`" in refusal for refusal in refusals), refusals
 assert attempt(lambda *told: None).complete
 print(len(refusals))
 """

@@ -40,10 +40,10 @@ def flip(file):
 
 
 DAMAGES = {
-    "truncated": (truncate, "it has 23904 bytes instead of 24004", "Go on with --resume: it is computed anew."),
-    "empty": (empty, "it has 0 bytes instead of 24004", "Go on with --resume: it is computed anew."),
-    "missing": (lambda file: file.unlink(), "it is missing", "Go on with --resume: it is computed anew."),
-    "one bit": (flip, "damaged (Stored and computed checksum", "Delete this file and go on with --resume"),
+    "truncated": (truncate, "it has 23904 bytes instead of 24004", "Go on with `resume=True`: it is computed anew."),
+    "empty": (empty, "it has 0 bytes instead of 24004", "Go on with `resume=True`: it is computed anew."),
+    "missing": (lambda file: file.unlink(), "it is missing", "Go on with `resume=True`: it is computed anew."),
+    "one bit": (flip, "damaged (Stored and computed checksum", "Delete this file and go on with `resume=True`"),
 }
 
 
@@ -103,7 +103,7 @@ def test_flags_that_cannot_be_read_lose_no_dataset(sdof, sound, copy):
     (copy / "written" / "c" / "3").write_bytes(b"")
     with pytest.raises(DatasetError) as error:
         dovetail.Dataset(copy)
-    assert error.value.faults[0].remedy == f"Delete {copy / 'written' / 'c'} and go on with --resume."
+    assert error.value.faults[0].remedy == f"Delete {copy / 'written' / 'c'} and go on with `resume=True`."
     shutil.rmtree(copy / "written" / "c")
     mended = dovetail.generate(sdof, copy, samples=65, resume=True)
     np.testing.assert_array_equal(mended.amplitude[:], sound.amplitude[:])

@@ -68,7 +68,7 @@ def test_a_mass_left_at_the_drive_point_is_put_on_stored_phases(sdof, both):
     assert np.isfinite(dovetail.train(assembly, phased).predict_parameters(phased.amplitude[:3])).all()
     with pytest.raises(DatasetError, match="without phases") as error:
         dovetail.train(assembly, both[0])
-    assert "--storage complex" in error.value.faults[0].remedy
+    assert "storage='complex'" in error.value.faults[0].remedy
 
 
 def test_training_without_a_dataset_keeps_the_phases_that_it_needs(sdof):

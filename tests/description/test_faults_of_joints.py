@@ -18,7 +18,7 @@ CASES = {
         {"model: clamp": "model: clmap"},
         "test.yaml:16:12  joints.collet.model\n"
         "  'clmap' is not a joint model.\n"
-        "  Did you mean 'clamp'? A model of your own needs '--plugin FILE.py', or 'plugins=' in Python.  "
+        "  Did you mean 'clamp'? A model of your own needs `plugins='FILE.py'`.  "
         "Accepted: clamp, portless, weld",
     ),
     "joint_option_unknown": (

@@ -64,7 +64,7 @@ CASES = {
         {"model: squeeze": "model: squeze"},
         "test.yaml:26:20  identification.reducer.model\n"
         "  'squeze' is not a reducer model.\n"
-        "  Did you mean 'squeeze'? A model of your own needs '--plugin FILE.py', or 'plugins=' in Python.  "
+        "  Did you mean 'squeeze'? A model of your own needs `plugins='FILE.py'`.  "
         "Accepted: squeeze, umap",
     ),
     "reducer_option": (

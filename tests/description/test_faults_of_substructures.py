@@ -38,7 +38,7 @@ CASES = {
         {"model: rod\n    material: {young: 580": "model: rob\n    material: {young: 580"},
         "test.yaml:6:12  substructures.tool.model\n"
         "  'rob' is not a substructure model.\n"
-        "  Did you mean 'rod'? A model of your own needs '--plugin FILE.py', or 'plugins=' in Python.  "
+        "  Did you mean 'rod'? A model of your own needs `plugins='FILE.py'`.  "
         "Accepted: crashing, empty, nodeless, pair, refusing, rod, wall",
     ),
     "model_not_a_text": (

@@ -234,7 +234,7 @@ def test_a_stored_model_without_its_corrections_is_refused(model, tmp_path):
 
 def test_without_fresh_samples_there_is_no_correction():
     assembly = block(correction={"samples": 200}, augmentation={"multiplicative": 0.1})
-    with pytest.raises(ParameterError, match=r"(?s)identification\.correction.*none are drawn.*--fresh"):
+    with pytest.raises(ParameterError, match=r"(?s)identification\.correction.*none are drawn.*`fresh=True`"):
         dovetail.train(assembly)
 
 

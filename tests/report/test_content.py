@@ -176,7 +176,6 @@ def test_the_report_says_how_to_do_it_again_with_the_options_that_were_given(sdo
     result = dovetail.identify(sdof, frf, "multistart", starts=3, weights="amplitude", phase=False, cause_seconds=0)
     page = unescape(write_report(result, tmp_path / "report.html", assembly=sdof).read_text(encoding="utf-8"))
     assert "\"multistart\", weights='amplitude', phase=False, starts=3, cause_seconds=0, seed=0)" in page
-    assert "--method multistart --weights amplitude --amplitude-only --starts 3 --cause-seconds 0 -o results/" in page
 
 
 def test_the_form_of_a_result_that_an_earlier_version_wrote_is_said_again(sdof, tmp_path):
@@ -187,4 +186,3 @@ def test_the_form_of_a_result_that_an_earlier_version_wrote_is_said_again(sdof, 
         again = replace(result, provenance=provenance)
         page = unescape(write_report(again, tmp_path / "report.html", assembly=sdof).read_text())
         assert page.count("form='laplace'") == 1
-        assert "--form laplace" in page

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import shlex
 import sys
 import traceback
 from collections.abc import Iterator, Mapping
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import typer
 from typer.core import TyperGroup
 
+from dovetail.cli.option_names import with_options
 from dovetail.cli.terminal import say, say_on_stderr, waiting
 from dovetail.cli.warning_notes import warnings_as_notes
 from dovetail.errors import DovetailError, Fault, limit_exceeded
@@ -24,6 +26,9 @@ if TYPE_CHECKING:
 
 _HELP_LENGTH = 90
 """Largest number of characters of the sentence that describes a command."""
+
+_TYPED = "dovetail.typed"
+"""Key of the command line in a context."""
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as in the shell."""
@@ -47,10 +52,13 @@ class JudgedResult(Protocol):
 class Commands(TyperGroup):
     """The group of all commands, which prints faults as one block of text, without a traceback."""
 
-    def make_context(self, *arguments: Any, **options: Any) -> Any:
+    def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
         """Parse the options before the command."""
+        typed = shlex.join(["dovetail", *args])
         with _escaped_usage_errors():
-            return super().make_context(*arguments, **options)
+            context = super().make_context(info_name, args, parent, **extra)
+        context.meta[_TYPED] = typed
+        return context
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """Return a command, which also accepts -q and -v."""
@@ -77,20 +85,24 @@ class Commands(TyperGroup):
             with _escaped_usage_errors(), warnings_as_notes(), waiting():
                 return super().invoke(ctx)
         except DovetailError as error:
-            typer.echo(str(error), err=True)
+            _explain(error)
         except OSError as error:
             if error.errno == errno.EPIPE:
                 raise
             reason = error.strerror or str(error)
-            typer.echo(str(Fault(str(error.filename or ""), f"the system refuses: {reason}.")), err=True)
+            _explain(Fault(str(error.filename or ""), f"the system refuses: {reason}."))
         except KeyboardInterrupt:
             typer.echo("\nInterrupted.", err=True)
             raise typer.Exit(INTERRUPTED) from None
         except Exception as error:
             if (limit := limit_exceeded(error, _files_named())) is None:
                 raise
-            typer.echo(str(limit), err=True)
+            _explain(limit)
         raise typer.Exit(1)
+
+
+def _explain(error: DovetailError | Fault) -> None:
+    typer.echo(with_options(str(error)), err=True)
 
 
 def _files_named() -> str:
@@ -106,8 +118,13 @@ def _escaped_usage_errors() -> Iterator[None]:
     except Exception as error:
         wrong: Any = error
         if isinstance(getattr(wrong, "message", None), str):
-            wrong.message = terminal_text(wrong.message)
+            wrong.message = terminal_text(with_options(wrong.message))
         raise
+
+
+def typed(context: typer.Context) -> str:
+    """Return the command line as it was typed."""
+    return str(context.meta[_TYPED])
 
 
 def say_warning(result: JudgedResult) -> None:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import re
-import shlex
-from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dovetail.cli.commands import INTERRUPTED
+from dovetail.cli.commands import INTERRUPTED, typed
 from dovetail.cli.options import AssemblyFile, PluginFiles, Scheduler, load_assembly
 from dovetail.cli.terminal import progress_bars, say, say_on_stderr
 
@@ -27,6 +25,7 @@ class StorageChoice(StrEnum):
 
 
 def generate(
+    context: typer.Context,
     assembly: AssemblyFile,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="The dataset, such as data.zarr.")],
     samples: Annotated[
@@ -63,8 +62,6 @@ def generate(
     part, shards = _shard(shard)
     loaded = load_assembly(assembly, plugin)
     kept: Storage = storage.value
-    chosen: dict[str, object] = {"samples": samples, "seed": seed, "storage": kept, "interpolation": interpolation}
-    chosen |= {"shard": None if shards == 1 else shard, "scheduler": scheduler}
     try:
         with progress_bars() as progress:
             dataset = dovetail.generate(
@@ -80,7 +77,7 @@ def generate(
                 progress=progress,
             )
     except KeyboardInterrupt:
-        _advise(assembly, output, chosen, plugin or [])
+        _advise(output, typed(context))
         raise typer.Exit(INTERRUPTED) from None
     of = f"shard {shard} of " if shards > 1 else ""
     say(
@@ -97,13 +94,10 @@ def _shard(text: str) -> tuple[int, int]:
     return int(match[1]), int(match[2])
 
 
-def _advise(assembly: Path, output: Path, chosen: Mapping[str, object], plugin: list[Path]) -> None:
+def _advise(output: Path, command: str) -> None:
     """Print what exists after an interruption, and how to continue."""
     if not output.exists():
         say_on_stderr("\nInterrupted before the first sample; nothing was written.")
         return
-    command = ["dovetail", "generate", str(assembly), "-o", str(output)]
-    options = {name: value for name, value in chosen.items() if value not in (None, "amplitude")}
-    command += [part for name, value in options.items() for part in (f"--{name}", str(value))]
-    command += [part for file in plugin for part in ("--plugin", str(file))]
-    say_on_stderr(f"\nInterrupted. What is done stays in {output}; go on with:\n  {shlex.join([*command, '--resume'])}")
+    again = command if " --resume" in command else f"{command} --resume"
+    say_on_stderr(f"\nInterrupted. What is done stays in {output}; go on with:\n  {again}")

@@ -9,7 +9,7 @@ import typer
 
 from dovetail.cli import reading
 from dovetail.cli.batch import check_batch, identify_batch, is_batch
-from dovetail.cli.commands import exit_unless_trustworthy, measurement_names
+from dovetail.cli.commands import exit_unless_trustworthy, measurement_names, typed
 from dovetail.cli.completion import complete_files, complete_methods
 from dovetail.cli.options import AsJson, PluginFiles, Scheduler, assembly_or_model, chosen_method, part
 from dovetail.cli.terminal import heading, print_json, progress_bars, say, table, title
@@ -109,6 +109,7 @@ Retrain = Annotated[bool, typer.Option("--retrain", help="Train even if there is
 
 
 def identify(
+    context: typer.Context,
     source: ModelOrAssembly,
     measured: Measurements,
     method: Method = None,
@@ -206,7 +207,7 @@ def identify(
     model = _model(assembly, model, chosen, network, plugin or [], retrain=retrain)
     with progress_bars() as progress:
         result = dovetail.identify(assembly, frfs, chosen, model=model, progress=progress, **options)
-    with writing(output, lambda folder: write_results(result, folder, known, assembly)):
+    with writing(output, lambda folder: write_results(result, folder, known, assembly, typed(context))):
         if as_json:
             print_json(result.to_dict())
         else:

@@ -142,7 +142,9 @@ def _unchanged(folder: Path) -> set[str]:
     return set()
 
 
-def write_results(result: Identification, folder: Path, truth: Truth | None, assembly: Assembly | None = None) -> None:
+def write_results(
+    result: Identification, folder: Path, truth: Truth | None, assembly: Assembly | None = None, command: str = ""
+) -> None:
     """Write a report, the result as JSON, parameters and FRFs as CSV, and a figure of each FRF.
 
     Parameters
@@ -153,6 +155,8 @@ def write_results(result: Identification, folder: Path, truth: Truth | None, ass
         Shown beside the identified values.
     assembly : Assembly, optional
         Drawn in the report.
+    command : str
+        The command line that computed it, shown in the report.
     """
     from dovetail.report.figures import save_png
     from dovetail.report.html_report import write_report
@@ -167,7 +171,7 @@ def write_results(result: Identification, folder: Path, truth: Truth | None, ass
     write_texts(folder, texts)
     for index, (_, figure) in enumerate(names):
         save_png(plot_frf(result, index), folder / figure)
-    write_report(result, folder / "report.html", truth=truth, assembly=assembly)
+    write_report(result, folder / "report.html", truth=truth, assembly=assembly, command=command)
 
 
 def write_modal_results(result: ModalIdentification, folder: Path, truth: Truth | None) -> None:

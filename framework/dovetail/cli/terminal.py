@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import typer
 
+from dovetail.cli.option_names import with_options
 from dovetail.plain_text import terminal_text
 
 if TYPE_CHECKING:
@@ -140,7 +141,7 @@ def note(text: str) -> None:
 @room()
 def say_on_stderr(text: str) -> None:
     """Print a text on stderr; on a terminal, lines that are not indented are wrapped."""
-    text = terminal_text(text)
+    text = terminal_text(with_options(text))
     if sys.stderr.isatty():
         width = shutil.get_terminal_size().columns
         text = "\n".join(
@@ -162,7 +163,7 @@ def say(text: str = "") -> None:
     """Print a paragraph, wrapped on a terminal."""
     from rich.text import Text
 
-    _show(Text(terminal_text(text)))
+    _show(Text(terminal_text(with_options(text))))
 
 
 @room()

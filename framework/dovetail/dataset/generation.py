@@ -116,7 +116,7 @@ def generate(
     except FileError as error:
         raise DatasetError(*error.faults) from None
     except OSError as error:
-        remedy = "Make room for it and go on with --resume."
+        remedy = "Make room for it and go on with `resume=True`."
         raise DatasetError(Fault(str(folder), f"it cannot be written: {error}.", remedy=remedy)) from error
     return Dataset(folder)
 
@@ -144,7 +144,7 @@ class _Plan:
 def _check_resumable(folder: Path, assembly: Assembly, plan: _Plan, resume: bool) -> None:
     if not resume:
         raise DatasetError(
-            Fault(str(folder), "this path is taken.", remedy="Go on with it by --resume, or choose another name.")
+            Fault(str(folder), "this path is taken.", remedy="Go on with it by `resume=True`, or choose another name.")
         )
     dataset = Dataset(folder)
     if dataset.attributes["fingerprint"] != assembly.description.fingerprint:

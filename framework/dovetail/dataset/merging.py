@@ -82,7 +82,7 @@ def _sources(datasets: Sequence[Dataset]) -> list[Dataset]:
         listed = [f"{chunk * rows} to {min((chunk + 1) * rows, samples) - 1}" for chunk in missing[:_MOST_LISTED]]
         more = f", and {len(missing) - _MOST_LISTED} further blocks" if len(missing) > _MOST_LISTED else ""
         problem = f"samples {', '.join(listed)}{more} are in none of the {len(datasets)} shards."
-        raise DatasetError(Fault(str(datasets[0].path), problem, remedy="Finish the shards with --resume."))
+        raise DatasetError(Fault(str(datasets[0].path), problem, remedy="Finish the shards with `resume=True`."))
     return [datasets[index] for index in np.argmax(complete, axis=0)]
 
 

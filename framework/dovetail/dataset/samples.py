@@ -100,7 +100,7 @@ class Dataset:
             Only amplitudes are stored.
         """
         if self.storage != "complex":
-            remedy = "Generate it anew with --storage complex."
+            remedy = "Generate it anew with `storage='complex'`."
             raise DatasetError(Fault(str(self.path), "it holds amplitudes, without phases.", remedy=remedy))
         return StoredFrfs(self.path, self._frfs, self._written)
 
@@ -131,7 +131,7 @@ class Dataset:
                 )
             )
         if not self.complete:
-            remedy = "Finish it with --resume; the shards of a dataset are joined by 'dovetail merge'."
+            remedy = "Finish it with `resume=True`; the shards of a dataset are joined by 'dovetail merge'."
             raise DatasetError(Fault(str(self.path), "its generation was interrupted.", remedy=remedy))
         self.amplitude.check_chunks()
         self.require_same_frfs(assembly, _PROBES)

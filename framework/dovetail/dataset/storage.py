@@ -107,13 +107,13 @@ class StoredFrfs:
             file = self._file(chunk)
             if not self._written[chunk]:
                 problem = "its generation was interrupted before these samples."
-                raise DatasetError(Fault(str(self._folder), problem, remedy="Finish it with --resume."))
+                raise DatasetError(Fault(str(self._folder), problem, remedy="Finish it with `resume=True`."))
             if not file.is_file():
-                raise self._fault(chunk, "it is missing", "Go on with --resume: it is computed anew.")
+                raise self._fault(chunk, "it is missing", "Go on with `resume=True`: it is computed anew.")
             size = file.stat().st_size
             if size != expected:
                 damage = f"it has {size} bytes instead of {expected}"
-                raise self._fault(chunk, damage, "Go on with --resume: it is computed anew.")
+                raise self._fault(chunk, damage, "Go on with `resume=True`: it is computed anew.")
 
     def _raise_damage(self, chunks: range) -> None:
         """Raise an error that names the chunk which cannot be read."""
@@ -121,7 +121,7 @@ class StoredFrfs:
             try:
                 self._array[chunk * self.chunks[0]]
             except READING_ERRORS as error:
-                remedy = "Delete this file and go on with --resume: it is computed anew."
+                remedy = "Delete this file and go on with `resume=True`: it is computed anew."
                 raise self._fault(chunk, f"its content is damaged ({error})", remedy) from error
 
     def _fault(self, chunk: int, damage: str, remedy: str) -> DatasetError:
@@ -163,7 +163,7 @@ def read_flags(folder: Path, group: Any, name: str) -> NDArray[np.bool_]:
         _check_lengths(folder / name, group[name])
         return np.asarray(group[name][:], dtype=np.bool_)
     except READING_ERRORS as error:
-        remedy = f"Delete {folder / name / 'c'} and go on with --resume."
+        remedy = f"Delete {folder / name / 'c'} and go on with `resume=True`."
         raise DatasetError(Fault(str(folder / name), f"it is damaged ({error}).", remedy=remedy)) from error
 
 

@@ -301,7 +301,7 @@ class IdentificationSection(_Section):
     correction : section
         Of the network's answer, by the assembly's FRF there.
     method : section
-        A method of identification that a plugin offers; then it is the default. Others are chosen by ``--method``.
+        A method of identification that a plugin offers; then it is the default.
     """
 
     samples: Annotated[_Count, Field(ge=10, le=10_000_000)] = 5000

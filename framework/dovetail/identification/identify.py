@@ -15,7 +15,7 @@ from pydantic import ValidationError
 
 from dovetail.assembly import FRF_TOLERANCE, Assembly, AssemblySource, as_assembly, largest_frf_difference
 from dovetail.description import Response
-from dovetail.errors import Fault, MeasurementError, ParameterError, did_you_mean, listing
+from dovetail.errors import Fault, MeasurementError, ParameterError, argument, did_you_mean, listing
 from dovetail.frf import Frf
 from dovetail.identification.measured_lines import MeasuredLines
 from dovetail.identification.methods import DEFAULT_METHOD, METHODS, by_plugin
@@ -179,15 +179,16 @@ def _check_model(assembly: Assembly, trained: Assembly) -> None:
 
 def check_mass(assembly: Assembly, mass: float) -> None:
     """Raise a MeasurementError if an accelerometer's mass [kg] cannot be removed from a measured FRF."""
+    where = argument("accelerometer_mass")
     for response in assembly.description.responses if mass else ():
         if response.rotation or not response.is_drive_point:
             what = "a rotation per moment" if response.rotation else "no drive point"
             problem = f"the response of '{assembly.name}' is {what}, from which no mass can be removed."
             remedy = "Leave it out." if response.rotation else "State it as the response's 'calibration: {mass: ...}'."
-            raise MeasurementError(Fault("--accelerometer-mass", problem, remedy=remedy))
+            raise MeasurementError(Fault(where, problem, remedy=remedy))
     if mass and assembly.description.calibrations:
         problem = f"'{assembly.name}' states a 'calibration', and a mass is removed before it."
-        raise MeasurementError(Fault("--accelerometer-mass", problem, remedy="State the mass there, as 'mass'."))
+        raise MeasurementError(Fault(where, problem, remedy="State the mass there, as 'mass'."))
 
 
 def find_method(

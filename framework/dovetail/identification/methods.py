@@ -392,7 +392,7 @@ METHODS: Mapping[str, Callable[..., Identification]] = {
     "multistart": by_multistart,
     "posterior": by_posterior,
 }
-"""Methods by their names on the command line, after ``--method``."""
+"""Methods by their names."""
 
 DEFAULT_METHOD = "posterior"
 """It gives the best estimate, with intervals and verdicts, and needs no training."""

@@ -80,7 +80,7 @@ class Component(ABC):
     kind : str
         The contract that it implements; set by the base class of the contract.
     name : str
-        The word after ``model:`` in a description, or after ``--reader`` or ``--method``.
+        The word after ``model:`` in a description, or the name of a reader or a method.
     summary : str
         One line, shown by ``dovetail plugins``.
     references : tuple of str

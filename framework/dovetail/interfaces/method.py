@@ -16,7 +16,7 @@ from dovetail.interfaces.joint import Parameter
 from dovetail.interfaces.progress import Progress, silent
 
 TAKEN_NAMES = ("network", "refined", "multistart", "posterior", "rigid")
-"""Names of Dovetail's methods for ``--method`` and ``compare``; a plugin's method must not have one of them."""
+"""Names of Dovetail's methods; a plugin's method must not have one of them."""
 
 _OF_IDENTIFY = "assembly measured method weights phase progress seed model_error cause_seconds"
 TAKEN_OPTIONS = frozenset(_OF_IDENTIFY.split())

@@ -226,7 +226,7 @@ class NoisyFeatures:
         ]
         if augmentations[0].needs_phase and not settings.fresh and not np.iscomplexobj(clean):
             problem = "the mass left at the drive point needs the phase of each FRF, and the dataset holds amplitudes."
-            remedy = "Generate it with --storage complex, or set 'fresh: true', or 'mass: 0'."
+            remedy = "Generate it with `storage='complex'`, or set 'fresh: true', or 'mass: 0'."
             raise DatasetError(Fault("identification.augmentation", problem, remedy=remedy))
         return cls(assembly, clean, theta, augmentations)
 

@@ -128,7 +128,7 @@ def _check_correction(assembly: Assembly) -> None:
         return
     if settings.augmentation is None or not settings.augmentation.fresh:
         problem = "a correction is learnt from samples that the first regressor has not seen, and none are drawn."
-        remedy = "Set 'augmentation: {fresh: true}', or train with --fresh."
+        remedy = "Set 'augmentation: {fresh: true}', or train with `fresh=True`."
         raise ParameterError(Fault("identification.correction", problem, remedy=remedy))
     generator, label = np.random.default_rng(settings.seed), component_label(settings.regressor)
     features = generator.standard_normal((_TRIAL_ROWS, 4), dtype=np.float32)

@@ -31,7 +31,7 @@ PluginPaths: TypeAlias = str | os.PathLike[str] | Iterable[str | os.PathLike[str
 _HOOK, _DEFAULTS = "dovetail_components", "dovetail_defaults"
 _SLOW = 2.0
 """Seconds; an import that takes longer is listed."""
-HOW_TO_OFFER = "A model of your own needs '--plugin FILE.py', or 'plugins=' in Python."
+HOW_TO_OFFER = "A model of your own needs `plugins='FILE.py'`."
 
 
 @dataclass(frozen=True)

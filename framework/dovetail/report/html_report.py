@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,7 +42,12 @@ class EvaluationRow:
 
 
 def write_report(
-    result: Identification, path: str | Path, *, truth: Truth | None = None, assembly: Assembly | None = None
+    result: Identification,
+    path: str | Path,
+    *,
+    truth: Truth | None = None,
+    assembly: Assembly | None = None,
+    command: str = "",
 ) -> Path:
     """Write an identification as one self-contained HTML file, which loads nothing.
 
@@ -58,6 +62,8 @@ def write_report(
         Shown beside the identified values, with the errors.
     assembly : Assembly, optional
         The identified assembly, which is then drawn.
+    command : str, optional
+        The command line that computed it, shown below the same in Python.
 
     Returns
     -------
@@ -71,14 +77,14 @@ def write_report(
     if not isinstance(result, Identification):
         problem = "a result from modal parameters has no FRF, and no report."
         raise DovetailError(Fault(type(result).__name__, problem, remedy="Show its 'table' and its 'modes'."))
-    context = _context(result, truth) | {"drawing": None, "shapes": None}
+    context = _context(result, truth, command) | {"drawing": None, "shapes": None}
     if assembly is not None:
         context["drawing"] = page_figure(assembly_figure(assembly), "assembly", drawing_text(assembly))
         context["shapes"] = _shapes(result, assembly)
     return write_page(path, "report.html.jinja", context)
 
 
-def _context(result: Identification, truth: Truth | None) -> dict[str, Any]:
+def _context(result: Identification, truth: Truth | None, command: str) -> dict[str, Any]:
     axes = [response.frf.frequency for response in result.responses]
     rows = content.parameter_rows(result, truth)
     low, high = min(axis[0] for axis in axes), max(axis[-1] for axis in axes)
@@ -115,7 +121,7 @@ def _context(result: Identification, truth: Truth | None) -> dict[str, Any]:
         "verdict": verdict,
         "misfit": content.misfit_sentence(result),
         "pairs": _pair_plot(result),
-        "again": _how_to_reproduce(result),
+        "again": _how_to_reproduce(result, command),
         "evaluation": evaluation_rows(result),
         "test_samples": evaluation.get("test_samples") if isinstance(evaluation, dict) else None,
         "provenance": content.provenance_rows(result.provenance),
@@ -212,16 +218,14 @@ def evaluation_rows(result: Identification) -> list[EvaluationRow]:
     return rows
 
 
-def _how_to_reproduce(result: Identification) -> str:
-    """Return Python code and a command that reproduce a result; empty if the program did not compute it."""
+def _how_to_reproduce(result: Identification, command: str) -> str:
+    """Return Python code and the command that reproduce a result; empty if the program did not compute it."""
     origin, options = result.provenance, ""
     if result.method not in ("refined", "multistart", "posterior") or "description" not in origin:
         return ""
     of_earlier = {"form": "laplace"} if origin.get("posterior_form") == "laplace" else {}
     chosen = {name: value for name, value in (of_earlier | dict(origin.get("options", {}))).items() if name != "seed"}
     options += "".join(f", {name}={value!r}" for name, value in chosen.items())
-    words = {name: f" --{name.replace('_', '-')} {value}" for name, value in chosen.items()}
-    flags = "".join((words | {"phase": " --amplitude-only"} if "phase" in words else words).values())
     if "start" in origin:
         options += f", start={dict(origin['start'])!r}"
     labels = [str(response.measured.label) for response in result.responses]
@@ -235,8 +239,7 @@ def _how_to_reproduce(result: Identification) -> str:
         f'result = dovetail.identify(assembly, {labels!r}, "{result.method}"{options}, seed={origin.get("seed", 0)})',
         'dovetail.write_report(result, "report.html", assembly=assembly)',
     ]
-    command = f"dovetail identify assembly.yaml {shlex.join(files)} --method {result.method}{flags} -o results/"
-    return known + "\n".join(lines) + ("" if "start" in origin else f"\n\n# or, on the command line:\n# {command}")
+    return known + "\n".join(lines) + (f"\n\n# or, on the command line:\n# {command}" if command else "")
 
 
 def _shapes(result: Identification, assembly: Assembly) -> Any:

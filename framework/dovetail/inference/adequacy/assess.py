@@ -61,7 +61,7 @@ class Settings:
 
 _SETTINGS = Settings()
 
-_LATE = "The time for causes ended before all were tried; '--cause-seconds' (in Python cause_seconds) gives more."
+_LATE = "The time for causes ended before all were tried; `cause_seconds=` gives more."
 
 
 def check_limits(model_error: float | None, cause_seconds: float = 0.0) -> None:

@@ -1,0 +1,72 @@
+"""Messages of the library name arguments; on the command line they name the options that set them."""
+
+import ast
+import re
+
+import pytest
+import typer
+from house import ROOT, module_name, source_files
+
+from dovetail.cli import app
+from dovetail.cli.option_names import with_options
+from dovetail.errors import argument
+
+WRITTEN = re.compile(r"`\w+=[^`]*`")
+
+
+@pytest.mark.parametrize(
+    ("message", "printed"),
+    [
+        (argument("columns"), "--columns"),
+        (argument("columns", "frequency,real,imag,skip"), "--columns frequency,real,imag,skip"),
+        (argument("resume", True), "--resume"),
+        (argument("index", 1), "--index 1"),
+        (argument("drive"), "--drive-point"),
+        (argument("accelerometer_mass", "1 g"), "--accelerometer-mass '1 g'"),
+        (argument("names", {"real": "Re H", "imag": "NAME"}), "--name 'real=Re H' --name imag=NAME"),
+        (argument("unit", "m/s^2"), "--unit 'm/s^2'"),
+        (argument("unit", "it`s"), "--unit 'it`s'"),
+        ("no argument, `name`, a=b, `x = 1`, `f(a=1)`", "no argument, `name`, a=b, `x = 1`, `f(a=1)`"),
+        ("`k=` and `k=1 +`", "--k and `k=1 +`"),
+    ],
+)
+def test_an_argument_becomes_the_option_that_sets_it(message, printed):
+    assert with_options(message) == printed
+
+
+def arguments_in_messages():
+    """Return the arguments that strings of the library name, as they are in the source, and where."""
+    for file in source_files():
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str) and "\n" not in node.value:
+                yield from ((text, f"{file.relative_to(ROOT)}:{node.lineno}") for text in WRITTEN.findall(node.value))
+            elif isinstance(node, ast.Call) and getattr(node.func, "id", "") == "argument":
+                yield argument(ast.literal_eval(node.args[0])), f"{file.relative_to(ROOT)}:{node.lineno}"
+
+
+def test_every_argument_that_a_message_names_is_an_option():
+    commands = typer.main.get_group(app).commands.values()
+    options = {name for command in commands for option in command.params for name in option.opts}
+    named = dict(arguments_in_messages())
+    assert named
+    printed = {f"{place}: {with_options(text).split()[0]}" for text, place in named.items()}
+    assert {text for text in printed if text.rpartition(" ")[2] not in options} == set()
+
+
+def strings(tree):
+    """Return the strings of a module, docstrings among them."""
+    return [node for node in ast.walk(tree) if isinstance(node, ast.Constant) and isinstance(node.value, str)]
+
+
+def is_command_line(file, tree):
+    imported = {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
+    return "cli" in file.relative_to(ROOT).parts or "typer" in imported
+
+
+@pytest.mark.parametrize("file", source_files(), ids=module_name)
+def test_the_library_names_no_option_of_the_command_line(file):
+    if "measurement" in file.parts:
+        pytest.skip("still to do")
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    named = [node.lineno for node in strings(tree) if re.search(r"(^|[\s'\"`])--[a-z]", node.value)]
+    assert is_command_line(file, tree) or named == []
