@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 _HELP_LENGTH = 90
 """Largest number of characters of the sentence that describes a command."""
 
-_TYPED = "dovetail.typed"
+_TYPED = "dovetail typed"
 """Key of the command line in a context."""
 
 INTERRUPTED = 130
