@@ -14,12 +14,12 @@ HEADINGS |= {"reader": "File readers", "method": "Methods of identification"}
 
 INTRODUCTION = """# What the conformance kit checks
 
-Here you find what each check of the kit demands of a plugin, and a mistake that it catches. How to run the kit and what
-its outcomes mean is in [Write a plugin](plugins.md#the-conformance-kit).
+Here you find what each check of the kit demands of a plugin, and a mistake that it catches.
+[Write a plugin](plugins.md#the-conformance-kit) explains how to run the kit and what its outcomes mean.
 
 The page is made by `python docs/make_conformance.py` from the docstrings of the checks and from the broken plugins in
 `tests/support/broken_plugins`: {plugins} components with a single fault each, all of which the kit catches. Each check
-is listed with a plugin that only this check catches, and with the number of further plugins for it.
+is listed with a plugin that only this check catches, and with the number of other plugins that it catches.
 """
 ROW = "| {check} | {text} | {alone} | {others} |\n"
 HEAD = ROW.format(check="check", text="what must hold", alone="a plugin that only it catches", others="others")

@@ -13,6 +13,7 @@ import typer
 
 sys.path.insert(0, str(Path(__file__).parent))
 import make_drawings
+from line_length import wrapped
 
 import dovetail
 from dovetail import JointModel, SubstructureModel
@@ -31,13 +32,13 @@ INTERNAL = {"collet": ("c1", "c2", "c3", "c4", "c5")}
 
 MODELS = """# Models
 
-Here you find what each model that ships with Dovetail stands for, what it leaves out, its parameters with their units
+Here you find what each model that ships with Dovetail represents, what it leaves out, its parameters with their units
 and ranges, and the order of its DOFs. `dovetail describe MODEL` prints options and parameters on a
 terminal, for models of plugins too.
 
 Parts vibrate in one plane. Each node has two DOFs: `x`, the displacement across the axis, and `rz`, the rotation,
-$r_z = dx/ds$ along the axis $s$. In the drawings a zigzag is a spring and a cylinder a damper, both in `x`; a spiral is
-a spring with a damper in `rz`. A range holds where a description states none.
+$r_z = dx/ds$ along the axis $s$. In the drawings a zigzag is a spring and a cylinder a damper, both in `x`. A spiral
+is a spring with a damper in `rz`. The ranges are defaults, which a description may change.
 
 This page is made by `python docs/make_reference.py` from the models themselves, the drawings by
 `python docs/make_drawings.py`.
@@ -45,22 +46,23 @@ This page is made by `python docs/make_reference.py` from the models themselves,
 
 OPTIONS = """# Options of every command
 
-Here you find every option of every command, as `--help` prints it. [The command line](commands.md) says what the
+Here you find every option of every command, as `--help` prints it. [The command line](commands.md) explains what the
 commands are for. This page is made by `python docs/make_reference.py` from the program itself.
 """
 
 KEYS = """# Keys of a description
 
-Here you find every key that a description may hold, what it means and what stands if it is left out. [The description
-of an assembly](description.md) explains them with examples; the keys of a model are on the page of [models](models.md).
+Here you find every key of a description, its meaning and its default.
+[The description of an assembly](description.md) explains the keys with examples.
+The keys of a model are on the page of [models](models.md).
 This page is made by `python docs/make_reference.py` from the schema that `dovetail schema` writes.
 """
 
 SECTIONS = {
     "description": "The whole",
     "frequency": "`frequency`",
-    "orientation": "`substructures.NAME`, beside the keys of its model",
-    "damping": "`joints.NAME`, beside the keys of its model",
+    "orientation": "`substructures.NAME`, in addition to the keys of its model",
+    "damping": "`joints.NAME`, in addition to the keys of its model",
     "attachment": "`joints.NAME.connect.PORT`",
     "parameter": "`joints.NAME.parameters.NAME`, and any number with a unit of a part",
     "response": "`response`, and each of `responses`",
@@ -211,7 +213,8 @@ def _key_rows(section: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
 def pages() -> dict[str, str]:
     """Return the text of each page, by its file's name."""
     registry = components(())
-    return {"models.md": models(registry), "options.md": options(), "keys.md": keys(registry)}
+    made = {"models.md": models(registry), "options.md": options(), "keys.md": keys(registry)}
+    return {name: wrapped(text) for name, text in made.items()}
 
 
 if __name__ == "__main__":

@@ -10,7 +10,11 @@ as the site does:
 
 import csv
 import re
+import sys
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+from line_length import wrapped
 
 FOLDER = Path(__file__).parent
 MARKED = re.compile(r"<!-- table: (\S+) -->\n.*?<!-- end of table -->", flags=re.S)
@@ -24,7 +28,7 @@ def filled(page: Path) -> str:
 def _block(folder: Path, name: str) -> str:
     file = folder / name
     text = _from_csv(file) if file.suffix == ".csv" else file.read_text(encoding="utf-8").strip()
-    return f"<!-- table: {name} -->\n\n{text}\n\n<!-- end of table -->"
+    return f"<!-- table: {name} -->\n\n{wrapped(text)}\n\n<!-- end of table -->"
 
 
 def _from_csv(file: Path) -> str:

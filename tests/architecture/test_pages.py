@@ -1,4 +1,4 @@
-"""The files and headings that the documentation pages refer to exist."""
+"""The files and headings that the documentation pages refer to exist, and their lines are short."""
 
 from __future__ import annotations
 
@@ -92,3 +92,43 @@ def test_tables_stand_in_the_pages_as_the_commands_wrote_them():
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_tables_can_be_read_on_the_code_host(page):
     assert re.findall(r"^```\{(include|csv-table|list-table)\}", page.read_text(encoding="utf-8"), flags=re.M) == []
+
+
+def long_lines(page: str) -> Iterator[str]:
+    """Lines of 120 characters or more. What a program printed, and tables that it wrote, cannot be broken."""
+    language, written = None, False
+    for line in page.splitlines():
+        if line.startswith("```"):
+            language = line[3:] if language is None else None
+        written = line.startswith("<!-- table: ") or (written and not line.startswith("<!-- end of table"))
+        row = line.startswith("|")
+        typed = language in {"bash", "python", "yaml"} or re.match(r"(\$|dovetail|python) ", line)
+        cannot_be_broken = (written and row) or (language is not None and not typed)
+        shown = re.sub(r"\]\([^)]*\)", "]", line) if row else line  # the address of a link cannot be broken
+        if len(shown) >= 120 and not cannot_be_broken:
+            yield line
+
+
+WRITTEN_BY_PROGRAMS = {"conformance.md", "keys.md", "models.md", "options.md"}
+"""Their tables show sentences of the code in full."""
+
+
+@pytest.mark.parametrize(
+    "page",
+    [*(p for p in site_pages() if p.stem != "study"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"],
+    ids=lambda p: p.stem,
+)
+def test_lines_are_shorter_than_120_characters(page):
+    text = page.read_text(encoding="utf-8")
+    if page.name in WRITTEN_BY_PROGRAMS:
+        text = re.sub(r"^\|.*$", "", text, flags=re.M)
+    assert list(long_lines(text)) == []
+
+
+def test_a_long_line_is_found_in_a_paragraph_a_row_and_a_command():
+    long = "word " * 24
+    assert list(long_lines(f"{long}\n\n| {long} |\n\n```console\n$ dovetail {long}\n{long}\n```\n")) == [
+        long,
+        f"| {long} |",
+        f"$ dovetail {long}",
+    ]
