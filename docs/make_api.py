@@ -26,7 +26,16 @@ SECTIONS = {
 }
 """Headings by the package that defines a name, in the order of the page."""
 
-TESTING = """
+REST = """
+## Within results
+
+```{eval-rst}
+.. currentmodule:: dovetail.identification
+
+.. autoclass:: Fit
+   :members:
+```
+
 ## Testing a plugin
 
 ```{eval-rst}
@@ -54,7 +63,7 @@ def page() -> str:
     for heading, directives in sections.items():
         body = "\n".join(directives)
         text += f"\n## {heading}\n\n```{{eval-rst}}\n.. currentmodule:: dovetail\n\n{body}\n```\n"
-    return text + TESTING
+    return text + REST
 
 
 def _home(name: str) -> str:

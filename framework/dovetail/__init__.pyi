@@ -13,7 +13,7 @@ from .coupling import spindle_flange as spindle_flange
 from .coupling import write_receptance as write_receptance
 from .dataset import Dataset as Dataset
 from .dataset import generate as generate
-from .dataset import merge as merge
+from .dataset import merge_datasets as merge_datasets
 from .description import description_schema as description_schema
 from .errors import BundleError as BundleError
 from .errors import DatasetError as DatasetError
@@ -30,7 +30,7 @@ from .evaluation import Calibration as Calibration
 from .evaluation import Case as Case
 from .evaluation import Cases as Cases
 from .evaluation import Comparison as Comparison
-from .evaluation import Plan as Plan
+from .evaluation import MeasurementPlan as MeasurementPlan
 from .evaluation import PlannedPoint as PlannedPoint
 from .evaluation import RobustnessRow as RobustnessRow
 from .evaluation import Study as Study
@@ -39,7 +39,7 @@ from .evaluation import Trial as Trial
 from .evaluation import Validation as Validation
 from .evaluation import calibrate as calibrate
 from .evaluation import compare as compare
-from .evaluation import plan as plan
+from .evaluation import plan_measurements as plan_measurements
 from .evaluation import read_cases as read_cases
 from .evaluation import read_truths as read_truths
 from .evaluation import robustness as robustness
@@ -50,11 +50,9 @@ from .frf import coherence_spectrum as coherence_spectrum
 from .guarded_process import call_guarded as call_guarded
 from .identification import Adequacy as Adequacy
 from .identification import AtPoint as AtPoint
-from .identification import Band as Band
 from .identification import Batch as Batch
 from .identification import Cause as Cause
 from .identification import Evaluation as Evaluation
-from .identification import Fit as Fit
 from .identification import Identification as Identification
 from .identification import IdentifiedParameter as IdentifiedParameter
 from .identification import Identifier as Identifier
@@ -64,6 +62,7 @@ from .identification import Mode as Mode
 from .identification import ModelError as ModelError
 from .identification import ParameterMetrics as ParameterMetrics
 from .identification import Posterior as Posterior
+from .identification import PredictedBand as PredictedBand
 from .identification import TableRow as TableRow
 from .identification import Verdict as Verdict
 from .identification import identify as identify
@@ -76,7 +75,7 @@ from .identification import train as train
 from .interfaces import INTERFACE_VERSION as INTERFACE_VERSION
 from .interfaces import Component as Component
 from .interfaces import ComponentConfig as ComponentConfig
-from .interfaces import Epoch as Epoch
+from .interfaces import ComponentState as ComponentState
 from .interfaces import Estimate as Estimate
 from .interfaces import FeatureContext as FeatureContext
 from .interfaces import FileName as FileName
@@ -95,10 +94,10 @@ from .interfaces import RecordedFrf as RecordedFrf
 from .interfaces import Reducer as Reducer
 from .interfaces import Regressor as Regressor
 from .interfaces import SparseMatrices as SparseMatrices
-from .interfaces import State as State
 from .interfaces import StructuralMatrices as StructuralMatrices
 from .interfaces import SubstructureModel as SubstructureModel
 from .interfaces import TargetDistribution as TargetDistribution
+from .interfaces import TrainingEpoch as TrainingEpoch
 from .interfaces import silent as silent
 from .interfaces import spread_normal as spread_normal
 from .measurement import EstimatedFrf as EstimatedFrf

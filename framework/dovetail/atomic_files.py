@@ -81,8 +81,8 @@ def write_whole(path: Path, content: bytes, *, overwrite: bool) -> None:
     if path.exists() and not overwrite:
         remedy = "Choose another name, or say overwrite=True."
         raise FileError(Fault(str(path), "the file is there already.", remedy=remedy))
-    with held(path):
-        temporary = beside(path)
+    with locked(path):
+        temporary = temporary_path(path)
         try:
             with temporary.open("xb") as stream:
                 stream.write(content)
@@ -121,8 +121,8 @@ def new_folder(target: Path, replaced: Container[str] = (), first: str = "", las
     with suppress(OSError):  # what it means is seen below
         target.parent.mkdir(parents=True, exist_ok=True)
     hidden = target / "results" if _must_stay(target) else target
-    with held(hidden):
-        fresh = beside(hidden)
+    with locked(hidden):
+        fresh = temporary_path(hidden)
         try:
             fresh.mkdir()
             yield fresh
@@ -176,8 +176,8 @@ def new_files(targets: Sequence[Path], *, overwrite: bool) -> Iterator[list[Path
 
 @contextmanager
 def _staged(target: Path) -> Iterator[Path]:
-    with held(target):
-        folder = beside(target)
+    with locked(target):
+        folder = temporary_path(target)
         try:
             folder.mkdir()
             yield folder / target.name
@@ -236,7 +236,7 @@ def _exchange(first: Path, second: Path) -> bool:
 
 
 @contextmanager
-def held(path: Path, wait: float = _LONGEST_WRITING, on_wait: Callable[[str], None] | None = None) -> Iterator[None]:
+def locked(path: Path, wait: float = _LONGEST_WRITING, on_wait: Callable[[str], None] | None = None) -> Iterator[None]:
     """Keep other processes of Dovetail from writing a path, and remove the remains of killed ones beside it.
 
     Parameters
@@ -290,7 +290,7 @@ def held(path: Path, wait: float = _LONGEST_WRITING, on_wait: Callable[[str], No
             lock.release()
 
 
-def is_held(path: Path) -> bool:
+def is_locked(path: Path) -> bool:
     """Return whether a living process holds a path; the lock file of a killed one is removed."""
     from filelock import FileLock, Timeout
 
@@ -322,7 +322,7 @@ def _holder(marker: Path) -> str:
     return "another process"
 
 
-def beside(target: Path) -> Path:
+def temporary_path(target: Path) -> Path:
     """Return a temporary name beside `target` that cannot be guessed; the next holder of `target` removes its file."""
     return target.with_name(f".{target.name}.{secrets.token_hex(8)}.part")
 

@@ -130,7 +130,7 @@ def listing(names: Iterable[str], limit: int = 12) -> str:
     return f"{text}, and {len(items) - limit} more" if len(items) > limit else text
 
 
-def explained(error: Exception, where: str) -> DovetailError:
+def as_dovetail_error(error: Exception, where: str) -> DovetailError:
     """Return an exception of one of several pieces of work as an error with its cause, so that the others go on.
 
     Parameters

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dovetail import DovetailError, Fault, State
+from dovetail import ComponentState, DovetailError, Fault
 
 
 def checked_rows(values: ArrayLike, owner: str, *, width: int | None = None) -> NDArray[Any]:
@@ -41,7 +41,7 @@ def checked_rows(values: ArrayLike, owner: str, *, width: int | None = None) -> 
     return rows
 
 
-def state_array(state: State, key: str, owner: str, shape: tuple[int | None, ...]) -> NDArray[Any]:
+def state_array(state: ComponentState, key: str, owner: str, shape: tuple[int | None, ...]) -> NDArray[Any]:
     """Return the finite array `key` of a state.
 
     Parameters
@@ -69,7 +69,7 @@ def state_array(state: State, key: str, owner: str, shape: tuple[int | None, ...
     return value
 
 
-def state_number(state: State, key: str, owner: str) -> float:
+def state_number(state: ComponentState, key: str, owner: str) -> float:
     """Return the finite number `key` of a state.
 
     Raises

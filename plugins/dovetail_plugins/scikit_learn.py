@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from dovetail import ComponentConfig, DovetailError, Fault, State
+from dovetail import ComponentConfig, ComponentState, DovetailError, Fault
 from dovetail_plugins.arrays import checked_rows, state_number
 
 Plain = bool | int | float | str | None | list[bool | int | float | str | None]
@@ -122,7 +122,7 @@ class KeptEstimator:
         The state is invalid, or names a class that scikit-learn does not export.
     """
 
-    def __init__(self, state: State, owner: str) -> None:
+    def __init__(self, state: ComponentState, owner: str) -> None:
         self._state = dict(state)
         self._owner = owner
         self._width = int(state_number(state, "width", owner))
@@ -172,7 +172,7 @@ class KeptEstimator:
         with _in_this_process():
             return _rows(getattr(self._estimator, method)(rows), len(rows))
 
-    def state(self) -> State:
+    def state(self) -> ComponentState:
         """Return arrays and plain values."""
         return {name: value.copy() if isinstance(value, np.ndarray) else value for name, value in self._state.items()}
 

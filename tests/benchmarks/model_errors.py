@@ -45,7 +45,7 @@ from dovetail.inference.adequacy.assess import is_noise
 from dovetail.inference.adequacy.causes import CAUSE_SECONDS
 from dovetail.inference.adequacy.model_error_size import estimate_model_error, fit_with_error
 from dovetail.inference.adequacy.verdict import Adequacy, word_for
-from dovetail.inference.fitting import fit_at, refine
+from dovetail.inference.fitting import Fit, fit_at, refine
 from dovetail.inference.posterior import laplace_posterior, sample_posterior, typical_model_error
 from dovetail.problem.observations import Observations
 from dovetail.problem.residuals import ModelFrfs
@@ -214,7 +214,7 @@ def judged(work: tuple[int, str, float], seed: int, method: str) -> Case | None:
     )
 
 
-def told_of(assembly: dovetail.Assembly, measured: dovetail.Frf, fit: dovetail.Fit) -> tuple[Adequacy, dovetail.Fit]:
+def told_of(assembly: dovetail.Assembly, measured: dovetail.Frf, fit: Fit) -> tuple[Adequacy, Fit]:
     """Return what `assess` does, without the search for causes, which takes much longer."""
     model, target = ModelFrfs.of(assembly), Observations.of(assembly, [measured])
     if is_noise(assembly, target, fit):
@@ -236,7 +236,7 @@ def best_fit_with_error(
 def _intervals(
     assembly: dovetail.Assembly,
     measured: dovetail.Frf,
-    fit: dovetail.Fit,
+    fit: Fit,
     adequacy: dovetail.Adequacy,
     theta: np.ndarray,
     kind: str,

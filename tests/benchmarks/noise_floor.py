@@ -18,7 +18,7 @@ import numpy as np
 
 import dovetail
 from dovetail.dataset import latin_hypercube
-from dovetail.inference.fitting import multistart, refine
+from dovetail.inference.fitting import Fit, multistart, refine
 from dovetail.measurement import noisy_frf
 
 ASSEMBLY = Path(__file__).resolve().parents[2] / "assemblies" / "bt40_er32.yaml"
@@ -34,7 +34,7 @@ def measurement(assembly: dovetail.Assembly, values: np.ndarray, level: float, s
     return replace(noisy, values=noisy.values if phase else noisy.amplitude, has_phase=phase)
 
 
-def row(level: float, phase: bool, method: str, fits: list[dovetail.Fit]) -> str:
+def row(level: float, phase: bool, method: str, fits: list[Fit]) -> str:
     """Return one line of the table."""
     chi_squared = np.array([fit.chi_squared for fit in fits])
     seconds = np.array([fit.seconds for fit in fits])

@@ -18,7 +18,7 @@ import numpy as np
 import dovetail
 from dovetail.dataset import latin_hypercube
 from dovetail.design.experiment_design import NOISE
-from dovetail.evaluation import plan
+from dovetail.evaluation import plan_measurements
 from dovetail.inference.fitting import refine
 from dovetail.inference.posterior import ModelError, Posterior, quantiles, sample_posterior
 
@@ -28,7 +28,7 @@ ASSEMBLY = Path(__file__).resolve().parents[2] / "assemblies" / "bt40_er32.yaml"
 def study(cases: int) -> None:
     """Print, for each parameter, how much narrower its interval becomes: as predicted, and as achieved."""
     described = dovetail.load(ASSEMBLY)
-    planned = plan(described, samples=cases, seed=0)
+    planned = plan_measurements(described, samples=cases, seed=0)
     first, second = planned.points[0], planned.seconds[0]
     both = at_both(described, first, second)
     theta = latin_hypercube(described, cases, seed=0)

@@ -124,7 +124,7 @@ def test_no_resonance_that_the_model_lacks_is_paired(misfit):
     for frequency in lacking[0] if lacking else ():
         assert all(abs(frequency - peak) > 5e-4 * peak for peak in paired)
     response = misfit.result.responses[0]
-    peaks = PairedPeaks.of(response.measured, response.frf)
+    peaks = PairedPeaks.from_frfs(response.measured, response.frf)
     assert {*paired} <= {*peaks.measured} - {*peaks.unpaired}
     error = misfit.result.adequacy.size.natural_frequency
     expected = lacking_resonances([peaks], [response.measured], [response.frf], error)

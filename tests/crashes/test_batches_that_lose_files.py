@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail.errors import DovetailError, Fault, explained
+from dovetail.errors import DovetailError, Fault, as_dovetail_error
 from dovetail.evaluation import calibration
 from dovetail.identification import identifier
 from dovetail.parallel import side_by_side
@@ -216,4 +216,4 @@ def test_a_worker_that_dies_is_replaced_and_its_task_repeated_alone(tmp_path, si
     ],
 )
 def test_the_cause_of_a_failure_is_named(error, said):
-    assert said in str(explained(error, "m.csv"))
+    assert said in str(as_dovetail_error(error, "m.csv"))

@@ -121,7 +121,7 @@ def test_a_model_that_is_replaced_is_never_absent(model, tmp_path, stride, monke
 
     def check() -> None:
         if not exchange:
-            with atomic_files.held(target):
+            with atomic_files.locked(target):
                 pass
         assert hashes(target) in whole
 

@@ -64,7 +64,7 @@ def test_whatever_their_number_the_bytes_are_the_same(assembly, whole, tmp_path,
     paths = shards(assembly, tmp_path, count)
     written = np.array([dovetail.Dataset(path).amplitude.complete_chunks() for path in paths])
     assert (written.sum(axis=0) == 1).all()
-    merged = dovetail.merge(paths[::-1], tmp_path / "data.zarr")
+    merged = dovetail.merge_datasets(paths[::-1], tmp_path / "data.zarr")
     assert merged.complete
     assert digests(tmp_path / "data.zarr") == digests(whole)
     merged.require(assembly)
@@ -72,7 +72,7 @@ def test_whatever_their_number_the_bytes_are_the_same(assembly, whole, tmp_path,
 
 def test_chunks_are_links_and_shards_may_go(assembly, whole, tmp_path):
     paths = shards(assembly, tmp_path, 2)
-    dovetail.merge(paths, tmp_path / "data.zarr")
+    dovetail.merge_datasets(paths, tmp_path / "data.zarr")
     chunk = "amplitude/c/0/0"
     assert os.stat(tmp_path / "data.zarr" / chunk).st_ino == os.stat(paths[0] / chunk).st_ino
     for path in paths:
@@ -88,7 +88,7 @@ def test_where_links_cannot_be_chunks_are_copied(assembly, whole, tmp_path, monk
         raise OSError("another file system")
 
     monkeypatch.setattr(os, "link", refuse)
-    dovetail.merge(paths, tmp_path / "data.zarr")
+    dovetail.merge_datasets(paths, tmp_path / "data.zarr")
     assert digests(tmp_path / "data.zarr") == digests(whole)
 
 
@@ -96,11 +96,11 @@ def test_a_shard_that_was_cut_off_is_told_and_goes_on(assembly, whole, tmp_path)
     paths = shards(assembly, tmp_path, 3)
     (paths[1] / "written" / "c" / "4").unlink()
     with pytest.raises(DatasetError) as error:
-        dovetail.merge(paths, tmp_path / "data.zarr")
+        dovetail.merge_datasets(paths, tmp_path / "data.zarr")
     assert error.value.faults[0].problem == "samples 100 to 124 are in none of the 3 shards."
     assert not (tmp_path / "data.zarr").exists()
     dovetail.generate(assembly, paths[1], samples=SAMPLES, shard=(2, 3), resume=True)
-    dovetail.merge(paths, tmp_path / "data.zarr")
+    dovetail.merge_datasets(paths, tmp_path / "data.zarr")
     assert digests(tmp_path / "data.zarr") == digests(whole)
 
 
@@ -113,7 +113,7 @@ def test_a_damaged_chunk_is_named_with_its_shard(assembly, tmp_path, damage):
     else:
         file.unlink()
     with pytest.raises(DatasetError) as error:
-        dovetail.merge(paths, tmp_path / "data.zarr")
+        dovetail.merge_datasets(paths, tmp_path / "data.zarr")
     assert error.value.faults[0].where == str(file)
     assert "this chunk holds samples 100 to 124" in error.value.faults[0].problem
     assert not (tmp_path / "data.zarr").exists()
@@ -129,7 +129,7 @@ def test_a_shard_is_no_dataset_to_train_with_and_the_way_on_is_named(assembly, t
 def test_samples_that_nobody_computed_are_named_up_to_the_last_one(assembly, tmp_path):
     dovetail.generate(assembly, tmp_path / "shard.zarr", samples=290, shard=(1, 2))
     with pytest.raises(DatasetError, match="275 to 289 are in none"):
-        dovetail.merge([tmp_path / "shard.zarr"], tmp_path / "data.zarr")
+        dovetail.merge_datasets([tmp_path / "shard.zarr"], tmp_path / "data.zarr")
 
 
 @pytest.mark.parametrize("count", [1, 3, 7])
@@ -147,12 +147,12 @@ dovetail.generate({str(description)!r}, {str(path)!r}, samples={SAMPLES}, shard=
     assert subprocess.run([sys.executable, "-c", script], timeout=60).returncode == -signal.SIGKILL
     assert dovetail.Dataset(path).amplitude.complete_chunks().sum() <= 1
     with pytest.raises(DatasetError, match="are in none of the"):
-        dovetail.merge([path], tmp_path / "data.zarr")
+        dovetail.merge_datasets([path], tmp_path / "data.zarr")
     dovetail.generate(assembly, path, samples=SAMPLES, shard=(1, count), resume=True)
     others = [tmp_path / f"shard{number}.zarr" for number in range(2, count + 1)]
     for number, other in enumerate(others, start=2):
         dovetail.generate(assembly, other, samples=SAMPLES, shard=(number, count))
-    dovetail.merge([path, *others], tmp_path / "data.zarr")
+    dovetail.merge_datasets([path, *others], tmp_path / "data.zarr")
     assert digests(tmp_path / "data.zarr") == digests(whole)
 
 
@@ -160,16 +160,16 @@ def test_shards_of_another_plan_are_refused(assembly, tmp_path):
     first = dovetail.generate(assembly, tmp_path / "a.zarr", samples=SAMPLES, shard=(1, 2))
     dovetail.generate(assembly, tmp_path / "b.zarr", samples=SAMPLES, shard=(2, 2), seed=9)
     with pytest.raises(DatasetError, match="it has another seed, parameters"):
-        dovetail.merge([first.path, tmp_path / "b.zarr"], tmp_path / "data.zarr")
+        dovetail.merge_datasets([first.path, tmp_path / "b.zarr"], tmp_path / "data.zarr")
     description = json.loads(assembly.description.text)
     description["frequency"]["stop"] = 900.0
     dovetail.generate(dovetail.load(description), tmp_path / "c.zarr", samples=SAMPLES, shard=(2, 2))
     with pytest.raises(DatasetError, match="it has another description"):
-        dovetail.merge([first.path, tmp_path / "c.zarr"], tmp_path / "data.zarr")
+        dovetail.merge_datasets([first.path, tmp_path / "c.zarr"], tmp_path / "data.zarr")
     with pytest.raises(DatasetError, match="this path is taken"):
-        dovetail.merge([first.path], tmp_path / "b.zarr")
+        dovetail.merge_datasets([first.path], tmp_path / "b.zarr")
     with pytest.raises(DatasetError, match="there are none"):
-        dovetail.merge([], tmp_path / "data.zarr")
+        dovetail.merge_datasets([], tmp_path / "data.zarr")
 
 
 def test_a_description_that_names_a_file_may_lie_elsewhere_on_another_machine(assembly, tmp_path):
@@ -182,7 +182,7 @@ def test_a_description_that_names_a_file_may_lie_elsewhere_on_another_machine(as
         dovetail.write_receptance(dovetail.ReceptanceMatrix(frequency, receptance), folder / "base.npz")
         (folder / "block.yaml").write_text(json.dumps(description))
         dovetail.generate(folder / "block.yaml", tmp_path / f"{number}.zarr", samples=SAMPLES, shard=(number, 2))
-    merged = dovetail.merge([tmp_path / "1.zarr", tmp_path / "2.zarr"], tmp_path / "data.zarr")
+    merged = dovetail.merge_datasets([tmp_path / "1.zarr", tmp_path / "2.zarr"], tmp_path / "data.zarr")
     merged.require(dovetail.load(folder / "block.yaml"))
 
 

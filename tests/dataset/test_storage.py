@@ -60,7 +60,7 @@ def test_a_mass_left_at_the_drive_point_is_put_on_stored_phases(sdof, both):
     settings = {"mass": "2 g", "additive": 0.0, "multiplicative": 0.0}
     assembly = described(sdof, augmentation=settings)
     phased = both[1]
-    noisy = NoisyFeatures.of(assembly, phased.accelerance[:], phased.parameters)
+    noisy = NoisyFeatures.from_samples(assembly, phased.accelerance[:], phased.parameters)
     found = 10.0 ** noisy(0)[0] - 1
     mass = 2e-3 * np.random.default_rng([assembly.description.identification.seed, 2, 0, 0]).standard_normal((200, 1))
     exact = sdof.frf(phased.parameters)

@@ -14,14 +14,14 @@ from dovetail.cli import app
 from dovetail.dataset import latin_hypercube
 from dovetail.design.truncated_gaussian import remaining_uncertainty
 from dovetail.errors import ParameterError
-from dovetail.evaluation import plan
+from dovetail.evaluation import plan_measurements
 from dovetail.inference.fitting import refine
 from dovetail.inference.posterior import ModelError, sample_posterior
 from support.mass_on_mount import mass_on_mount
 
 
 def test_the_best_point_of_the_collet_tells_more_than_the_described_one(collet):
-    found = plan(collet, ["tool"], samples=10)
+    found = plan_measurements(collet, ["tool"], samples=10)
     assert len(found.points) == 8  # the last three of eleven nodes are inside the collet
     means = [point.mean_gain for point in found.points]
     assert means == sorted(means, reverse=True)
@@ -33,7 +33,7 @@ def test_the_best_point_of_the_collet_tells_more_than_the_described_one(collet):
 
 
 def test_a_node_of_vibration_is_named(collet):
-    points = {round(1e3 * point.position): point for point in plan(collet, ["tool"], samples=2).points}
+    points = {round(1e3 * point.position): point for point in plan_measurements(collet, ["tool"], samples=2).points}
     first = collet.natural_frequencies()[0]
     assert points[60].hidden == pytest.approx((first,))
     assert points[0].hidden == ()
@@ -43,7 +43,7 @@ def test_a_node_of_vibration_is_named(collet):
 def test_gains_are_those_that_a_measurement_achieves(sdof):
     """One point is all that a single mass has: the prediction against samples of the posterior."""
     joints = latin_hypercube(sdof, 12, seed=0)  # those of the prediction
-    found = plan(sdof, samples=12, noise=0.3, seed=0)
+    found = plan_measurements(sdof, samples=12, noise=0.3, seed=0)
     achieved = []
     for seed, theta in enumerate(joints):
         values = sdof.frf(theta)
@@ -99,7 +99,7 @@ def test_what_is_left_of_two_that_trade_is_what_a_grid_says():
 
 
 def test_a_second_point_narrows_every_interval(collet):
-    found = plan(collet, ["tool"], samples=6)
+    found = plan_measurements(collet, ["tool"], samples=6)
     pair = found.seconds[0]
     assert all(share < 1.02 for share in found.narrowing.values())
     assert found.narrowing["mn1"] < 0.5
@@ -108,7 +108,7 @@ def test_a_second_point_narrows_every_interval(collet):
 
 
 def test_a_second_point_beside_the_one_that_is_measured_already(collet):
-    found = plan(collet, ["tool"], samples=6, beside_described=True)
+    found = plan_measurements(collet, ["tool"], samples=6, beside_described=True)
     assert found.first == found.current != 0
     described, best = found.points[found.first], found.seconds[0]
     assert all(best.deviation[name] / described.deviation[name] == share for name, share in found.narrowing.items())
@@ -128,17 +128,17 @@ def test_the_command_prints_the_ranking(assemblies):
 
 def test_what_cannot_be_planned(collet, assemblies):
     with pytest.raises(ParameterError, match="no substructure 'tol'"):
-        plan(collet, ["tol"])
+        plan_measurements(collet, ["tol"])
     with pytest.raises(ParameterError, match="is no noise"):
-        plan(collet, noise=0.0)
+        plan_measurements(collet, noise=0.0)
     with pytest.raises(ParameterError, match="nothing to measure for"):
-        plan(dovetail.load(assemblies / "campaign" / "t0.yaml"))
+        plan_measurements(dovetail.load(assemblies / "campaign" / "t0.yaml"))
 
 
 def test_a_planned_response_keeps_the_force_that_the_description_has(collet):
     description = json.loads(collet.description.text)
     description["response"] = {**description["response"], "force": {"at": "tool", "position": "10 mm"}}
-    section = plan(dovetail.load(description), ["tool"], samples=3).responses
+    section = plan_measurements(dovetail.load(description), ["tool"], samples=3).responses
     assert section.count("force: {at: tool, position: 10 mm, direction: x}}") == 2
     del description["response"]
     dovetail.load({**description, **yaml.safe_load(section)})
@@ -147,7 +147,7 @@ def test_a_planned_response_keeps_the_force_that_the_description_has(collet):
 def test_a_planned_response_keeps_the_chain_that_the_description_has(collet):
     description = json.loads(collet.description.text)
     description["response"] = {**description["response"], "calibration": {"sign": -1, "mass": {"value": "2 g"}}}
-    section = plan(dovetail.load(description), ["tool"], samples=3).responses
+    section = plan_measurements(dovetail.load(description), ["tool"], samples=3).responses
     del description["response"]
     chains = dovetail.load({**description, **yaml.safe_load(section)}).description.calibrations
     assert [chain.fixed for chain in chains.values()] == [{"sign": -1.0, "mass": 0.002}] * 2
@@ -156,14 +156,14 @@ def test_a_planned_response_keeps_the_chain_that_the_description_has(collet):
 def test_nodes_of_a_part_with_unknown_options_are_ranked_too(collet):
     description = json.loads(collet.description.text)
     description["substructures"]["tool"]["material"]["young"] = {"range": ["500 GPa", "600 GPa"]}
-    assert len(plan(dovetail.load(description), ["tool"], samples=3).points) == len(
-        plan(collet, ["tool"], samples=3).points
+    assert len(plan_measurements(dovetail.load(description), ["tool"], samples=3).points) == len(
+        plan_measurements(collet, ["tool"], samples=3).points
     )
 
 
 def test_a_plan_over_no_samples_is_refused(sdof):
     with pytest.raises(dovetail.ParameterError, match="samples"):
-        dovetail.plan(sdof, samples=0)
+        dovetail.plan_measurements(sdof, samples=0)
 
 
 def test_nodes_in_one_place_are_told_apart_by_their_labels(tmp_path):
@@ -174,7 +174,7 @@ def test_nodes_in_one_place_are_told_apart_by_their_labels(tmp_path):
     description["substructures"]["mass"] = {"model": "matrices", "file": str(tmp_path / "chain.npz")}
     description["response"] = {"at": "mass", "position": "node back"}
     (tmp_path / "chain.yaml").write_text(yaml.safe_dump(description))
-    found = plan(tmp_path / "chain.yaml", samples=2)
+    found = plan_measurements(tmp_path / "chain.yaml", samples=2)
     assert {point.place for point in found.points} == {"100 mm (front)", "100 mm (back)"}
     pair = dovetail.load(
         {**{k: v for k, v in description.items() if k != "response"}, **yaml.safe_load(found.responses)}

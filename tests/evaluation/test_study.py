@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail.atomic_files import held, is_held
+from dovetail.atomic_files import is_locked, locked
 from dovetail.errors import DovetailError
 from dovetail.evaluation.study import _Worker
 from dovetail.evaluation.study_ledger import Ledger, Proposal
@@ -260,12 +260,12 @@ def test_many_at_once_get_each_trial_once(tmp_path):
 
 
 def test_a_lock_is_held_as_long_as_its_process(tmp_path):
-    assert not is_held(tmp_path / "a")
-    with held(tmp_path / "a"):
-        assert is_held(tmp_path / "a")
-    assert not is_held(tmp_path / "a")
+    assert not is_locked(tmp_path / "a")
+    with locked(tmp_path / "a"):
+        assert is_locked(tmp_path / "a")
+    assert not is_locked(tmp_path / "a")
     (tmp_path / ".a.lock").write_text("")
-    assert not is_held(tmp_path / "a")
+    assert not is_locked(tmp_path / "a")
     assert not (tmp_path / ".a.lock").exists()
 
 

@@ -206,7 +206,9 @@ def test_each_response_is_converted_on_its_own_lines(chain):
 def test_noise_for_training_is_drawn_for_each_response(chain, dataset):
     description = json.loads(chain.description.text)
     description["identification"]["augmentation"] = {"additive": 0.0, "multiplicative": 0.0, "gain": 0.1}
-    samples = NoisyFeatures.of(dovetail.load(description), np.asarray(dataset.amplitude[:50]), dataset.parameters[:50])
+    samples = NoisyFeatures.from_samples(
+        dovetail.load(description), np.asarray(dataset.amplitude[:50]), dataset.parameters[:50]
+    )
     features, _ = samples(0)
     gains = (10.0**features - 1) / dataset.amplitude[:50]
     each = [part[:, part.shape[1] // 2] for part in np.split(gains, 2, axis=1)]
@@ -220,7 +222,7 @@ def test_the_unit_of_the_noise_is_that_of_each_response(chain, dataset):
     description = json.loads(chain.description.text)
     description["identification"]["augmentation"] = {"additive": 0.1, "multiplicative": 0.0, "clean": 0.0}
     clean = np.asarray(dataset.amplitude[:20]) * np.repeat([1.0, 1000.0], LINES).astype(np.float32)
-    features, _ = NoisyFeatures.of(dovetail.load(description), clean, dataset.parameters[:20])(0)
+    features, _ = NoisyFeatures.from_samples(dovetail.load(description), clean, dataset.parameters[:20])(0)
     settings = AugmentationSection(additive=0.1, multiplicative=0.0, clean=0.0)
     generator = np.random.default_rng([0, 2, 0, 0])
     blocks = [

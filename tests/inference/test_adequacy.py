@@ -312,7 +312,7 @@ def peaks(*resonances):
 def test_resonances_that_the_model_lacks_are_listed(first, second, said):
     measured = [dovetail.Frf(AXIS, peaks(*resonances), "receptance") for resonances in (first, second)]
     modelled = [dovetail.Frf(AXIS, peaks(*of), "receptance") for of in ([(100.0, 1.0), (300.0, 1.0)], [(300.0, 1.0)])]
-    paired = [PairedPeaks.of(one, other) for one, other in zip(measured, modelled, strict=True)]
+    paired = [PairedPeaks.from_frfs(one, other) for one, other in zip(measured, modelled, strict=True)]
     words = [*describe_lacking(lacking_resonances(paired, measured, modelled, 0.01), measured)]
     assert len(words) == len(said)
     assert all(word.endswith(f" {end}." if end.endswith("Hz") else end) for word, end in zip(words, said, strict=True))

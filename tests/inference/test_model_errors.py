@@ -53,9 +53,9 @@ def test_each_error_is_the_derivative_of_a_pole_residue_frf(kind, index):
 def test_damping_that_is_far_off_is_a_linear_term_and_one_beyond(change):
     resonances = fit_resonances([frf_on(FREQUENCY)], [frf_of(POLES, RESIDUES)])
     changed = near(POLES.real + 1j * POLES.imag * np.exp(change), RESIDUES) - near(POLES, RESIDUES)
-    told = change * resonances.damped + resonances.damped_beyond(change)
+    told = change * resonances.damping_slope + resonances.damping_remainder(change)
     assert np.abs(told - changed).max() < 0.02 * np.abs(changed).max()
-    assert np.abs(resonances.damped_beyond(change)).max() > 0.1 * np.abs(changed).max()
+    assert np.abs(resonances.damping_remainder(change)).max() > 0.1 * np.abs(changed).max()
 
 
 @pytest.mark.parametrize("lines", [2, 5, 40])

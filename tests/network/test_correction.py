@@ -56,7 +56,7 @@ def model():
 
 def linearised(assembly):
     ends = assembly.from_unit(np.array([[0.0, 0.0], [1.0, 1.0]]))
-    return GaussNewtonFeatures.of(assembly, TargetScaling.fit(ends, assembly.parameters))
+    return GaussNewtonFeatures.for_assembly(assembly, TargetScaling.fit(ends, assembly.parameters))
 
 
 @pytest.fixture(scope="module")

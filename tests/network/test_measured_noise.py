@@ -172,7 +172,7 @@ def test_a_model_needs_the_file_no_more(folder, sdof, tmp_path_factory):
     """The noise is in the features; what is saved has a copy of its own, also of fresh samples."""
     assembly = dovetail.load(described(folder, sdof, {"like": "measured.uff"}))
     clean = assembly.accelerance_amplitude(assembly.from_unit(np.full((30, 2), 0.5)))
-    features = NoisyFeatures.of(assembly, clean, assembly.from_unit(np.full((30, 2), 0.5)))(1)[0]
+    features = NoisyFeatures.from_samples(assembly, clean, assembly.from_unit(np.full((30, 2), 0.5)))(1)[0]
     assert features.std(axis=0).min() > 0.0
     model = dovetail.train(assembly, fresh=True)
     model.save(folder / "model")

@@ -109,7 +109,7 @@ def frfs(robust, tmp_path_factory):
 
 
 def noisy_features(assembly, dataset):
-    return NoisyFeatures.of(assembly, np.asarray(dataset.amplitude[:]), dataset.parameters)
+    return NoisyFeatures.from_samples(assembly, np.asarray(dataset.amplitude[:]), dataset.parameters)
 
 
 def test_epochs_differ_and_each_can_be_had_again(robust, frfs):

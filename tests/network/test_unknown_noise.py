@@ -123,7 +123,7 @@ def test_the_noise_of_each_response_counts(augmentation):
     answer = assembly.vector({"k": 4e6, "c": 80.0})
     draws = answer * np.random.default_rng(1).normal(1.0, 0.01, (50, 2))
     clean = [dovetail.Frf(assembly.frequency, alone.frf(answer), "receptance") for alone in assembly.each_response]
-    generator, known = np.random.default_rng(2), KnownNoise.of(assembly)
+    generator, known = np.random.default_rng(2), KnownNoise.from_description(assembly)
     good = [proportional(0.004)(frf, generator) for frf in clean]
     assert known.warnings(good, answer, draws) == ()
     (text,) = known.warnings([good[0], proportional(0.1)(clean[1], generator)], answer, draws)
@@ -135,4 +135,4 @@ def test_few_lines_are_not_judged():
     assembly = dovetail.load(mass_on_mount({"start": 150, "stop": 230, "step": 10}, parameters))
     answer = assembly.from_unit(np.full((1, len(assembly.parameters)), 0.5))
     frf = dovetail.Frf(assembly.frequency, assembly.frf(answer)[0], "accelerance")
-    assert KnownNoise.of(assembly).warnings([frf], answer[0], answer) == ()
+    assert KnownNoise.from_description(assembly).warnings([frf], answer[0], answer) == ()

@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import rice
 
 import dovetail
-from dovetail.frf.rice import noise_in_scatter, rice_surprise
+from dovetail.frf.rice import noise_in_scatter, rice_negative_log_density
 from dovetail.measurement import complex_noise
 from dovetail.problem.random_error import estimated_variance, residual_variance
 
@@ -55,10 +55,13 @@ def test_the_density_is_rices(clear):
     scale, measured = np.sqrt(0.5), np.abs(clear + np.linspace(-1.5, 1.5, 7)) + 0.1
     exact = -rice.logpdf(measured, clear / scale, scale=scale) if clear < 1e4 else (measured - clear) ** 2
     amplitude, one, step = np.full(7, clear), np.ones(7), 1e-6
-    surprise, slope = rice_surprise(measured, amplitude, one)
+    surprise, slope = rice_negative_log_density(measured, amplitude, one)
     jacobian = np.log(measured) if clear < 1e4 else 0.0
     np.testing.assert_allclose(np.diff(surprise), np.diff(exact + jacobian), rtol=1e-4, atol=1e-4)
-    change = rice_surprise(measured, amplitude, one + step)[0] - rice_surprise(measured, amplitude, one - step)[0]
+    change = (
+        rice_negative_log_density(measured, amplitude, one + step)[0]
+        - rice_negative_log_density(measured, amplitude, one - step)[0]
+    )
     np.testing.assert_allclose(slope, change / (2.0 * step), rtol=1e-4, atol=1e-4)
 
 

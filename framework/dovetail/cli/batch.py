@@ -93,7 +93,7 @@ def identify_batch(
 
 def _read(files: Sequence[Path], contents: Mapping[str, Any]) -> tuple[list[Frf], dict[str, str]]:
     """Return the FRFs of all files that can be read, and by their names why the others cannot be."""
-    from dovetail.errors import explained
+    from dovetail.errors import as_dovetail_error
 
     frfs, unread = [], {}
     for file in files:
@@ -101,7 +101,7 @@ def _read(files: Sequence[Path], contents: Mapping[str, Any]) -> tuple[list[Frf]
             frfs.append(read_measured(file, **contents))
         except Exception as error:  # whatever is wrong with one file, the others are read
             name = file.name if sum(other.name == file.name for other in files) == 1 else str(file)
-            unread[name] = str(explained(error, str(file)))
+            unread[name] = str(as_dovetail_error(error, str(file)))
     return frfs, unread
 
 
@@ -216,7 +216,7 @@ class _Files:
     def _is_made(self, name: str, result: Identification) -> bool:
         """Make the files of a result, and return whether that was possible."""
         from dovetail.cli.result_files import json_text, write_texts
-        from dovetail.errors import explained
+        from dovetail.errors import as_dovetail_error
         from dovetail.report.html_report import write_report
 
         stem = self._stems[name]
@@ -224,7 +224,7 @@ class _Files:
             write_texts(self._staging, {f"{stem}.json": json_text(result.to_dict())})
             write_report(result, self._staging / f"{stem}.html", assembly=self._assembly)
         except Exception as error:  # whatever is wrong with one result, the others are written
-            self._failures[name] = str(explained(error, name))
+            self._failures[name] = str(as_dovetail_error(error, name))
             return False
         return True
 

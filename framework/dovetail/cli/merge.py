@@ -20,5 +20,5 @@ def merge(
     """
     import dovetail
 
-    dataset = dovetail.merge(shards, output)
+    dataset = dovetail.merge_datasets(shards, output)
     say(f"{output}: {len(dataset)} samples of {dataset.parameters.shape[1]} parameters, from {len(shards)} shards")

@@ -51,7 +51,7 @@ def trained_model(assembly: Assembly, plugins: Sequence[Path], *, retrain: bool)
     -------
     Identifier
     """
-    from dovetail.atomic_files import held
+    from dovetail.atomic_files import locked
 
     models = cache_folder()
     with suppress(OSError):  # without a place for it the work goes on
@@ -64,7 +64,7 @@ def trained_model(assembly: Assembly, plugins: Sequence[Path], *, retrain: bool)
     def waiting(other: str) -> None:
         note(f"{other} is at work on the model of '{assembly.name}'; waiting for it.")
 
-    with held(folder.with_suffix(".training"), wait=-1, on_wait=waiting):
+    with locked(folder.with_suffix(".training"), wait=-1, on_wait=waiting):
         model = None if retrain else _kept(folder, assembly, plugins, "training anew")
         if model is None:
             model = _newly_trained(assembly, "it is kept for the next time")

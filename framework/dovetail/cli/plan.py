@@ -11,7 +11,7 @@ from dovetail.cli.options import AsJson, AssemblyFile, PluginFiles, load_assembl
 from dovetail.cli.terminal import heading, print_json, progress_bars, say, table, title
 
 if TYPE_CHECKING:
-    from dovetail.evaluation import Plan, PlannedPoint
+    from dovetail.evaluation import MeasurementPlan, PlannedPoint
 
 _SHOWN = 8
 
@@ -44,7 +44,9 @@ def plan(
 
     loaded = load_assembly(assembly, plugin)
     with progress_bars() as progress:
-        ranking = dovetail.plan(loaded, at or (), noise=noise, beside_described=beside_described, progress=progress)
+        ranking = dovetail.plan_measurements(
+            loaded, at or (), noise=noise, beside_described=beside_described, progress=progress
+        )
     if as_json:
         print_json(ranking.to_dict())
         return
@@ -70,7 +72,7 @@ def plan(
         _print_pair(ranking, assembly)
 
 
-def _print_pair(ranking: Plan, assembly: Path) -> None:
+def _print_pair(ranking: MeasurementPlan, assembly: Path) -> None:
     points = (ranking.points[ranking.first], ranking.seconds[0])
     heading(" and ".join(f"{point.substructure} at {point.place}" for point in points))
     table(

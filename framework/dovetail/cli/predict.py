@@ -15,7 +15,7 @@ from dovetail.cli.terminal import heading, note, print_json, quantity_text, tabl
 
 if TYPE_CHECKING:
     from dovetail.frf import Frf
-    from dovetail.identification import Band
+    from dovetail.identification import PredictedBand
 
 
 def predict(
@@ -79,7 +79,7 @@ def predict(
     exit_unless_trustworthy(identified)
 
 
-def _band_text(band: Band, frf: Frf) -> str:
+def _band_text(band: PredictedBand, frf: Frf) -> str:
     from dovetail.cli.result_files import csv_text, warning_comment
 
     columns = (band.frequency, frf.amplitude, band.lower, band.upper)

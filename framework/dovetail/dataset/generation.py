@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly, AssemblySource, as_assembly
-from dovetail.atomic_files import beside, check_room, held
+from dovetail.atomic_files import check_room, locked, temporary_path
 from dovetail.dataset.samples import FORMAT, Dataset
-from dovetail.dataset.sampling import check_number, latin_hypercube
+from dovetail.dataset.sampling import check_sample_count, latin_hypercube
 from dovetail.dataset.storage import ARRAYS, Storage
 from dovetail.errors import DatasetError, Fault, FileError, listing
 from dovetail.frf import conversion
@@ -63,7 +63,7 @@ def generate(
         that of an uninterrupted run. Missing or truncated chunks are computed again.
     shard : (int, int)
         Number of a part, from 1, and number of parts: of the same samples only the chunks of this part are computed.
-        `merge` joins the parts, which may have been made on different machines, to the dataset that is made in one go.
+        `merge_datasets` joins the parts, also from different machines, to the dataset that a single run makes.
     scheduler : str, optional
         Address of a Dask scheduler, such as ``tcp://host:8786``, whose workers compute the FRFs. They are written here.
     progress : bool or callable, optional
@@ -92,7 +92,7 @@ def generate(
         raise DatasetError(Fault(assembly.description.source, "no joint parameter is sought: nothing to sample."))
     if plan.samples < 1:
         raise DatasetError(f"{plan.samples} samples were asked for; at least 1 is needed.")
-    check_number(assembly, plan.samples)
+    check_sample_count(assembly, plan.samples)
     if not 1 <= shard[0] <= shard[1]:
         raise DatasetError(Fault("shard", f"there is no shard {shard[0]} of {shard[1]}.", "1/1, or i/n with i up to n"))
     if storage not in get_args(Storage):
@@ -107,7 +107,7 @@ def generate(
         check_room(folder.resolve().parent, max(plan.bytes(assembly) // shard[1] - written, 0))
         folder.parent.mkdir(parents=True, exist_ok=True)
         step = logged(__name__, f"{plan.samples} samples of {assembly.name} into {folder}")
-        with held(folder, wait=0), step, progress_reporter(progress) as report:
+        with locked(folder, wait=0), step, progress_reporter(progress) as report:
             if folder.exists():
                 _check_resumable(folder, assembly, plan, resume)
             else:
@@ -131,7 +131,7 @@ class _Plan:
     interpolation: float | None
 
     @classmethod
-    def of(cls, dataset: Dataset) -> Self:
+    def from_dataset(cls, dataset: Dataset) -> Self:
         interpolation = dataset.attributes.get("interpolation")
         return cls(len(dataset), dataset.seed, dataset.storage, interpolation)
 
@@ -149,7 +149,7 @@ def _check_resumable(folder: Path, assembly: Assembly, plan: _Plan, resume: bool
     dataset = Dataset(folder)
     if dataset.attributes["fingerprint"] != assembly.description.fingerprint:
         dataset.require(assembly)
-    begun = asdict(_Plan.of(dataset))
+    begun = asdict(_Plan.from_dataset(dataset))
     for name, wanted in asdict(plan).items():
         if begun[name] != wanted:
             problem = f"it was begun with {name} {begun[name]}, not {wanted}."
@@ -165,7 +165,7 @@ def _create(folder: Path, assembly: Assembly, plan: _Plan) -> None:
     samples, lines = plan.samples, len(assembly.description.responses) * len(assembly.frequency)
     array, dtype = ARRAYS[plan.storage]
     chunk = max(1, min(samples, int(_CHUNK_BYTES / (np.dtype(dtype).itemsize * lines))))
-    temporary = beside(folder)
+    temporary = temporary_path(folder)
     temporary.mkdir()  # an error where something is there, be it a link
     attributes: dict[str, Any] = {
         "dovetail_dataset": FORMAT,

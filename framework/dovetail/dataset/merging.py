@@ -17,7 +17,7 @@ from dovetail.errors import DatasetError, Fault, FileError, listing
 _MOST_LISTED = 8
 
 
-def merge(shards: Sequence[str | os.PathLike[str]], path: str | os.PathLike[str]) -> Dataset:
+def merge_datasets(shards: Sequence[str | os.PathLike[str]], path: str | os.PathLike[str]) -> Dataset:
     """Join the shards of a dataset.
 
     Parameters

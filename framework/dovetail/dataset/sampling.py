@@ -33,12 +33,12 @@ def latin_hypercube(assembly: Assembly, samples: int, seed: int | Sequence[int])
     """
     from scipy.stats import qmc
 
-    check_number(assembly, samples)
+    check_sample_count(assembly, samples)
     sampler = qmc.LatinHypercube(d=len(assembly.parameters), rng=np.random.default_rng(seed))
     return assembly.from_unit(sampler.random(samples))
 
 
-def check_number(assembly: Assembly, samples: int) -> None:
+def check_sample_count(assembly: Assembly, samples: int) -> None:
     """Make sure that a dataset may have so many samples.
 
     Raises

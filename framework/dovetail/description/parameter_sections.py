@@ -250,7 +250,7 @@ def _with_normal_prior(path: Path, parameter: Parameter, section: ParameterSecti
     if scale == "log" and middle <= 0:
         faults.add((*path, "about"), "a middle on a logarithmic scale must be positive.")
         return parameter
-    return Parameter.about(parameter.name, parameter.unit, middle, deviation, scale, parameter.description)
+    return Parameter.with_normal_prior(parameter.name, parameter.unit, middle, deviation, scale, parameter.description)
 
 
 def _deviation(path: Path, value: object, middle: float, unit: str, faults: FaultList) -> float | None:

@@ -68,7 +68,7 @@ class PlannedPoint:
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class MeasurementPlan:
     """All points, the most informative first, and the gain from a second point.
 
     Parameters
@@ -125,7 +125,7 @@ def _plain(point: PlannedPoint) -> dict[str, Any]:
     }
 
 
-def plan(
+def plan_measurements(
     assembly: AssemblySource,
     substructures: Sequence[str] = (),
     *,
@@ -134,7 +134,7 @@ def plan(
     beside_described: bool = False,
     seed: int = 0,
     progress: Progress | bool | None = None,
-) -> Plan:
+) -> MeasurementPlan:
     """Rank the nodes of an assembly, except those inside a joint, as points where force and response are measured.
 
     Parameters
@@ -155,7 +155,7 @@ def plan(
 
     Returns
     -------
-    Plan
+    MeasurementPlan
 
     Raises
     ------
@@ -190,7 +190,7 @@ def plan(
         [natural[hidden[index] & hidden[first]] for index in others],
     )
     seconds.sort(key=lambda point: -point.mean_gain)
-    return Plan(
+    return MeasurementPlan(
         points=tuple(points[index] for index in order),
         current=order.index(current),
         first=order.index(first),

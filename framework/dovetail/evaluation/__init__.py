@@ -1,6 +1,6 @@
 """Evaluation: methods side by side, robustness of models to noise, models against measurements, calibration."""
 
-from dovetail.design.experiment_design import Plan, PlannedPoint, plan
+from dovetail.design.experiment_design import MeasurementPlan, PlannedPoint, plan_measurements
 from dovetail.evaluation.calibration import CalibratedParameter, Calibration, calibrate
 from dovetail.evaluation.cases import Case, Cases, read_cases
 from dovetail.evaluation.comparison import Compared, Comparison, compare, read_truths
@@ -18,8 +18,8 @@ __all__ = [
     "Cases",
     "Compared",
     "Comparison",
+    "MeasurementPlan",
     "PeakRow",
-    "Plan",
     "PlannedPoint",
     "RobustnessRow",
     "Study",
@@ -29,7 +29,7 @@ __all__ = [
     "Validation",
     "calibrate",
     "compare",
-    "plan",
+    "plan_measurements",
     "read_cases",
     "read_truths",
     "robustness",

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly, AssemblySource, as_assembly
-from dovetail.errors import DovetailError, Fault, ParameterError, explained, listing
+from dovetail.errors import DovetailError, Fault, ParameterError, as_dovetail_error, listing
 from dovetail.evaluation.mesh_refinement import finer
 from dovetail.frf import Frf
 from dovetail.identification import identify
@@ -332,7 +332,7 @@ class _Study:
         except ParameterError:  # of the setting, and so of every case
             raise
         except Exception as error:  # of a plugin, or a bug: the other cases go on
-            return str(explained(error, _place(index)))
+            return str(as_dovetail_error(error, _place(index)))
 
     def case(self, index: int) -> _Case:
         """Make and identify a measurement."""

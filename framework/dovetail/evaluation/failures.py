@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 
-from dovetail.errors import DovetailError, ParameterError, explained
+from dovetail.errors import DovetailError, ParameterError, as_dovetail_error
 
 
 class Failures:
@@ -29,7 +29,7 @@ class Failures:
         except ParameterError:
             raise
         except Exception as error:  # of a plugin, or a bug: the other cases go on
-            self.add(name, explained(error, f"case {name}"))
+            self.add(name, as_dovetail_error(error, f"case {name}"))
 
     def add(self, name: str, error: DovetailError) -> None:
         """Keep why a case failed; it is named even where the error does not name it."""

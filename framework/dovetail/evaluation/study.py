@@ -20,9 +20,9 @@ from typing import Any
 import numpy as np
 
 from dovetail.assembly import Assembly, AssemblySource, as_assembly
-from dovetail.atomic_files import held
+from dovetail.atomic_files import locked
 from dovetail.dataset import Dataset, generate
-from dovetail.errors import DatasetError, DovetailError, Fault, FileError, explained
+from dovetail.errors import DatasetError, DovetailError, Fault, FileError, as_dovetail_error
 from dovetail.evaluation.study_ledger import Ledger, Trial
 from dovetail.evaluation.study_plan import StudyPlan, Sweep
 from dovetail.interfaces import Progress, progress_reporter, silent
@@ -221,7 +221,7 @@ class _Work:
             except Exception as error:  # of these settings, such as too little memory: the other trials go on
                 if trial.kind == "test":
                     raise
-                self.ledger.note(trial, state="failed", reason=str(explained(error, "").faults[0].problem))
+                self.ledger.note(trial, state="failed", reason=str(as_dovetail_error(error, "").faults[0].problem))
                 return
             if answer is not None:
                 self.ledger.note(trial, state="done", answer=answer)
@@ -249,7 +249,7 @@ class _Work:
 
     def _dataset(self, samples: int, seed: int, progress: Progress) -> Dataset:
         folder = self._folder / f"samples-{samples}-seed-{seed}.zarr"
-        with held(self._folder / "datasets", wait=-1):
+        with locked(self._folder / "datasets", wait=-1):
             if folder.exists() and (made := Dataset(folder)).complete:
                 return made
             return generate(

@@ -18,7 +18,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
-from dovetail.atomic_files import held, is_held, read_bounded, write_whole
+from dovetail.atomic_files import is_locked, locked, read_bounded, write_whole
 from dovetail.errors import DovetailError, Fault
 
 Kind: TypeAlias = Literal["described", "sweep", "together", "search", "test"]
@@ -118,10 +118,10 @@ class Ledger:
     @contextmanager
     def at_work(self) -> Iterator[None]:
         """Hold the lock that shows others that this process is alive; remove the lock files of killed processes."""
-        with held(self._lock_of(self._owner)):
+        with locked(self._lock_of(self._owner)):
             yield
         for marker in self.folder.glob(".process-*.lock"):  # also of those that were killed before they claimed a trial
-            is_held(marker.with_name(marker.stem[1:]))
+            is_locked(marker.with_name(marker.stem[1:]))
 
     def trials(self) -> list[Trial]:
         """Return all trials as they are now."""
@@ -184,7 +184,7 @@ class Ledger:
         if trial.until < time.time():
             return True
         return trial.machine == self._machine and not (
-            trial.owner == self._owner or is_held(self._lock_of(trial.owner))
+            trial.owner == self._owner or is_locked(self._lock_of(trial.owner))
         )
 
     def _lock_of(self, owner: str) -> Path:
@@ -194,7 +194,7 @@ class Ledger:
     def _open(self) -> Iterator[list[Trial]]:
         """Yield the trials while no other process reads or writes them, and write the changes."""
         file = self.folder / _FILE
-        with held(self.folder / "trials"):
+        with locked(self.folder / "trials"):
             before = self._read(file) if file.exists() else None
             trials = [] if before is None else [Trial(**trial) for trial in before]
             yield trials

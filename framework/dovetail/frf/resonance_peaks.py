@@ -111,7 +111,7 @@ class PairedPeaks:
     modelled: NDArray[np.float64]
 
     @staticmethod
-    def of(measured: Frf, modelled: Frf) -> PairedPeaks:
+    def from_frfs(measured: Frf, modelled: Frf) -> PairedPeaks:
         """Return the peaks of two FRFs."""
         return PairedPeaks(resonance_peaks(measured), resonance_peaks(modelled))
 

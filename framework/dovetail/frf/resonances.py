@@ -55,7 +55,7 @@ class Resonances:
     near: tuple[NDArray[np.complex128], ...]
     relative: tuple[NDArray[np.complex128], ...]
 
-    def displaced(self, change: float) -> NDArray[np.complex128]:
+    def pole_shift(self, change: float) -> NDArray[np.complex128]:
         """Return the change of the FRFs by a relative change of each pole, to first order.
 
         Parameters
@@ -73,20 +73,20 @@ class Resonances:
         pairs = zip(self.near, steps, strict=True)
         return np.concatenate([near * step / np.maximum(1.0, np.abs(step)) for near, step in pairs], axis=1)
 
-    def displaced_beyond(self, change: float) -> NDArray[np.complex128]:
-        """Return the change of the FRFs (n, n_lines) by a relative change of each pole beyond that of `displaced`."""
-        return self._moved(np.full(len(self.poles), change)) - self.displaced(change)
+    def pole_shift_remainder(self, change: float) -> NDArray[np.complex128]:
+        """Return the change of the FRFs (n, n_lines) by a relative change of each pole beyond `pole_shift`."""
+        return self._moved(np.full(len(self.poles), change)) - self.pole_shift(change)
 
     @property
-    def damped(self) -> NDArray[np.complex128]:
+    def damping_slope(self) -> NDArray[np.complex128]:
         """The derivative (n, n_lines) of the FRFs by the logarithm of each resonance's damping ratio."""
         ratio = 1j * (self.poles.imag / self.poles.real)[:, np.newaxis]
         pairs = zip(self.near, self.relative, strict=True)
         return np.concatenate([ratio * near * relative for near, relative in pairs], axis=1)
 
-    def damped_beyond(self, change: float) -> NDArray[np.complex128]:
+    def damping_remainder(self, change: float) -> NDArray[np.complex128]:
         """Return the nonlinear change of the FRFs (n, n_lines) by a change of the logarithm of each damping ratio."""
-        return self._moved(1j * self.poles.imag / self.poles * np.expm1(change)) - change * self.damped
+        return self._moved(1j * self.poles.imag / self.poles * np.expm1(change)) - change * self.damping_slope
 
     def _moved(self, changes: NDArray[Any]) -> NDArray[np.complex128]:
         """Return the changes of the FRFs (n, n_lines) by relative changes (n,) of the poles, one at a time."""

@@ -38,7 +38,7 @@ def rice_mean(
     return mean, np.sqrt(np.pi / variance) / 2.0 * amplitude * (bessel_0 + bessel_1)
 
 
-def rice_surprise(
+def rice_negative_log_density(
     measured: NDArray[np.float64], amplitude: NDArray[np.float64], variance: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the negative log density of measured amplitudes, up to a constant, and its derivative by the variance.

@@ -3,7 +3,7 @@
 from dovetail.identification.identifier import Batch, Identifier, identify_many, load_model, train
 from dovetail.identification.identify import identify
 from dovetail.identification.parameters import IdentifiedParameter, TableRow
-from dovetail.identification.prediction import Band, predict, predict_band
+from dovetail.identification.prediction import PredictedBand, predict, predict_band
 from dovetail.identification.result import Identification, MatchedMode, ModalIdentification, Mode
 from dovetail.identification.result_file import load_result
 from dovetail.inference.adequacy import Adequacy, Cause
@@ -15,7 +15,6 @@ from dovetail.network.evaluation import Evaluation, ParameterMetrics
 __all__ = [
     "Adequacy",
     "AtPoint",
-    "Band",
     "Batch",
     "Cause",
     "Evaluation",
@@ -29,6 +28,7 @@ __all__ = [
     "ModelError",
     "ParameterMetrics",
     "Posterior",
+    "PredictedBand",
     "TableRow",
     "Verdict",
     "identify",

@@ -15,7 +15,7 @@ from typing import Any, Self
 from dovetail.assembly import Assembly, AssemblySource, as_assembly
 from dovetail.dataset import Dataset
 from dovetail.description import SHARED
-from dovetail.errors import DovetailError, Fault, MeasurementError, ParameterError, explained, listing
+from dovetail.errors import DovetailError, Fault, MeasurementError, ParameterError, as_dovetail_error, listing
 from dovetail.frf import Frf
 from dovetail.identification.identify import Measurement, as_frfs, identify
 from dovetail.identification.measured_lines import batch_contradictions
@@ -299,7 +299,7 @@ def identify_many(
             return identify(loaded, frfs[index], method, model=model, **options)
         except Exception as error:  # of a plugin, or a bug: the other measurements go on
             logging.getLogger(__name__).info("%s: failed", names[index], exc_info=error)
-            return _failure(names[index], explained(error, names[index]))
+            return _failure(names[index], as_dovetail_error(error, names[index]))
 
     def lost(index: int, reason: Fault) -> str:
         return _failure(names[index], DovetailError(replace(reason, where=names[index])))

@@ -225,7 +225,7 @@ def find_method(
         raise ValueError(f"'{method}' is not a method. {did_you_mean(method, known)} Accepted: {', '.join(known)}")
     if described is not None and registry.find("method", method).component is type(described):
         return described  # with the options that the description states
-    made = registry.made("method", method)
+    made = registry.create("method", method)
     assert isinstance(made, IdentificationMethod)
     return made
 

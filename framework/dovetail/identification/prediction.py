@@ -221,7 +221,7 @@ _SETTINGS = Settings()
 
 
 @dataclass(frozen=True, eq=False)
-class Band:
+class PredictedBand:
     """Amplitudes between which an FRF lies.
 
     Parameters
@@ -245,7 +245,7 @@ class Band:
 
 def predict_band(
     assembly: AssemblySource, result: AnyIdentification | str | Path, *, level: float = LEVEL, seed: int = 0
-) -> Band:
+) -> PredictedBand:
     """Predict the amplitudes between which the FRF of another assembly with the identified joint lies.
 
     Parameters
@@ -260,7 +260,7 @@ def predict_band(
 
     Returns
     -------
-    Band
+    PredictedBand
         From the posterior's samples. The model of this assembly is allowed the same error as the model in which the
         joint was identified. With the form "laplace" the FRF is linearised at the posterior mode: the Gaussian is
         valid only there, and its samples by themselves do not reproduce the measurement.
@@ -280,7 +280,7 @@ def predict_band(
     return predicted_band(as_assembly(assembly), joint, level, seed)
 
 
-def predicted_band(assembly: Assembly, result: AnyIdentification, level: float = LEVEL, seed: int = 0) -> Band:
+def predicted_band(assembly: Assembly, result: AnyIdentification, level: float = LEVEL, seed: int = 0) -> PredictedBand:
     """Return the same as `predict_band`, without a warning."""
     if not 0.0 < level < 1.0:
         raise ParameterError(Fault("level", f"{level:g} is no probability.", "more than 0 and less than 1"))
@@ -301,7 +301,7 @@ def predicted_band(assembly: Assembly, result: AnyIdentification, level: float =
     scatter = random.standard_normal((*values.shape, 2)) @ [1.0, 1.0j] / np.sqrt(2.0)
     amplitude = np.abs(values + posterior.model_error.other * np.abs(values) * scatter)
     lower, upper = np.quantile(amplitude, [(1.0 - level) / 2.0, (1.0 + level) / 2.0], axis=0)
-    return Band(assembly.frequency, lower, upper, level, result.warning)
+    return PredictedBand(assembly.frequency, lower, upper, level, result.warning)
 
 
 def _frfs(assembly: Assembly, result: AnyIdentification, theta: NDArray[np.float64]) -> NDArray[np.complex128]:

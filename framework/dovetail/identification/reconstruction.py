@@ -88,7 +88,7 @@ def reconstruct(
     at_points = _at_points(assembly, theta, one_per_response(assembly, measured), f"{assembly.name}, {method}")
     first = at_points[0]
     band = (float(assembly.frequency[0]), float(assembly.frequency[-1])) if band is None else band
-    paired = [PairedPeaks.of(at_point.measured, at_point.frf) for at_point in at_points]
+    paired = [PairedPeaks.from_frfs(at_point.measured, at_point.frf) for at_point in at_points]
     modes, without_modes = _modes(assembly, theta, band, first)
     result = Identification(
         method=method,
@@ -287,7 +287,7 @@ def paired_modes(
     mode the nearer one is taken. Peaks of the two FRFs are counterparts if each is the other's nearest and they are
     close.
     """
-    paired = PairedPeaks.of(measured, reconstructed)
+    paired = PairedPeaks.from_frfs(measured, reconstructed)
     receptance = reconstructed.to("receptance")
     peak_of: dict[int, float] = {}
     for peak in paired.modelled.tolist():

@@ -19,8 +19,8 @@ from dovetail.interfaces.option_schema import option_schema
 from dovetail.interfaces.progress import Progress, logged, progress_reporter, silent
 from dovetail.interfaces.reader import FrfReader, RecordedFrf
 from dovetail.interfaces.reducer import FittedReducer, Reducer
-from dovetail.interfaces.regressor import Epoch, FittedRegressor, Regressor, TargetDistribution, spread_normal
-from dovetail.interfaces.state import State
+from dovetail.interfaces.regressor import FittedRegressor, Regressor, TargetDistribution, TrainingEpoch, spread_normal
+from dovetail.interfaces.state import ComponentState
 from dovetail.interfaces.substructure import Node, SubstructureModel
 
 __all__ = [
@@ -29,7 +29,7 @@ __all__ = [
     "KINDS",
     "Component",
     "ComponentConfig",
-    "Epoch",
+    "ComponentState",
     "Estimate",
     "FeatureContext",
     "FileName",
@@ -51,10 +51,10 @@ __all__ = [
     "Regressor",
     "Scale",
     "SparseMatrices",
-    "State",
     "StructuralMatrices",
     "SubstructureModel",
     "TargetDistribution",
+    "TrainingEpoch",
     "fit_in_context",
     "joint_faults",
     "logged",

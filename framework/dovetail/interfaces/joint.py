@@ -88,7 +88,9 @@ class Parameter:
         return None
 
     @staticmethod
-    def about(name: str, unit: str, middle: float, deviation: float, scale: Scale, description: str) -> Parameter:
+    def with_normal_prior(
+        name: str, unit: str, middle: float, deviation: float, scale: Scale, description: str
+    ) -> Parameter:
         """Return a parameter with a normal prior from its mean and deviation in `unit`; log-normal on scale `log`."""
         half = _DEVIATIONS * deviation
         if scale == "log":

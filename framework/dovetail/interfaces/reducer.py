@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.interfaces.component import Component, Kind
-from dovetail.interfaces.state import State
+from dovetail.interfaces.state import ComponentState
 
 
 class FittedReducer(ABC):
@@ -31,7 +31,7 @@ class FittedReducer(ABC):
         """
 
     @abstractmethod
-    def state(self) -> State:
+    def state(self) -> ComponentState:
         """Return everything that `Reducer.restore` needs, as arrays and plain values."""
 
 
@@ -49,5 +49,5 @@ class Reducer(Component):
         """
 
     @abstractmethod
-    def restore(self, state: State) -> FittedReducer:
+    def restore(self, state: ComponentState) -> FittedReducer:
         """Rebuild the fitted reducer from its state."""

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from dovetail.interfaces.component import Component, Kind
 from dovetail.interfaces.context import FeatureContext, takes_context
 from dovetail.interfaces.progress import Progress, silent
-from dovetail.interfaces.state import State
+from dovetail.interfaces.state import ComponentState
 
-Epoch = Callable[[int], tuple[NDArray[np.float32], NDArray[np.float64]]]
+TrainingEpoch = Callable[[int], tuple[NDArray[np.float32], NDArray[np.float64]]]
 """From the index of an epoch to its features (n_samples, n_features) and targets (n_samples, n_targets)."""
 
 _EPOCHS_AT_ONCE = 4
@@ -92,7 +92,7 @@ class FittedRegressor(ABC):
         return None
 
     @abstractmethod
-    def state(self) -> State:
+    def state(self) -> ComponentState:
         """Return everything that `Regressor.restore` needs, as arrays and plain values."""
 
 
@@ -117,7 +117,7 @@ class Regressor(Component):
         """
 
     def fit_epochs(
-        self, epoch: Epoch, *, seed: int, progress: Progress = silent, context: FeatureContext | None = None
+        self, epoch: TrainingEpoch, *, seed: int, progress: Progress = silent, context: FeatureContext | None = None
     ) -> FittedRegressor:
         """Fit to samples whose features change from epoch to epoch, for robust training.
 
@@ -139,5 +139,5 @@ class Regressor(Component):
         return self.fit(features, targets, seed=seed, progress=progress, **named)
 
     @abstractmethod
-    def restore(self, state: State) -> FittedRegressor:
+    def restore(self, state: ComponentState) -> FittedRegressor:
         """Rebuild the fitted regressor from its state."""

@@ -8,5 +8,5 @@ import numpy as np
 from numpy.typing import NDArray
 
 StateValue = NDArray[np.generic] | int | float | str | bool
-State = Mapping[str, StateValue]
+ComponentState = Mapping[str, StateValue]
 """Arrays, numbers, texts or booleans by name; arrays are stored as safetensors, the others as JSON."""

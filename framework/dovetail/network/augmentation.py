@@ -207,7 +207,7 @@ class NoisyFeatures:
     augmentations: Sequence[Augmentation]
 
     @classmethod
-    def of(cls, assembly: Assembly, clean: NDArray[np.number], theta: NDArray[np.float64]) -> Self:
+    def from_samples(cls, assembly: Assembly, clean: NDArray[np.number], theta: NDArray[np.float64]) -> Self:
         """Take the unit of the noise, the standard deviation of each response's amplitudes, from the training samples.
 
         Raises

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from dovetail.assembly import FRF_TOLERANCE, Assembly, largest_frf_difference, load
 from dovetail.atomic_files import new_folder
 from dovetail.errors import BundleError, DescriptionError, Fault, FileError, MeasurementError, PluginError, listing
-from dovetail.interfaces import FittedReducer, FittedRegressor, Reducer, Regressor, State, plugin_errors
+from dovetail.interfaces import ComponentState, FittedReducer, FittedRegressor, Reducer, Regressor, plugin_errors
 from dovetail.network.correction import correction_states, restore_corrections
 from dovetail.network.evaluation import Evaluation
 from dovetail.network.known_noise import KnownNoise
@@ -74,7 +74,7 @@ class TrainedNetwork:
     def known_noise(self) -> KnownNoise | None:
         """The noise of its training; None if a measurement that gave it is no longer there."""
         with suppress(MeasurementError, FileError):
-            return KnownNoise.of(self.assembly)
+            return KnownNoise.from_description(self.assembly)
         return None
 
     def predict_parameters(self, amplitude: ArrayLike) -> NDArray[np.float64]:
@@ -202,7 +202,7 @@ def check_replaceable(target: Path) -> None:
         raise BundleError(Fault(str(target), problem, remedy="Choose another folder."))
 
 
-def _write(folder: Path, trained: TrainedNetwork, states: Mapping[Section, State]) -> None:
+def _write(folder: Path, trained: TrainedNetwork, states: Mapping[Section, ComponentState]) -> None:
     files: dict[Section, TensorFile] = {}
     values: dict[Section, dict[str, PlainValue]] = {}
     for section, state in states.items():
@@ -238,9 +238,9 @@ def _packed_description(folder: Path, assembly: Assembly) -> str:
     return json.dumps(whole, indent=2, ensure_ascii=False, allow_nan=False)
 
 
-def _states(trained: TrainedNetwork) -> dict[Section, State]:
+def _states(trained: TrainedNetwork) -> dict[Section, ComponentState]:
     network = trained.network
-    states: dict[Section, State] = {
+    states: dict[Section, ComponentState] = {
         "reducer": _plugin_state(network.reducer, network.recipes[0]),
         "feature_scaling": network.feature_scaling.state(),
         "regressor": _plugin_state(network.regressor, network.recipes[1]),
@@ -256,7 +256,7 @@ def _states(trained: TrainedNetwork) -> dict[Section, State]:
     return states
 
 
-def _plugin_state(fitted: FittedReducer | FittedRegressor, recipe: Reducer | Regressor) -> State:
+def _plugin_state(fitted: FittedReducer | FittedRegressor, recipe: Reducer | Regressor) -> ComponentState:
     """Return the state of what a plugin fitted, from which it can be restored.
 
     Raises
@@ -284,14 +284,14 @@ def _plugin_state(fitted: FittedReducer | FittedRegressor, recipe: Reducer | Reg
     return state
 
 
-def _check_state(trained: TrainedNetwork) -> State:
+def _check_state(trained: TrainedNetwork) -> ComponentState:
     """Return a few FRFs of the assembly and the network's predictions from them."""
     assembly = trained.assembly
     amplitude = assembly.accelerance_amplitude(assembly.from_unit(_check_vectors(assembly)))
     return {"amplitude": amplitude, "theta": trained.predict_parameters(amplitude)}
 
 
-def _split_state(where: str, state: State) -> tuple[dict[str, NDArray[np.generic]], dict[str, PlainValue]]:
+def _split_state(where: str, state: ComponentState) -> tuple[dict[str, NDArray[np.generic]], dict[str, PlainValue]]:
     """Split a state into arrays and plain values, and refuse anything else, which is reported at `where`."""
     arrays: dict[str, NDArray[np.generic]] = {}
     values: dict[str, PlainValue] = {}

@@ -23,7 +23,7 @@ from scipy.ndimage import convolve1d, uniform_filter1d
 from dovetail.assembly import Assembly
 from dovetail.frf import conversion
 from dovetail.inference.posterior.likelihood import normal_density, normal_from_unit, unit_from_normal
-from dovetail.interfaces import FittedRegressor, Regressor, State, TargetDistribution
+from dovetail.interfaces import ComponentState, FittedRegressor, Regressor, TargetDistribution
 from dovetail.network.preprocessing import TargetScaling, ZScore
 from dovetail.parallel import cores, one_blas_thread
 from dovetail.problem.random_error import FOURTH_DIFFERENCE
@@ -73,7 +73,7 @@ class GaussNewtonFeatures:
     bands: tuple[int, ...] = ()
 
     @staticmethod
-    def of(assembly: Assembly, targets: TargetScaling) -> GaussNewtonFeatures:
+    def for_assembly(assembly: Assembly, targets: TargetScaling) -> GaussNewtonFeatures:
         """Return the features on as few lines as the assembly's resonances allow."""
         fraction = np.random.default_rng(0).random((_TRIALS, len(assembly.parameters)))
         logarithms = _by_response(assembly.accelerance_amplitude(assembly.from_unit(fraction)), assembly)
@@ -245,7 +245,7 @@ class Correction:
         return self.feature_scaling.transform(self.gauss_newton(amplitude, before))
 
 
-def correction_states(corrections: Sequence[Correction]) -> State:
+def correction_states(corrections: Sequence[Correction]) -> ComponentState:
     """Return the arrays and plain values of corrections as one state."""
     state: dict[str, Any] = {}
     for number, correction in enumerate(corrections):
@@ -260,7 +260,7 @@ def correction_states(corrections: Sequence[Correction]) -> State:
 
 
 def restore_corrections(
-    state: State, assembly: Assembly, targets: TargetScaling, recipe: Regressor
+    state: ComponentState, assembly: Assembly, targets: TargetScaling, recipe: Regressor
 ) -> tuple[Correction, ...]:
     """Rebuild corrections from what `correction_states` returned.
 

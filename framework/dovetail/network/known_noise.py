@@ -70,7 +70,7 @@ class KnownNoise:
     augmentations: Sequence[Augmentation]
 
     @classmethod
-    def of(cls, assembly: Assembly) -> Self:
+    def from_description(cls, assembly: Assembly) -> Self:
         """Take it from the description of an assembly.
 
         Raises
@@ -82,7 +82,9 @@ class KnownNoise:
         if settings.augmentation is None:
             return cls(assembly, ())
         theta = latin_hypercube(assembly, _SETTINGS.scaling_frfs, settings.seed)
-        return cls(assembly, NoisyFeatures.of(assembly, complex_accelerance(assembly, theta), theta).augmentations)
+        return cls(
+            assembly, NoisyFeatures.from_samples(assembly, complex_accelerance(assembly, theta), theta).augmentations
+        )
 
     def warnings(
         self, measured: Sequence[Frf], answer: NDArray[np.float64], draws: NDArray[np.float64]

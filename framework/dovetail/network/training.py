@@ -229,7 +229,7 @@ def _fit_network(
     with timer.stage("features"):
         features = read_frfs(dataset, ~is_test, progress, phase=needs_phase(assembly))
         if settings.augmentation is not None:
-            noisy = NoisyFeatures.of(assembly, features, theta)
+            noisy = NoisyFeatures.from_samples(assembly, features, theta)
             features, theta = noisy(0)
         else:
             for rows in blocks(len(features)):
@@ -278,7 +278,7 @@ def _fit_correction(
     settings, before = assembly.description.identification, len(network.corrections)
     assert settings.correction is not None
     count, rounds, recipe = settings.correction.samples, settings.correction.rounds, settings.regressor
-    gauss_newton = GaussNewtonFeatures.of(assembly, network.target_scaling)
+    gauss_newton = GaussNewtonFeatures.for_assembly(assembly, network.target_scaling)
     name, features, targets = f"correction {before + 1} of {rounds}", [], []
     with timer.stage(f"FRFs of {name}"):
         for block, rows in enumerate(timer.while_there_is_time(blocks(count), rounds - before)):

@@ -16,7 +16,7 @@ from scipy.special import chdtri, fdtrc, polygamma
 
 from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf, conversion
-from dovetail.frf.rice import noise_in_scatter, rice_surprise
+from dovetail.frf.rice import noise_in_scatter, rice_negative_log_density
 
 Surprise = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
 """Negative log densities (n,) of errors at their variances (n,), and the derivatives."""
@@ -281,7 +281,7 @@ def residual_variance(frf: Frf, model: NDArray[np.complex128], used: NDArray[np.
     amplitude = np.abs(model)
     magnitude = np.maximum(amplitude**2, np.finfo(float).tiny)
     squares = np.abs(frf.values - model if frf.has_phase else frf.amplitude - amplitude)[used] ** 2
-    surprise = None if frf.has_phase else partial(rice_surprise, frf.amplitude[used], amplitude[used])
+    surprise = None if frf.has_phase else partial(rice_negative_log_density, frf.amplitude[used], amplitude[used])
     floor, share = most_likely_parts(squares, np.ones_like(squares), magnitude[used], least, surprise=surprise)
     return np.asarray(np.maximum(floor + share * magnitude, least))
 

@@ -48,7 +48,7 @@ class Offer:
         return f"{package}:{self.component.name}"
 
 
-def made_by_default(offer: Offer) -> Component:
+def create_with_defaults(offer: Offer) -> Component:
     """Return a component without options.
 
     Raises
@@ -168,7 +168,7 @@ class Registry:
         offers = self._offers.get((kind, name.rpartition(":")[2]), [])
         return [offer for offer in offers if name in (offer.component.name, offer.qualified_name)]
 
-    def made(self, kind: Kind, name: str) -> Component:
+    def create(self, kind: Kind, name: str) -> Component:
         """Return the component of this kind and name with its defaults.
 
         Raises
@@ -176,7 +176,7 @@ class Registry:
         PluginError
             As in `find`; or an option has no default, or its constructor fails.
         """
-        return made_by_default(self.find(kind, name))
+        return create_with_defaults(self.find(kind, name))
 
     def source_of(self, component: type[Component]) -> str:
         """Return who offers a component class; an empty text if nobody does."""

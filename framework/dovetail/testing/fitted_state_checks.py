@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 
-from dovetail.interfaces import State
+from dovetail.interfaces import ComponentState
 from dovetail.testing.alike import require_alike
 from dovetail.testing.fitted_specimens import FittedSpecimen
 from dovetail.testing.outcomes import Nonconformity, Reservation
@@ -109,11 +109,11 @@ def check_no_files_are_left(specimen: FittedSpecimen) -> None:
         raise Nonconformity(f"it wrote '{written[0]}' into the working folder.", "Keep files out, or in tempfile's.")
 
 
-def _bytes(state: State) -> int:
+def _bytes(state: ComponentState) -> int:
     return sum(value.nbytes if isinstance(value, np.ndarray) else len(str(value)) for value in state.values())
 
 
-def _identical(state: State, other: State) -> bool:
+def _identical(state: ComponentState, other: ComponentState) -> bool:
     """Return whether two states are the same bit for bit, including NaN and -0."""
     return state.keys() == other.keys() and all(
         np.asarray(state[name]).tobytes() == np.asarray(other[name]).tobytes()

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.interfaces import Component, State
+from dovetail.interfaces import Component, ComponentState
 from dovetail.testing.outcomes import Nonconformity
 from dovetail.testing.training_sets import TrainingSet, fit
 
@@ -63,7 +63,7 @@ class FreshAnswers:
         return self.answers[name]
 
 
-def ask_a_fresh_process(component: Component, state: State, samples: TrainingSet, seed: int) -> FreshAnswers:
+def ask_a_fresh_process(component: Component, state: ComponentState, samples: TrainingSet, seed: int) -> FreshAnswers:
     """Store a state as in a model's folder, and restore and fit in a fresh process with another hash seed.
 
     Parameters

@@ -27,7 +27,7 @@ class FittedNoReducer(dovetail.FittedReducer):
         """Return a copy of the features in single precision."""
         return checked_rows(features, _OWNER, width=self._width).astype(np.float32)
 
-    def state(self) -> dovetail.State:
+    def state(self) -> dovetail.ComponentState:
         """Return the width."""
         return {"width": self._width}
 
@@ -42,6 +42,6 @@ class NoReducer(dovetail.Reducer):
         """Store the width of the features."""
         return FittedNoReducer(checked_rows(features, _OWNER).shape[1])
 
-    def restore(self, state: dovetail.State) -> FittedNoReducer:
+    def restore(self, state: dovetail.ComponentState) -> FittedNoReducer:
         """Rebuild the identity from its width."""
         return FittedNoReducer(int(state_number(state, "width", _OWNER)))

@@ -44,7 +44,7 @@ class FittedPCA(dovetail.FittedReducer):
             reduced[block] = (rows[block] - self._mean) @ self._projection
         return reduced
 
-    def state(self) -> dovetail.State:
+    def state(self) -> dovetail.ComponentState:
         """Return the mean and the components."""
         return {
             "mean": self._mean.astype(np.float32),
@@ -101,7 +101,7 @@ class PCA(dovetail.Reducer):
             components /= np.maximum(deviation, np.finfo(np.float32).eps * deviation[0])[:, np.newaxis]
         return FittedPCA(fitted.mean_.astype(np.float32), components.astype(np.float32))
 
-    def restore(self, state: dovetail.State) -> FittedPCA:
+    def restore(self, state: dovetail.ComponentState) -> FittedPCA:
         """Rebuild the projection from its mean and components."""
         components = state_array(state, "components", _OWNER, (None, None))
         return FittedPCA(state_array(state, "mean", _OWNER, (components.shape[1],)), components)

@@ -30,7 +30,7 @@ class FittedTransformer(dovetail.FittedReducer):
         """Return the transformed features (n_samples, n_components) of features (n_samples, n_features)."""
         return self._kept.answer(features, "transform").astype(np.float32)
 
-    def state(self) -> dovetail.State:
+    def state(self) -> dovetail.ComponentState:
         """Return the transformer's attributes."""
         return self._kept.state()
 
@@ -81,6 +81,6 @@ class Transformer(dovetail.Reducer):
         estimator = self.config.new_estimator(seed)
         return FittedTransformer(KeptEstimator.fitted(estimator, rows, method="transform", owner=self._owner))
 
-    def restore(self, state: dovetail.State) -> FittedTransformer:
+    def restore(self, state: dovetail.ComponentState) -> FittedTransformer:
         """Rebuild the transformer from its attributes."""
         return FittedTransformer(KeptEstimator(state, self._owner))

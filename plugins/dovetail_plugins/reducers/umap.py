@@ -74,7 +74,7 @@ class FittedUMAP(dovetail.FittedReducer):
             placed += share[:, np.newaxis] * self._embedding[neighbour]
         return placed.astype(np.float32)
 
-    def state(self) -> dovetail.State:
+    def state(self) -> dovetail.ComponentState:
         """Return the compressed training FRFs, their embedding and the projection that compresses new ones."""
         return {
             "metric": self._compression.metric,
@@ -156,7 +156,7 @@ class UMAP(dovetail.Reducer):
         embedding = _layout(exact.astype(np.float32), indices, compression.distances(squares), config, seed)
         return FittedUMAP(compression, rows, unit, embedding, config.n_neighbors)
 
-    def restore(self, state: dovetail.State) -> FittedUMAP:
+    def restore(self, state: dovetail.ComponentState) -> FittedUMAP:
         """Rebuild the transform from its state.
 
         Raises

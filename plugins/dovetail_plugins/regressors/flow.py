@@ -75,7 +75,7 @@ class FittedFlow(dovetail.FittedRegressor):
                 blocks.append(kept(ndtr(transform.inv(normal.expand(len(context), -1, -1)).double().numpy())))
         return np.concatenate(blocks)
 
-    def state(self) -> dovetail.State:
+    def state(self) -> dovetail.ComponentState:
         """Return the weights, and the sizes that are needed to rebuild the network."""
         weights = {name: values.detach().numpy().copy() for name, values in self._network.named_parameters()}
         return {**weights, _SIZES: self._sizes.copy()}
@@ -151,7 +151,7 @@ class Flow(NetworkRegressor):
         n_features = network.trunk[0].in_features
         return FittedFlow(network, self._sizes(n_features, network.n_targets))
 
-    def restore(self, state: dovetail.State) -> FittedFlow:
+    def restore(self, state: dovetail.ComponentState) -> FittedFlow:
         """Rebuild the network from its weights."""
         import torch
 

@@ -134,7 +134,7 @@ class FittedMLP(dovetail.FittedRegressor):
         blocks = [self._forward(rows[start : start + _BLOCK]) for start in range(0, len(rows), _BLOCK)]
         return np.concatenate(blocks)
 
-    def state(self) -> dovetail.State:
+    def state(self) -> dovetail.ComponentState:
         """Return the weights and biases of all layers, and the kinds of hidden units and output."""
         weights = {f"weight{i}": weight.astype(np.float32) for i, weight in enumerate(self._weights)}
         biases = {f"bias{i}": bias.astype(np.float32) for i, bias in enumerate(self._biases)}
@@ -219,7 +219,7 @@ class MLP(NetworkRegressor):
         options = {"activation": "silu", "hidden": [64], "max_epochs": 25, "learning_rate": 1e-2}
         return {"max_epochs": 20, "learning_rate": 3e-3}, {"uncertainty": _GAUSSIAN, **options}
 
-    def restore(self, state: dovetail.State) -> FittedMLP:
+    def restore(self, state: dovetail.ComponentState) -> FittedMLP:
         """Rebuild the network from its weights and biases."""
         activation = next((one for one in get_args(Activation) if one == state.get(_ACTIVATION, "relu")), None)
         if activation is None:

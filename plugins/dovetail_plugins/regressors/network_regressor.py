@@ -128,7 +128,7 @@ class NetworkRegressor(dovetail.Regressor):
 
     def fit_epochs(
         self,
-        epoch: dovetail.Epoch,
+        epoch: dovetail.TrainingEpoch,
         *,
         seed: int,
         progress: dovetail.Progress = dovetail.silent,

@@ -30,7 +30,7 @@ class FittedScikitLearnRegressor(dovetail.FittedRegressor):
         """Predict targets (n_samples, n_targets) from features (n_samples, n_features)."""
         return self._kept.answer(features, "predict")
 
-    def state(self) -> dovetail.State:
+    def state(self) -> dovetail.ComponentState:
         """Return the regressor's attributes."""
         return self._kept.state()
 
@@ -94,6 +94,6 @@ class ScikitLearnRegressor(dovetail.Regressor):
         progress("regressor", 1, 1, self.config.estimator)
         return FittedScikitLearnRegressor(kept)
 
-    def restore(self, state: dovetail.State) -> FittedScikitLearnRegressor:
+    def restore(self, state: dovetail.ComponentState) -> FittedScikitLearnRegressor:
         """Rebuild the regressor from its attributes."""
         return FittedScikitLearnRegressor(KeptEstimator(state, self._owner))

@@ -193,7 +193,7 @@ def error_shapes(
     band = float(min(axis[0] for axis in axes)), float(max(axis[-1] for axis in axes))
     resonances, hats = fit_resonances(frfs, values), [hat_functions(frequency, band) for frequency in axes]
     level, alone = size.natural_frequency, _SETTINGS.individual * size.natural_frequency
-    displaced, together = resonances.displaced(level), hat_functions(resonances.poles.real, band)
+    displaced, together = resonances.pole_shift(level), hat_functions(resonances.poles.real, band)
     of_response = zip(hats, values, resonances.terms, strict=True)
     shapes = [np.concatenate([hat * frf, _SETTINGS.individual_magnitude * terms]) for hat, frf, terms in of_response]
     if size.background:  # a single resonance, whose gain and phase are those of all lines
@@ -201,8 +201,8 @@ def error_shapes(
     scaled = np.concatenate([_in_response(shape, index, counts) for index, shape in enumerate(shapes)])
     higher = _higher(resonances, size)
     kinds = {
-        "natural_frequency": np.concatenate([together @ displaced, resonances.displaced(alone)]),
-        "damping": size.damping * resonances.damped,
+        "natural_frequency": np.concatenate([together @ displaced, resonances.pole_shift(alone)]),
+        "damping": size.damping * resonances.damping_slope,
         "magnitude": size.magnitude * scaled,
         "phase": 1j * size.phase * scaled,
         "higher": np.concatenate([higher, 1j * higher]),
@@ -224,9 +224,9 @@ def _higher(resonances: Resonances, size: ModelError) -> NDArray[np.complex128]:
     weight = np.sqrt(density / (1.0 + density.sum()))  # 1 for those that are not moved
     shapes = []
     for part, sizes in zip(weight.tolist(), moved.tolist(), strict=True):
-        shapes.append(part * resonances.displaced_beyond(sizes * size.natural_frequency))
+        shapes.append(part * resonances.pole_shift_remainder(sizes * size.natural_frequency))
         if size.damping >= least:
-            shapes.append(part * resonances.damped_beyond(float(np.clip(sizes * size.damping, -most, most))))
+            shapes.append(part * resonances.damping_remainder(float(np.clip(sizes * size.damping, -most, most))))
     return np.concatenate(shapes)
 
 

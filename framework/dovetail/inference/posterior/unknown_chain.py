@@ -52,8 +52,10 @@ class UnknownChain:
 
         Gains and phases have normal priors with the sizes of `model_error`.
         """
-        gain = Parameter.about("gain", "1", 1.0, model_error.magnitude, "log", "Measured over true amplitude")
-        phase = Parameter.about("phase", "rad", 0.0, model_error.phase, "linear", "Of the measured FRF")
+        gain = Parameter.with_normal_prior(
+            "gain", "1", 1.0, model_error.magnitude, "log", "Measured over true amplitude"
+        )
+        phase = Parameter.with_normal_prior("phase", "rad", 0.0, model_error.phase, "linear", "Of the measured FRF")
         description = assembly.description
         chains, added = dict(description.calibrations), list[str]()
         for response in description.responses:
