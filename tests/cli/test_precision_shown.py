@@ -149,10 +149,10 @@ def test_a_best_fit_at_a_bound_or_outside_its_interval_is_said_to_be(shown):
 
 
 @pytest.mark.parametrize("ratio", [2.0, -0.5])
-def test_a_parameter_that_follows_has_the_same_precision_and_groups(shown, ratio):
+def test_a_tied_parameter_has_the_same_precision_and_groups(shown, ratio):
     row = shown.result.table[0]
-    follower = import_module("dovetail.identification.parameters").Follower("other.k", ratio, "", "other")
-    tied = row.of(follower)
+    parameters = import_module("dovetail.identification.parameters")
+    tied = row.tied_row(parameters.TiedParameter("other.k", ratio, "", "other"))
     assert (tied.precision, tied.verdict, tied.factor) == (row.precision, row.verdict, row.factor)
     assert tied.best_fit_at == ({"upper": "lower"}.get(row.best_fit_at, "") if ratio < 0 else row.best_fit_at)
     for group, other in zip(row.groups or (), tied.groups or (), strict=True):

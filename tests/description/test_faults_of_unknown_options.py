@@ -70,7 +70,7 @@ FAULTS = {
         "same_as\n  'young' is not a parameter.\n  Accepted: the",
     ),
     "tie_of_a_joint": (FOOT, {"k": {"same_as": "foot.kk"}}, "k.same_as\n  there is no parameter 'foot.kk'."),
-    "circle": (FOOT, {"k": {"same_as": "foot.k"}}, "k.same_as\n  'foot.k' follows 'foot.k', and that follows it."),
+    "circle": (FOOT, {"k": {"same_as": "foot.k"}}, "k.same_as\n  'foot.k' is tied to 'foot.k', which is tied to it."),
     "misspelt_chain": (CHAIN, {"gian": 1}, "gian\n  'gian' is not a key of a calibration.\n  Did you mean 'gain'?"),
     "negative_gain": (CHAIN, {"gain": -1}, "gain\n  gain must be positive, but is -1 here.\n  Write 'sign: unknown'"),
     "no_sign": (CHAIN, {"sign": 2}, "sign\n  2 is no sign.\n  Accepted: 1, -1 or unknown"),
@@ -122,7 +122,7 @@ def test_ranges_that_fit_one_by_one_and_not_together():
     assert message in str(raised.value)
 
 
-def test_an_option_that_follows_another_is_tried_with_it():
+def test_an_option_that_is_tied_to_another_is_tried_with_it():
     changed = with_value(INNER, {"same_as": "arm.sections.0.outer", "ratio": 0.5})
     changed["substructures"]["arm"]["sections"][0]["outer"] = {"range": ["10 mm", "40 mm"]}
     assert [parameter.name for parameter in dovetail.load(changed).parameters][-1] == "arm.sections.0.outer"
@@ -132,7 +132,7 @@ def test_an_option_that_follows_another_is_tried_with_it():
         dovetail.load(changed)
 
 
-def test_a_tied_parameter_is_held_against_its_model_at_the_ends_of_what_it_follows():
+def test_a_tied_parameter_is_checked_at_the_ends_of_the_range_it_is_tied_to():
     changed = copy.deepcopy(SOUND)
     stiff = {**copy.deepcopy(SOUND["joints"]["foot"]), "parameters": {"k": {"same_as": "foot.k", "ratio": -1}}}
     changed["joints"]["stiff"] = stiff
@@ -142,7 +142,7 @@ def test_a_tied_parameter_is_held_against_its_model_at_the_ends_of_what_it_follo
     assert not [parameter for parameter in dovetail.load(changed).parameters if parameter.name == "stiff.k"]
 
 
-def test_options_that_follow_those_of_another_part_are_tried_at_the_ends_of_their_ranges():
+def test_options_tied_to_those_of_another_part_are_tried_at_the_ends_of_their_ranges():
     changed = with_value("substructures.arm.sections.0.outer", {"range": ["20 mm", "40 mm"]})
     other = copy.deepcopy(SOUND["substructures"]["arm"])
     for key, ratio in (("outer", 1), ("inner", 0.9)):
@@ -160,7 +160,7 @@ def test_options_that_follow_those_of_another_part_are_tried_at_the_ends_of_thei
     (fault,) = raised.value.faults
     assert fault.where.endswith("substructures.other.sections[0].outer")
     assert fault.problem == "the part cannot have 14 mm there: the inner diameter must be smaller than the outer one."
-    assert fault.remedy == "Narrow the range of 'arm.sections.0.outer', which it follows."
+    assert fault.remedy == "Narrow the range of 'arm.sections.0.outer', to which it is tied."
 
 
 def test_a_part_with_very_many_degrees_of_freedom():

@@ -94,7 +94,7 @@ def test_masses_ties_and_a_chain_with_a_transfer_frf():
     assert result.parameters["high.masses.0.mass"].joint == "high"
 
 
-def test_what_follows_an_identified_parameter_is_told_with_its_value(tmp_path):
+def test_a_tied_parameter_is_reported_with_its_value(tmp_path):
     description = {**MASSES, "response": DRIVE, "joints": {**MASSES["joints"]}}
     description["joints"]["neck"] = {**MASSES["joints"]["neck"], "parameters": {**NECK, "c": {"value": 60}}}
     description["joints"]["foot"] = {
@@ -106,7 +106,7 @@ def test_what_follows_an_identified_parameter_is_told_with_its_value(tmp_path):
     result = dovetail.identify(assembly, frf, "posterior", form="laplace")
     assert result.known == {"neck.c": 60.0, "foot.c": 120.0}
     free, _, tied = result.table
-    assert (tied.name, tied.follows, tied.unit, tied.verdict, tied.joint) == (
+    assert (tied.name, tied.tied_to, tied.unit, tied.verdict, tied.joint) == (
         "neck.k", "foot.k", "N/m", free.verdict, "neck")  # fmt: skip
     for name in ("estimate", "interval_low", "interval_high", "range_low", "range_high", "best_fit"):
         assert getattr(tied, name) == 0.5 * getattr(free, name)
@@ -123,7 +123,7 @@ def test_what_follows_an_identified_parameter_is_told_with_its_value(tmp_path):
     assert dovetail.predict_band(other, loaded).upper.shape == predicted.values.shape
     page = dovetail.write_report(result, tmp_path / "report.html").read_text()
     assert "neck.k" in page
-    assert "follows foot.k" in page
+    assert "tied to foot.k" in page
 
 
 def test_a_normal_prior_decides_what_the_measurement_does_not():

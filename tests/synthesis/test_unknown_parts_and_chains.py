@@ -174,7 +174,7 @@ def test_a_tie_is_the_same_as_one_parameter_in_both_places():
     assert difference(jacobian[:, 3], by_differences(assembly, theta, 3)) < 1e-6
 
 
-def test_an_option_that_follows_a_number_is_known():
+def test_an_option_that_is_tied_to_a_number_is_known():
     described = with_option(PLAIN, "substructures.arm.sections.1.length", {"same_as": "arm.sections.0.length"})
     plain = with_option(PLAIN, "substructures.arm.sections.1.length", "120 mm")
     assert dovetail.load(described).parameters == ()

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dovetail.assembly.measurement_chain import Chain
-from dovetail.description.checked import ParameterEntry, Response, follow
+from dovetail.description.checked import ParameterEntry, Response, resolve
 from dovetail.errors import Fault, ParameterError, UnitError, did_you_mean, listing
 from dovetail.frf import conversion
 from dovetail.interfaces import Parameter
@@ -199,7 +199,7 @@ def _source(
     """Follow the ties of a parameter to a known value or an identified parameter."""
     factor = 1.0
     if parameter in entry.ties:
-        tie = follow(entries, entry.ties[parameter])
+        tie = resolve(entries, entry.ties[parameter])
         factor, owner, parameter, entry = tie.ratio, tie.owner, tie.parameter, entries[tie.owner]
     if parameter in entry.fixed:
         return _Source(factor * entry.fixed[parameter])

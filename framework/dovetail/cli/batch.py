@@ -124,7 +124,7 @@ def _summary(batch: Batch) -> list[dict[str, Any]]:
     """Return a row for each result: how well the model fits, and how many parameters are identified."""
     rows = []
     for name, result in batch.results.items():
-        verdicts = [row.verdict for row in result.table if not row.follows]
+        verdicts = [row.verdict for row in result.table if not row.tied_to]
         rows.append(
             {
                 "measurement": name,

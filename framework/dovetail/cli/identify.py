@@ -365,7 +365,7 @@ def _print_parameters(result: Identification | ModalIdentification, truth: Truth
         sentences += [
             f"{row.identified.name}: {row.identified.verdict}. {row.reason}"
             for row in rows
-            if row.reason and not row.identified.follows
+            if row.reason and not row.identified.tied_to
         ]
     if any(sentences):
         say()
@@ -375,5 +375,5 @@ def _print_parameters(result: Identification | ModalIdentification, truth: Truth
 
 def _verdict(row: ParameterRow) -> str:
     known = row.identified
-    tied = f"follows {known.follows}" if known.follows else ""
+    tied = f"tied to {known.tied_to}" if known.tied_to else ""
     return ", ".join(filter(None, [known.verdict, tied, "" if known.in_range else "outside its range"]))

@@ -198,7 +198,7 @@ def write_texts(folder: Path, texts: Mapping[str, str | Iterable[str]]) -> None:
 def _parameters(result: Identification | ModalIdentification, truth: Truth | None) -> str:
     rows = [asdict(row) for row in result.table]
     if truth is not None:
-        true = truth.with_followers(result.parameters.values())
+        true = truth.with_tied(result.parameters.values())
         rows = [{**row, "truth": true.get(row["name"])} for row in rows]
     return csv_text(list(rows[0]), [row.values() for row in rows])
 

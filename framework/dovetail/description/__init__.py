@@ -10,7 +10,7 @@ from dovetail.description.checked import (
     Response,
     Tie,
     fingerprint,
-    follow,
+    resolve,
 )
 from dovetail.description.damping import has_dampers, with_damping
 from dovetail.description.json_schema import description_schema
@@ -32,8 +32,8 @@ __all__ = [
     "Tie",
     "description_schema",
     "fingerprint",
-    "follow",
     "has_dampers",
     "read_description",
+    "resolve",
     "with_damping",
 ]

@@ -50,7 +50,7 @@ class ParameterEntry:
     fixed : mapping of str to float
         SI values of the known ones, which are not identified.
     ties : mapping of str to Tie
-        Those that follow from others.
+        Those that are tied to others.
     """
 
     parameters: tuple[Parameter, ...] = ()
@@ -59,7 +59,7 @@ class ParameterEntry:
 
     @property
     def identified(self) -> tuple[Parameter, ...]:
-        """Those that are sought."""
+        """Those that are identified."""
         return tuple(p for p in self.parameters if p.name not in self.fixed and p.name not in self.ties)
 
 
@@ -140,8 +140,8 @@ class IdentificationSettings:
     method: IdentificationMethod | None = None
 
 
-def follow(entries: Mapping[str, ParameterEntry], tie: Tie) -> Tie:
-    """Return the tie to the parameter, known or sought, to which a chain of ties leads in the end."""
+def resolve(entries: Mapping[str, ParameterEntry], tie: Tie) -> Tie:
+    """Return the tie to the known or identified parameter at the end of a chain of ties."""
     while (further := entries[tie.owner].ties.get(tie.parameter)) is not None:
         tie = Tie(further.owner, further.parameter, tie.ratio * further.ratio)
     return tie

@@ -1,4 +1,4 @@
-"""What a description says of a parameter: the range in which it is sought, its value, or which other one it follows."""
+"""What a description says of a parameter: its range, its value, or the parameter to which it is tied."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
-from dovetail.description.checked import ParameterEntry, Tie, follow
+from dovetail.description.checked import ParameterEntry, Tie, resolve
 from dovetail.description.component_sections import LabelledComponent
 from dovetail.description.sections import ParameterSection
 from dovetail.documents.fault_list import FaultList
@@ -155,8 +155,8 @@ def check_ranges(
 
 
 def ends_of(entries: Mapping[str, ParameterEntry], owner: str, name: str) -> tuple[float, float]:
-    """Return the lowest and the highest value of a parameter; of a tied one, those that follow from the other's."""
-    tie = follow(entries, Tie(owner, name))
+    """Return the lowest and the highest value of a parameter; for a tied one, from those of the other."""
+    tie = resolve(entries, Tie(owner, name))
     entry = entries[tie.owner]
     parameter = next(p for p in entry.parameters if p.name == tie.parameter)
     known = entry.fixed.get(tie.parameter)
@@ -167,7 +167,7 @@ def ends_of(entries: Mapping[str, ParameterEntry], owner: str, name: str) -> tup
 
 
 def check_ties(entries: Mapping[str, ParameterEntry], sections: Mapping[str, Path], faults: FaultList) -> None:
-    """Report parameters that follow one that there is not, one of another unit, or themselves.
+    """Report parameters that are tied to one that does not exist, to one of another unit, or to themselves.
 
     Parameters
     ----------
@@ -188,7 +188,7 @@ def check_ties(entries: Mapping[str, ParameterEntry], sections: Mapping[str, Pat
                 problem = f"'{other}' is in {units[other]}, but '{owner}.{name}' is in {units[f'{owner}.{name}']}."
                 faults.add(path, problem)
             elif _is_circle(entries, owner, name):
-                faults.add(path, f"'{owner}.{name}' follows '{other}', and that follows it.")
+                faults.add(path, f"'{owner}.{name}' is tied to '{other}', which is tied to it.")
 
 
 def steps_of(name: str) -> Path:

@@ -23,7 +23,7 @@ from dovetail.description.checked import (
     ParameterEntry,
     Response,
     Tie,
-    follow,
+    resolve,
 )
 from dovetail.description.component_sections import LabelledComponent, build_component, locate_files, read_property
 from dovetail.description.facing import check_facing, sides_of
@@ -166,12 +166,12 @@ def _check_followers(name: str, entries: Mapping[str, ParameterEntry], faults: F
     assert isinstance(entry, JointEntry)
     assert isinstance(entry.connection.model, UnknownPart)
     for option in entry.ties:
-        end = follow(entries, Tie(name, option))
+        end = resolve(entries, Tie(name, option))
         if end.owner != name:
             followers[end.owner, end.parameter].append(option)
     for (owner, parameter), options in followers.items():
         for value in ends_of(entries, owner, parameter):
-            corner = {option: follow(entries, Tie(name, option)).ratio * value for option in options}
+            corner = {option: resolve(entries, Tie(name, option)).ratio * value for option in options}
             if problem := objection(entry.connection.model, corner):
                 remedy = f"Narrow the range of '{owner}.{parameter}', which it follows."
                 faults.add(("substructures", name, *steps_of(options[0])), problem, remedy=remedy)

@@ -104,7 +104,7 @@ class AttachmentSection(_Section):
 
 
 class ParameterSection(_Section):
-    """What is known of a parameter: the range in which it is sought, its value, or which other one it follows.
+    """What is known of a parameter: its range, its value, or the parameter to which it is tied.
 
     Attributes
     ----------

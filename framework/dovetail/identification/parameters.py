@@ -33,7 +33,7 @@ def is_in_range(value: float, lower: float, upper: float, scale: Scale) -> bool:
 
 
 @dataclass(frozen=True)
-class Follower:
+class TiedParameter:
     """A parameter that the description ties to one that was identified.
 
     Parameters
@@ -73,7 +73,7 @@ class IdentifiedParameter:
         The joint it belongs to; the substructure or the response of another one.
     prior : {"uniform", "normal"}
         As in `Parameter`.
-    followers : tuple of Follower
+    tied : tuple of TiedParameter
         The parameters that are tied to this one.
     """
 
@@ -87,7 +87,7 @@ class IdentifiedParameter:
     description: str
     joint: str
     prior: Prior = "uniform"
-    followers: tuple[Follower, ...] = ()
+    tied: tuple[TiedParameter, ...] = ()
 
     @property
     def definition(self) -> Parameter:
@@ -99,9 +99,9 @@ class IdentifiedParameter:
         """The name without the owner's."""
         return self.name.removeprefix(f"{self.joint}.")
 
-    def with_followers(self, value: float) -> dict[str, float]:
-        """Return a value of this parameter and what its followers then have, as ``owner.parameter``."""
-        values = {follower.name: follower.ratio * value for follower in self.followers}
+    def with_tied(self, value: float) -> dict[str, float]:
+        """Return a value of this parameter and those of the parameters tied to it, by ``owner.parameter``."""
+        values = {tied.name: tied.ratio * value for tied in self.tied}
         return {f"{self.joint}.{self.bare_name}": value, **values}
 
 
@@ -145,8 +145,8 @@ class TableRow:
         As in `IdentifiedParameter`.
     is_trustworthy : bool
         As in `Identification`.
-    follows : str
-        The identified parameter to which the description ties this one; empty for those that are sought.
+    tied_to : str
+        The identified parameter to which the description ties this one; empty for identified parameters.
     """
 
     name: str
@@ -170,33 +170,33 @@ class TableRow:
     joint: str
     description: str
     is_trustworthy: bool
-    follows: str = ""
+    tied_to: str = ""
 
-    def of(self, follower: Follower) -> TableRow:
-        """Return the row of a parameter that follows this one."""
+    def tied_row(self, tied: TiedParameter) -> TableRow:
+        """Return the row of a parameter that is tied to this one."""
 
         def times(*values: float | None) -> list[Any]:
-            return [None if value is None else follower.ratio * value for value in values]
+            return [None if value is None else tied.ratio * value for value in values]
 
         ends = times(self.interval_low, self.interval_high), times(self.range_low, self.range_high)
-        (low, high), (lower, upper) = (pair[::-1] if follower.ratio < 0 else pair for pair in ends)
+        (low, high), (lower, upper) = (pair[::-1] if tied.ratio < 0 else pair for pair in ends)
         estimate, best_fit, network = times(self.estimate, self.best_fit, self.network)
         reversed_end = {"lower": "upper", "upper": "lower"}.get(self.best_fit_at, "")
         return replace(
             self,
-            name=follower.name,
+            name=tied.name,
             estimate=estimate,
             interval_low=low,
             interval_high=high,
             range_low=lower,
             range_high=upper,
             best_fit=best_fit,
-            best_fit_at=reversed_end if follower.ratio < 0 else self.best_fit_at,
-            groups=self.groups and tuple(group.times(follower.ratio) for group in self.groups),
+            best_fit_at=reversed_end if tied.ratio < 0 else self.best_fit_at,
+            groups=self.groups and tuple(group.times(tied.ratio) for group in self.groups),
             network=network,
-            joint=follower.joint,
-            description=follower.description,
-            follows=self.name,
+            joint=tied.joint,
+            description=tied.description,
+            tied_to=self.name,
         )
 
 
@@ -208,7 +208,7 @@ def parameter_table(
     *,
     is_fitted: bool,
 ) -> tuple[TableRow, ...]:
-    """Return a row for each parameter in their order, then for each that follows one of them.
+    """Return a row for each parameter in their order, then for each that is tied to one of them.
 
     The warning is that of the result, whose values may be a fit.
     """
@@ -251,7 +251,7 @@ def parameter_table(
             )
         )
     pairs = zip(rows, parameters.values(), strict=True)
-    return (*rows, *(row.of(follower) for row, parameter in pairs for follower in parameter.followers))
+    return (*rows, *(row.tied_row(tied) for row, parameter in pairs for tied in parameter.tied))
 
 
 def _is_outside(value: float | None, low: float | None, high: float | None) -> bool | None:

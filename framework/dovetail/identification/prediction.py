@@ -188,7 +188,7 @@ def _values(result: AnyIdentification | Mapping[str, float | str]) -> list[_Valu
     identified = [
         _Value(*_split_name(name), value, p.unit)
         for p in result.parameters.values()
-        for name, value in p.with_followers(p.value).items()
+        for name, value in p.with_tied(p.value).items()
     ]
     return identified + [_Value(*_split_name(name), value) for name, value in result.known.items()]
 
@@ -310,7 +310,7 @@ def _frfs(assembly: Assembly, result: AnyIdentification, theta: NDArray[np.float
     samples: list[dict[str, float]] = []
     for row in theta.tolist():
         values = zip(result.parameters.values(), row, strict=True)
-        samples.append({**result.known, **{k: v for p, at in values for k, v in p.with_followers(at).items()}})
+        samples.append({**result.known, **{k: v for p, at in values for k, v in p.with_tied(at).items()}})
     return assembly.frf(np.stack([assembly.vector(joint_values(assembly, sample)) for sample in samples]))
 
 

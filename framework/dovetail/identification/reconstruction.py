@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly, VibrationMode
-from dovetail.description import Tie, follow
+from dovetail.description import Tie, resolve
 from dovetail.errors import DovetailError, Importance, Note, PluginError, by_importance
 from dovetail.frf import LOW_COHERENCE, Frf
 from dovetail.frf.resonance_peaks import PairedPeaks, counterpart, resonance_peaks
-from dovetail.identification.parameters import Follower, IdentifiedParameter, is_in_range
+from dovetail.identification.parameters import IdentifiedParameter, TiedParameter, is_in_range
 from dovetail.identification.result import Identification, Mode
 from dovetail.inference.adequacy import Adequacy
 from dovetail.inference.adequacy.resonances import describe_lacking, lacking_resonances
@@ -139,17 +139,17 @@ def _with_agreement(adequacy: Adequacy, at_points: Sequence[AtPoint], paired: Se
 
 def identified_parameters(assembly: Assembly, theta: NDArray[np.float64]) -> dict[str, IdentifiedParameter]:
     """Return the assembly's parameters with the values that were identified, (n_params,) SI."""
-    description, followers = assembly.description, defaultdict[tuple[str, str], list[Follower]](list)
+    description, tied = assembly.description, defaultdict[tuple[str, str], list[TiedParameter]](list)
     for owner, parameter, tie in _ties(assembly):
-        follower = Follower(f"{owner}.{parameter.name}", tie.ratio, parameter.description, owner)
-        followers[tie.owner, tie.parameter].append(follower)
+        name = f"{owner}.{parameter.name}"
+        tied[tie.owner, tie.parameter].append(TiedParameter(name, tie.ratio, parameter.description, owner))
     identified = {}
     for parameter, value, of in zip(
         assembly.parameters, theta.tolist(), description.identified_parameters, strict=True
     ):
         in_range = is_in_range(value, parameter.lower, parameter.upper, parameter.scale)
         identified[parameter.name] = IdentifiedParameter(
-            **asdict(parameter), value=value, in_range=in_range, joint=of[0], followers=tuple(followers[of])
+            **asdict(parameter), value=value, in_range=in_range, joint=of[0], tied=tuple(tied[of])
         )
     return identified
 
@@ -170,7 +170,7 @@ def _ties(assembly: Assembly) -> Iterator[tuple[str, Parameter, Tie]]:
     for owner, entry in entries.items():
         for parameter in entry.parameters:
             if parameter.name in entry.ties:
-                yield owner, parameter, follow(entries, entry.ties[parameter.name])
+                yield owner, parameter, resolve(entries, entry.ties[parameter.name])
 
 
 def _modes(

@@ -180,7 +180,7 @@ def _poor_bands_sentence(response: AtPoint, result: Identification) -> str:
 
 def parameter_rows(result: Identification | ModalIdentification, truth: Truth | None) -> list[ParameterRow]:
     """Return the table of parameters, in the assembly's order."""
-    true = {} if truth is None else truth.with_followers(result.parameters.values())
+    true = {} if truth is None else truth.with_tied(result.parameters.values())
     withheld = result.posterior is not None and not result.is_trustworthy
     return [_parameter_row(row, withheld, true.get(row.name)) for row in result.table]
 
@@ -216,7 +216,7 @@ def columns_sentence(result: Identification | ModalIdentification) -> str:
             "Quote the estimate of a single parameter; the best fit is the set of all that together reproduce the "
             "measurement best."
         )
-    outside = [row.name for row in result.table if row.best_fit_outside and not row.follows]
+    outside = [row.name for row in result.table if row.best_fit_outside and not row.tied_to]
     if outside:
         one = len(outside) == 1
         sentences.append(

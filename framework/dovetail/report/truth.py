@@ -53,12 +53,12 @@ class Truth:
         object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
         object.__setattr__(self, "natural_frequencies", tuple(self.natural_frequencies))
 
-    def with_followers(self, parameters: Iterable[IdentifiedParameter]) -> dict[str, float]:
-        """Return the true values by name; those of parameters that follow another one are derived unless stated."""
+    def with_tied(self, parameters: Iterable[IdentifiedParameter]) -> dict[str, float]:
+        """Return the true values by name; those of tied parameters are derived unless they are given."""
         values: dict[str, float] = {}
         for parameter in parameters:
             if parameter.name in self.parameters:
-                values |= parameter.with_followers(self.parameters[parameter.name])
+                values |= parameter.with_tied(self.parameters[parameter.name])
         return {**values, **self.parameters}
 
 
@@ -72,7 +72,7 @@ def read_truth(path: str | Path, parameters: Iterable[_Named]) -> Truth:
         [1319.0, ...]}``. Each key may be missing; a value without a unit is SI.
     parameters : iterable
         All parameters that the file may contain, with ``name`` and ``unit``, such as ``assembly.parameters``; those of
-        a result, ``result.parameters.values()``, with the parameters that follow them.
+        a result, ``result.parameters.values()``, with the parameters that are tied to them.
 
     Returns
     -------
@@ -129,7 +129,7 @@ def _parameters(file: Path, entries: object, parameters: Iterable[_Named], fault
     units = {parameter.name: parameter.unit for parameter in every}
     for parameter in every:
         if isinstance(parameter, IdentifiedParameter):
-            units |= {follower.name: parameter.unit for follower in parameter.followers}
+            units |= {tied.name: parameter.unit for tied in parameter.tied}
     values = {}
     for name, value in entries.items():
         if name not in units:
