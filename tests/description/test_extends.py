@@ -306,7 +306,9 @@ def test_files_of_matrices_displace_an_archive_and_the_reverse(tmp_path):
 
     assert load(archive, files).M[0, 0] == 2.0
     assert load(files, archive).M[0, 0] == 1.0
-    assert load({**files, "loss_factor": 0.1}, {"structural_damping": "D.mtx"}).D[0, 0] == pytest.approx(1e4)
+    for loss_factor in (0.1, {"value": 0.1}, {"range": [0.01, 0.1]}, {"about": 0.1, "sd": 0.01}):
+        damped = load({**files, "loss_factor": loss_factor}, {"structural_damping": "D.mtx"})
+        assert damped.D[0, 0] == pytest.approx(1e4)
     assert load({**files, "structural_damping": "D.mtx"}, {"loss_factor": 0.1}).D[0, 0] == pytest.approx(1e5)
 
 

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any
 
 from pydantic import BaseModel
 
 from dovetail.documents.extends import settle_alternatives
 from dovetail.documents.fault_list import FaultList
-from dovetail.documents.tree import Mark, Path, format_value, replace_item, replace_value
+from dovetail.documents.tree import Mark, Path, Scalar, format_value, replace_item, replace_value
 from dovetail.documents.validation import validate
 from dovetail.errors import DovetailError, Fault, PluginError, listing
 from dovetail.interfaces import FileName, Kind
@@ -27,14 +28,23 @@ class LabelledComponent:
 
 
 def build_component(
-    kind: Kind,
-    path: Path,
-    faults: FaultList,
-    registry: Registry,
-    *,
-    reserved: Collection[str] = (),
+    kind: Kind, path: Path, faults: FaultList, registry: Registry, *, reserved: Collection[str] = ()
 ) -> LabelledComponent | None:
-    """Make the component that the section at `path` describes.
+    """Make the component that the section at `path` describes; None if the section has faults.
+
+    Parameters
+    ----------
+    kind : str
+    path, faults, reserved
+        As in `make_component`.
+    registry : Registry
+    """
+    offer = find_model(kind, path, faults, registry)
+    return None if offer is None else make_component(offer, path, faults, reserved=reserved)
+
+
+def find_model(kind: Kind, path: Path, faults: FaultList, registry: Registry) -> Offer | None:
+    """Return the model that a section names, and remove options of a base that the section replaces by others.
 
     Parameters
     ----------
@@ -43,26 +53,52 @@ def build_component(
     faults : FaultList
         Collects the faults.
     registry : Registry
+
+    Returns
+    -------
+    Offer or None
+        None if the section has faults.
+    """
+    offer = _offer(kind, path, faults, registry)
+    for choice in offer.component.Config.alternatives if offer is not None else ():
+        section = faults.root.at(path)
+        assert section is not None
+        faults.root = replace_item(faults.root, path, settle_alternatives(section, choice))
+    return offer
+
+
+def make_component(
+    offer: Offer,
+    path: Path,
+    faults: FaultList,
+    *,
+    reserved: Collection[str] = (),
+    instead: Mapping[Path, Scalar] = MappingProxyType({}),
+) -> LabelledComponent | None:
+    """Make a component with the options of a section.
+
+    Parameters
+    ----------
+    offer : Offer
+        The model that the section names.
+    path : Path
+    faults : FaultList
+        Collects the faults.
     reserved : collection of str
-        Keys of the section, beside ``model``, that are not options of the component, unless it has one of that name.
+        Keys of the section, besides ``model``, that are not options of the component, unless it has one of that name.
+    instead : mapping of Path to scalar
+        Values to use instead of those of the section, by their places in it.
 
     Returns
     -------
     LabelledComponent or None
         None if the section has faults.
     """
-    offer = _offer(kind, path, faults, registry)
-    if offer is None:
-        return None
-    label = f"{kind} model '{offer.component.name}' ({offer.source})"
+    label = f"{offer.component.kind} model '{offer.component.name}' ({offer.source})"
     keys = ("model", *(key for key in reserved if key not in offer.component.Config.model_fields))
-    for choice in offer.component.Config.alternatives:
-        section = faults.root.at(path)
-        if section is not None and section.is_mapping:
-            faults.root = replace_item(faults.root, path, settle_alternatives(section, choice))
     if not locate_files(offer.component.Config, path, faults):
         return None
-    config = validate(offer.component.Config, path, faults, label, reserved=keys, data={})
+    config = validate(offer.component.Config, path, faults, label, reserved=keys, data={}, instead=instead)
     if config is None:
         return None
     try:

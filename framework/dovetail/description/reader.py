@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import os
-from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Any
@@ -22,13 +21,18 @@ from dovetail.description.checked import (
     JointEntry,
     ParameterEntry,
     Response,
-    Tie,
-    resolve,
 )
-from dovetail.description.component_sections import LabelledComponent, build_component, locate_files, read_property
+from dovetail.description.component_sections import (
+    LabelledComponent,
+    build_component,
+    find_model,
+    locate_files,
+    make_component,
+    read_property,
+)
 from dovetail.description.facing import check_facing, sides_of
 from dovetail.description.joints import Substructures, add_model_faults, check_connected, read_joint
-from dovetail.description.parameter_sections import check_ranges, check_ties, ends_of, steps_of
+from dovetail.description.parameter_sections import check_ranges, check_ties, ends_of
 from dovetail.description.responses import RESPONSE, RESPONSES, calibration_place, read_responses
 from dovetail.description.reversed_parts import OrientationSection
 from dovetail.description.sections import (
@@ -41,7 +45,12 @@ from dovetail.description.sections import (
     IdentificationSection,
 )
 from dovetail.description.study_section import read_study
-from dovetail.description.unknown_parts import UnknownPart, add_unknown_part, objection, take_unknown_options
+from dovetail.description.unknown_options import (
+    UnknownOptions,
+    add_unknown_part,
+    check_tied_options,
+    read_unknown_options,
+)
 from dovetail.documents.extends import read_source
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.mapping_reader import read_mapping
@@ -49,7 +58,7 @@ from dovetail.documents.tree import Entry, Item, Path, format_value, plain_value
 from dovetail.documents.validation import check_format, validate
 from dovetail.frf import HIGHEST_FREQUENCY, in_bands
 from dovetail.interfaces import SubstructureModel, node_faults
-from dovetail.registry import Registry
+from dovetail.registry import Offer, Registry
 
 MOST_LINES = 1_000_000
 _FEWEST_LINES = 2
@@ -131,7 +140,7 @@ def _check_parameters(
     calibrations: Mapping[str, ParameterEntry],
     faults: FaultList,
 ) -> None:
-    """Report parameters of different owners with one name, and those that follow what is not there."""
+    """Report parameters of different owners with one name, and ties to parameters that do not exist."""
     for name in substructures:
         if name in joints:
             problem = f"a joint has the name '{name}' too, so that their parameters cannot be told apart."
@@ -154,28 +163,7 @@ def _check_parameters(
             ends = {parameter.name: ends_of(entries, name, parameter.name) for parameter in joint.parameters}
             check_ranges(LabelledComponent(model, f"joint '{name}' ({model.name})"), ("joints", name), ends, faults)
     for name in substructures if not len(faults) else ():
-        _check_followers(name, entries, faults)
-
-
-def _check_followers(name: str, entries: Mapping[str, ParameterEntry], faults: FaultList) -> None:
-    """Report options of a substructure that it cannot have where what they follow elsewhere is at an end of its range.
-
-    Those that follow an option of the same substructure were tried with it.
-    """
-    entry, followers = entries[name], defaultdict[tuple[str, str], list[str]](list)
-    assert isinstance(entry, JointEntry)
-    assert isinstance(entry.connection.model, UnknownPart)
-    for option in entry.ties:
-        end = resolve(entries, Tie(name, option))
-        if end.owner != name:
-            followers[end.owner, end.parameter].append(option)
-    for (owner, parameter), options in followers.items():
-        for value in ends_of(entries, owner, parameter):
-            corner = {option: resolve(entries, Tie(name, option)).ratio * value for option in options}
-            if problem := objection(entry.connection.model, corner):
-                remedy = f"Narrow the range of '{owner}.{parameter}', which it follows."
-                faults.add(("substructures", name, *steps_of(options[0])), problem, remedy=remedy)
-                break
+        check_tied_options(name, entries, faults)
 
 
 def _names(section: str, noun: str, faults: FaultList) -> list[str]:
@@ -197,15 +185,22 @@ def _read_substructures(
     section = faults.root.at(("substructures",))
     if section is not None and section.is_mapping and not section.entries:
         faults.add(("substructures",), "there are no substructures.", key=True)
-    substructures, unknown_parts, reversed_parts = {}, dict[str, JointEntry](), set[str]()
+    substructures, unknown_parts = dict[str, SubstructureModel | None](), dict[str, JointEntry]()
+    reversed_parts = set[str]()
     for name in _names("substructures", "substructure", faults):
+        substructures[name] = None
+        offer = find_model("substructure", ("substructures", name), faults, registry)
+        if offer is None:
+            continue
         before = len(faults)
-        options = take_unknown_options(name, faults, registry)
-        substructures[name] = part = _read_substructure(name, faults, registry) if len(faults) == before else None
-        options.restore(faults)
-        is_reversed = part is not None and _is_reversed(name, part, faults)
+        options = read_unknown_options(name, offer.component.Config, faults, registry)
+        part = _make_substructure(name, offer, options, faults) if len(faults) == before else None
+        if part is None:
+            continue
+        substructures[name] = part
+        is_reversed = _is_reversed(name, part, faults)
         reversed_parts |= {name} if is_reversed else set()
-        if part is not None and options.stated.known:
+        if options.stated.known:
             entry = add_unknown_part(name, part, options.stated, faults, reversed=is_reversed)
             unknown_parts |= {} if entry is None else {name: entry}
     return substructures, unknown_parts, frozenset(reversed_parts)
@@ -222,9 +217,9 @@ def _is_reversed(name: str, part: SubstructureModel, faults: FaultList) -> bool:
     return orientation is not None and orientation.reversed
 
 
-def _read_substructure(name: str, faults: FaultList, registry: Registry) -> SubstructureModel | None:
-    path = ("substructures", name)
-    model = build_component("substructure", path, faults, registry, reserved=tuple(OrientationSection.model_fields))
+def _make_substructure(name: str, offer: Offer, options: UnknownOptions, faults: FaultList) -> SubstructureModel | None:
+    path, keys = ("substructures", name), tuple(OrientationSection.model_fields)
+    model = make_component(offer, path, faults, reserved=keys, instead=options.nominal)
     if model is None:
         return None
     before = len(faults)

@@ -5,13 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Annotated, Any, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 from dovetail.documents.fault_list import FaultList
-from dovetail.documents.tree import Item, Path, format_path, format_value, plain_values
+from dovetail.documents.tree import Item, Path, Scalar, format_path, format_value, plain_values, replace_value
 from dovetail.errors import did_you_mean, listing
 from dovetail.units import InUnit
 
@@ -43,7 +44,14 @@ _BOUNDS = {
 
 
 def validate(
-    model: type[_Model], path: Path, faults: FaultList, owner: str, *, reserved: Collection[str] = (), data: Any = None
+    model: type[_Model],
+    path: Path,
+    faults: FaultList,
+    owner: str,
+    *,
+    reserved: Collection[str] = (),
+    data: Any = None,
+    instead: Mapping[Path, Scalar] = MappingProxyType({}),
 ) -> _Model | None:
     """Validate the section at `path`.
 
@@ -59,6 +67,8 @@ def validate(
         Keys of the section that are not options of the model.
     data : optional
         Default of a section that the document lacks.
+    instead : mapping of Path to scalar
+        Values to validate instead of those of the document, by their places in the section, which must exist.
 
     Returns
     -------
@@ -66,6 +76,9 @@ def validate(
         None if the section has faults.
     """
     item = faults.root.at(path)
+    if item is not None:
+        for place, value in instead.items():
+            item = replace_value(item, place, value)
     section = plain_values(item) if item is not None else data
     if isinstance(section, Mapping):
         section = {key: value for key, value in section.items() if key not in reserved}
