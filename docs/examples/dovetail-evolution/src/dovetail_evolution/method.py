@@ -44,7 +44,7 @@ class Evolution(IdentificationMethod):
 
         generation = iter(range(1, self.config.generations + 1))
 
-        def tell(*_, **__):
+        def count(*_, **__):
             progress("evolution", next(generation, self.config.generations), self.config.generations)
 
         found = differential_evolution(
@@ -57,7 +57,7 @@ class Evolution(IdentificationMethod):
             updating="deferred",
             polish=False,
             tol=1e-8,
-            callback=tell,
+            callback=count,
         )
         samples = self.scatter(problem, found.x, np.random.default_rng([seed, 1]))
         return Estimate(to_si(problem.parameters, found.x[None])[0], to_si(problem.parameters, samples))
@@ -65,8 +65,8 @@ class Evolution(IdentificationMethod):
     def scatter(self, problem, best, random):
         """Return samples (n, n_params), in fractions of the ranges, of a Gaussian with the curvature at the best fit.
 
-        The ranges count as priors of the same width, so that a parameter which the measurement does not tell keeps its
-        range.
+        The ranges count as priors of the same width, so that a parameter which the measurement does not determine
+        keeps its range.
         """
         theta = to_si(problem.parameters, best[None])
         _, jacobian = problem.frf_jacobian(theta)

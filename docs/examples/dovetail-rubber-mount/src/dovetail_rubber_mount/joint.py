@@ -32,7 +32,7 @@ class RubberMount(JointModel):
     ports = (Port("a", 1), Port("b", 1))
 
     class Config(ComponentConfig):
-        """Where the growth is stated.
+        """The reference frequency of the growth.
 
         Attributes
         ----------
