@@ -27,7 +27,8 @@ exclude_patterns = [
     "joints/*.md",
     "speed/*.md",
     "study/*/*.md",
-    "uncertainty/*.md",
+    "uncertainty/[!m]*.md",
+    "uncertainty/mesh_errors.md",
     "uncertainty/*/*.md",
 ]
 
