@@ -1,9 +1,12 @@
-"""Writes docs/api.md, the list of everything public, from ``dovetail.__all__``: ``python docs/make_api.py``."""
+"""Writes docs/api.md, the list of everything public, from the packages' ``__all__``: ``python docs/make_api.py``."""
 
 import inspect
 from pathlib import Path
+from types import ModuleType
 
 import dovetail
+import dovetail_bench
+import dovetail_machining
 
 PAGE = Path(__file__).with_name("api.md")
 
@@ -12,19 +15,22 @@ SECTIONS = {
     "description": "Assemblies",
     "measurement": "Measurements",
     "frf": "Frequency response functions",
-    "coupling": "Measured parts and spindles",
+    "coupling": "Measured parts",
     "dataset": "Datasets",
     "identification": "Identification",
     "report": "Reports and figures",
-    "evaluation": "Evaluation",
+    "design": "Where to measure",
     "interfaces": "For plugin authors: contracts",
-    "registry": "For plugin authors: the hook",
+    "registry": "For plugin authors: the hooks",
     "atomic_files": "For plugin authors: files that may be damaged",
     "guarded_process": "For plugin authors: files that may be damaged",
     "units": "For plugin authors: units",
     "errors": "Errors",
 }
 """Headings by the package that defines a name, in the order of the page."""
+
+PACKAGES = {dovetail_bench: "Evaluation: `dovetail_bench`", dovetail_machining: "Spindles: `dovetail_machining`"}
+"""Headings of the packages that ship with Dovetail and are imported by themselves."""
 
 REST = """
 ## Within results
@@ -55,15 +61,21 @@ def page() -> str:
     sections: dict[str, list[str]] = {heading: [] for heading in SECTIONS.values()}
     for name in dovetail.__all__:
         package = _home(name)
-        sections[SECTIONS[package]].append(_directive(name))
+        sections[SECTIONS[package]].append(_directive(dovetail, name))
     text = (
-        "# API\n\nHere you find everything that `import dovetail` offers. Names that are not on this page may change "
-        "at any time.\n"
+        "# API\n\nHere you find everything that `import dovetail` offers, and below it `dovetail_bench` and "
+        "`dovetail_machining`, which ship with it. Names that are not on this page may change at any time.\n"
     )
-    for heading, directives in sections.items():
-        body = "\n".join(directives)
-        text += f"\n## {heading}\n\n```{{eval-rst}}\n.. currentmodule:: dovetail\n\n{body}\n```\n"
-    return text + REST
+    text += "".join(_section(dovetail, heading, directives) for heading, directives in sections.items())
+    text += REST
+    for package, heading in PACKAGES.items():
+        text += _section(package, heading, [_directive(package, name) for name in package.__all__])
+    return text
+
+
+def _section(package: ModuleType, heading: str, directives: list[str]) -> str:
+    body = "\n".join(directives)
+    return f"\n## {heading}\n\n```{{eval-rst}}\n.. currentmodule:: {package.__name__}\n\n{body}\n```\n"
 
 
 def _home(name: str) -> str:
@@ -73,8 +85,8 @@ def _home(name: str) -> str:
     return line.split()[1].strip(".").split(".")[0]
 
 
-def _directive(name: str) -> str:
-    value = getattr(dovetail, name)
+def _directive(package: ModuleType, name: str) -> str:
+    value = getattr(package, name)
     if inspect.isclass(value) and issubclass(value, Exception):
         return f".. autoexception:: {name}"
     if inspect.isclass(value):

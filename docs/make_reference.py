@@ -17,7 +17,7 @@ from line_length import wrapped
 
 import dovetail
 from dovetail import JointModel, SubstructureModel
-from dovetail.cli import app
+from dovetail.cli.app import app
 from dovetail.cli.model_description import describe_offer
 from dovetail.cli.terminal import range_text
 from dovetail.description import description_schema
@@ -164,7 +164,7 @@ def options() -> str:
     """Return the page of command options."""
     group = typer.main.get_command(app)
     text = OPTIONS + "\n## `dovetail`\n\n" + _arguments(group)
-    for name in group.commands:
+    for name in group.list_commands(None):
         command = group.get_command(None, name)
         text += f"\n## `dovetail {name}`\n\n{_paragraphs(inspect.cleandoc(command.help))}\n\n{_arguments(command)}"
     return text

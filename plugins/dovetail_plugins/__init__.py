@@ -5,32 +5,31 @@ from __future__ import annotations
 from importlib.resources import files
 from typing import Any
 
-import yaml
-
 import dovetail
-from dovetail_plugins.joints.bearing import Bearing
-from dovetail_plugins.joints.bolted import Bolted
-from dovetail_plugins.joints.collet import Collet
-from dovetail_plugins.joints.interference_fit import InterferenceFit
-from dovetail_plugins.joints.rigid import Rigid
-from dovetail_plugins.joints.spring_damper import SpringDamper
-from dovetail_plugins.reducers.none import NoReducer
-from dovetail_plugins.reducers.pca import PCA
-from dovetail_plugins.reducers.scikit_learn import Transformer
-from dovetail_plugins.reducers.umap import UMAP
-from dovetail_plugins.regressors.flow import Flow
-from dovetail_plugins.regressors.mlp import MLP
-from dovetail_plugins.regressors.scikit_learn import ScikitLearnRegressor
-from dovetail_plugins.substructures.ground import Ground
-from dovetail_plugins.substructures.lumped import Lumped
-from dovetail_plugins.substructures.matrices import Matrices
-from dovetail_plugins.substructures.measured import Measured
-from dovetail_plugins.substructures.timoshenko_beam import TimoshenkoBeam
 
 
 @dovetail.hookimpl
 def dovetail_components() -> list[type[dovetail.Component]]:
-    """Return the built-in components."""
+    """Return the built-in components; they are imported here, so that ``dovetail --help`` does not wait for them."""
+    from dovetail_plugins.joints.bearing import Bearing
+    from dovetail_plugins.joints.bolted import Bolted
+    from dovetail_plugins.joints.collet import Collet
+    from dovetail_plugins.joints.interference_fit import InterferenceFit
+    from dovetail_plugins.joints.rigid import Rigid
+    from dovetail_plugins.joints.spring_damper import SpringDamper
+    from dovetail_plugins.reducers.none import NoReducer
+    from dovetail_plugins.reducers.pca import PCA
+    from dovetail_plugins.reducers.scikit_learn import Transformer
+    from dovetail_plugins.reducers.umap import UMAP
+    from dovetail_plugins.regressors.flow import Flow
+    from dovetail_plugins.regressors.mlp import MLP
+    from dovetail_plugins.regressors.scikit_learn import ScikitLearnRegressor
+    from dovetail_plugins.substructures.ground import Ground
+    from dovetail_plugins.substructures.lumped import Lumped
+    from dovetail_plugins.substructures.matrices import Matrices
+    from dovetail_plugins.substructures.measured import Measured
+    from dovetail_plugins.substructures.timoshenko_beam import TimoshenkoBeam
+
     return [
         TimoshenkoBeam,
         Lumped,
@@ -56,6 +55,8 @@ def dovetail_components() -> list[type[dovetail.Component]]:
 @dovetail.hookimpl
 def dovetail_defaults() -> dict[str, Any]:
     """Return the contents of ``defaults.yaml``."""
+    import yaml
+
     text = (files("dovetail_plugins") / "defaults.yaml").read_text(encoding="utf-8")
     defaults: dict[str, Any] = yaml.safe_load(text)
     return defaults

@@ -7,7 +7,12 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-PACKAGES = ROOT / "framework" / "dovetail", ROOT / "plugins" / "dovetail_plugins"
+PACKAGES = (
+    ROOT / "framework" / "dovetail",
+    ROOT / "plugins" / "dovetail_bench",
+    ROOT / "plugins" / "dovetail_machining",
+    ROOT / "plugins" / "dovetail_plugins",
+)
 
 EMPTY_NAMES = frozenset({"found", "one", "own", "given", "left", "places", "parts"})
 """Names that say nothing about their values."""

@@ -11,7 +11,7 @@ import pytest
 import typer
 
 import dovetail
-from dovetail.cli import app
+from dovetail.cli.app import app
 from dovetail.description import description_schema
 from dovetail.registry import components
 
@@ -76,7 +76,7 @@ def test_every_public_name_is_in_the_api():
     assert [name for name in dovetail.__all__ if f":: {name}\n" not in page("api.md")] == []
 
 
-@pytest.mark.parametrize("command", list(GROUP.commands))
+@pytest.mark.parametrize("command", GROUP.list_commands(None))
 def test_every_option_of_a_command_is_listed(command):
     section = page("options.md").partition(f"## `dovetail {command}`\n")[2].partition("\n## ")[0]
     found = GROUP.get_command(None, command)

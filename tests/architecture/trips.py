@@ -23,7 +23,7 @@ import numpy as np
 import dovetail
 
 ASSEMBLY = Path(__file__).parents[2] / "assemblies" / "sdof.yaml"
-PACKAGES = ("dovetail", "dovetail_plugins")
+PACKAGES = ("dovetail", "dovetail_bench", "dovetail_machining", "dovetail_plugins")
 IMPORTING = "<frozen importlib."
 TRUTH = [2e6, 30.0]
 

@@ -15,6 +15,7 @@ import numpy as np
 from random_structures import random_structure
 
 import dovetail
+import dovetail_bench
 
 MODELS = ("umap", "pca", "pca+robust")
 LEVELS = (0.0, 0.01, 0.05)
@@ -38,7 +39,7 @@ def main() -> None:
         described["frequency"].pop("step", None)
         described["identification"] = {"samples": options.samples}
         assembly = dovetail.load(described)
-        rows = dovetail.robustness(assembly, models=MODELS, levels=LEVELS)
+        rows = dovetail_bench.robustness(assembly, models=MODELS, levels=LEVELS)
         r2 = [max(row.r2, -1.0) for row in rows]
         means.append(r2)
         print(f"{number:<12}{len(assembly.parameters):>9}  " + "".join(f"{value:>16.3f}" for value in r2), flush=True)

@@ -18,7 +18,6 @@ import numpy as np
 
 import dovetail
 from dovetail.dataset import latin_hypercube
-from dovetail.evaluation.mesh_refinement import finer
 from dovetail.inference.fitting import Fit, refine
 from dovetail.inference.posterior import (
     Posterior,
@@ -28,6 +27,7 @@ from dovetail.inference.posterior import (
     typical_model_error,
 )
 from dovetail.measurement import noisy_frf
+from dovetail_bench.evaluation.mesh_refinement import finer
 
 ASSEMBLY = Path(__file__).resolve().parents[2] / "assemblies" / "bt40_er32.yaml"
 NOISE = 0.01

@@ -18,9 +18,9 @@ import numpy as np
 from scipy.interpolate import AAA
 
 import dovetail
-from dovetail.evaluation.mesh_refinement import finer
 from dovetail.inference.posterior import TYPICAL, error_shapes
 from dovetail.problem.residuals import FrfResiduals, Weighted
+from dovetail_bench.evaluation.mesh_refinement import finer
 
 ASSEMBLIES = Path(__file__).resolve().parents[2] / "assemblies"
 NAMES = ("bt40_er32", "bolted_lap_beam", "shaft_hub", "spindle_bt40_er32")

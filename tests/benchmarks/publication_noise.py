@@ -16,7 +16,7 @@ import numpy as np
 
 import dovetail
 from dovetail.dataset import latin_hypercube
-from dovetail.evaluation.robustness import LEVELS, parameter_metrics, with_noise
+from dovetail_bench.evaluation.robustness import LEVELS, parameter_metrics, with_noise
 
 SEED = 99
 

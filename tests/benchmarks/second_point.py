@@ -17,8 +17,8 @@ import numpy as np
 
 import dovetail
 from dovetail.dataset import latin_hypercube
+from dovetail.design import plan_measurements
 from dovetail.design.experiment_design import NOISE
-from dovetail.evaluation import plan_measurements
 from dovetail.inference.fitting import refine
 from dovetail.inference.posterior import ModelError, Posterior, quantiles, sample_posterior
 

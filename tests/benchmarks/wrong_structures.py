@@ -15,10 +15,10 @@ from scipy.optimize import linear_sum_assignment
 import dovetail
 from dovetail.description import with_damping
 from dovetail.errors import DovetailError
-from dovetail.evaluation.mesh_refinement import finer
 from dovetail.inference.adequacy.perturbations import find_overhangs, list_perturbations
 from dovetail.inference.posterior.model_error import fit_resonances
 from dovetail.problem.part_quantities import list_quantities
+from dovetail_bench.evaluation.mesh_refinement import finer
 
 _LINES = 1000
 """On which poles are found; without noise they need not be resolved."""

@@ -15,12 +15,13 @@ import numpy as np
 import pytest
 
 import dovetail
+import dovetail_bench
 from dovetail.report.batch import write_batch
-from dovetail.report.calibration import write_calibration
-from dovetail.report.comparison import write_comparison
 from dovetail.report.explorer import Explorer
 from dovetail.report.page_server import PageServer
-from dovetail.report.validation import write_validation
+from dovetail_bench.pages.calibration import write_calibration
+from dovetail_bench.pages.comparison import write_comparison
+from dovetail_bench.pages.validation import write_validation
 
 pytest.importorskip("fcntl", reason="the browser is reached over pipes, as POSIX has them")
 from chromium import Browser, Page, find_chromium
@@ -86,12 +87,12 @@ def evaluated(assemblies: Path, tmp_path_factory: pytest.TempPathFactory) -> dic
     assembly = dovetail.load(folder / "sdof.yaml")
     for name, k in (("soft", 1e6), ("stiff", 4e6)):
         dovetail.write_frf(dovetail.noisy_frf(assembly.simulate({"k": k}), 1e-2, 0), folder / f"{name}.csv")
-    cases = dovetail.read_cases(folder / "cases.yaml")
-    compared = write_comparison(dovetail.compare(cases, ("refined", "posterior")), folder / "comparison.html")
-    validated = write_validation(dovetail.validate(cases), folder / "validation.html")
+    cases = dovetail_bench.read_cases(folder / "cases.yaml")
+    compared = write_comparison(dovetail_bench.compare(cases, ("refined", "posterior")), folder / "comparison.html")
+    validated = write_validation(dovetail_bench.validate(cases), folder / "validation.html")
     measured = [folder / "soft.csv", folder / "stiff.csv"]
     batch = dovetail.identify_many(assembly, measured, form="laplace", cause_seconds=0.0, processes=1)
-    calibration = dovetail.calibrate(assembly, cases=2, samples=30, workers=1)
+    calibration = dovetail_bench.calibrate(assembly, cases=2, samples=30, workers=1)
     pages = {
         "comparison": compared,
         "validation": validated,

@@ -12,8 +12,8 @@ from make_campaign import TESTS
 from models import ACCELEROMETER
 
 import dovetail
-from dovetail.evaluation import read_cases
 from dovetail.frf.resonance_peaks import resonance_peaks
+from dovetail_bench import read_cases
 
 NAMES = [test.name for test in TESTS]
 LINE = 1.5625

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail.evaluation import read_cases, validate
+import dovetail_machining
 from dovetail.measurement import on_grid
+from dovetail_bench import read_cases, validate
 
 
 def validated(campaign, file):
@@ -56,7 +57,7 @@ def test_the_shipped_flange_is_what_the_three_tests_give(campaign):
         on_grid(dovetail.read_frf(campaign / "measurements" / f"sf_h1_{name}.uff"), holder.frequency)
         for name in ("aa", "ab", "bb")
     )
-    made = dovetail.spindle_flange(holder, tests, (0.0, 0.02), 0.072, accelerometer_mass=1.2e-3)
+    made = dovetail_machining.spindle_flange(holder, tests, (0.0, 0.02), 0.072, accelerometer_mass=1.2e-3)
     shipped = dovetail.read_receptance(campaign / "measurements" / "spindle_flange.npz")
     np.testing.assert_allclose(made.values, shipped.values, rtol=1e-6)
     assert "SYNTHETIC" in shipped.note

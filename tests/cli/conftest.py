@@ -15,7 +15,7 @@ from types import SimpleNamespace
 import pytest
 from typer.testing import CliRunner, Result
 
-from dovetail.cli import app
+from dovetail.cli.app import app
 
 SMALL = """\
 extends: {parent}

@@ -188,7 +188,7 @@ def test_a_damaged_kept_model_is_replaced(run, bench, tmp_path, trains_nothing):
 
 HOLDER = """
 import sys, time, dovetail
-from dovetail.cli import app
+from dovetail.cli.app import app
 
 def train(*_, **__):
     print("trains", flush=True)

@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 import dovetail
-from dovetail.cli import app
+from dovetail.cli.app import app
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "messages.md").read_text(encoding="utf-8")

@@ -18,7 +18,7 @@ import yaml
 from typer.testing import CliRunner
 
 import dovetail
-from dovetail.cli import app
+from dovetail.cli.app import app
 
 ROOT = Path(__file__).resolve().parents[2]
 MEASURED = "h0_j_t0_60Nm"

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from dovetail.cli import app
+from dovetail.cli.app import app
 
 OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069]")
 NAME = "=cmd|'/C calc'!A0\"><img src=x onerror=alert(1)><form action=//x><meta http-equiv=refresh>$\\frac{1$\u202eX"

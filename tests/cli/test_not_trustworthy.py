@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 import dovetail
+import dovetail_bench
 from dovetail.cli.result_files import write_results
 from dovetail.identification import methods
 from dovetail.identification.result_file import load_result
@@ -270,9 +271,11 @@ def test_what_is_handed_on_follows_the_result(made):
 
 
 def test_a_calibration_counts_the_results_that_are_not_trustworthy(run, sdof, assemblies, tmp_path, monkeypatch):
-    done = dovetail.calibrate(sdof, cases=2, samples=50, workers=1)
+    done = dovetail_bench.calibrate(sdof, cases=2, samples=50, workers=1)
     assert done.is_trustworthy.all()
-    monkeypatch.setattr(dovetail, "calibrate", lambda *_, **__: replace(done, is_trustworthy=np.array([True, False])))
+    monkeypatch.setattr(
+        dovetail_bench, "calibrate", lambda *_, **__: replace(done, is_trustworthy=np.array([True, False]))
+    )
     printed = run("calibrate", assemblies / "sdof.yaml", "--cases", 2, "-o", tmp_path / "out")
     said = "Results that are not trustworthy: 1; they count like the others."
     assert said in " ".join(printed.stdout.split())

@@ -19,7 +19,7 @@ from dovetail.cli.result_files import write_results
 from dovetail.inference.posterior import Posterior, typical_model_error
 from dovetail.report import content
 from dovetail.report.batch import write_batch
-from dovetail.report.comparison import parameter_value_rows
+from dovetail_bench.pages.comparison import parameter_value_rows
 
 identify, in_batches = (import_module(f"dovetail.cli.{name}") for name in ("identify", "batch"))
 K, C = (2e6, 4e6), 60.0

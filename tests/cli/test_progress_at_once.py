@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from dovetail.cli import COMMANDS
+from dovetail.cli.command_group import OWN
+from dovetail.registry import CommandTable
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals are of POSIX")
 
@@ -46,8 +47,7 @@ def files(run, assemblies, tmp_path_factory) -> dict[str, Path]:
 
 
 def test_all_commands_are_here():
-    names = {command.__name__.replace("_", "-") for commands in COMMANDS.values() for command in commands}
-    assert names == {line.split()[0] for line in LONG} | QUICK
+    assert set(CommandTable(OWN).offers) == {line.split()[0] for line in LONG} | QUICK
 
 
 @pytest.mark.parametrize("line", LONG, ids=lambda line: line.split(" -")[0].replace("{", "").replace("}", ""))

@@ -11,7 +11,8 @@ import sys
 import pytest
 
 import dovetail
-from dovetail.cli import COMMANDS
+from dovetail.cli.command_group import OWN
+from dovetail.registry import CommandTable
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +57,7 @@ def test_python_m_dovetail_tells_its_version():
 
 
 def test_every_command_that_prints_a_table_prints_json_too():
-    commands = [command for group in COMMANDS.values() for command in group]
+    commands = [offer.command.load() for offer in CommandTable(OWN).offers.values()]
     with_table = [c for c in commands if "    table(" in inspect.getsource(inspect.getmodule(c))]
     assert {"identify", "plot", "check", "plan"} <= {command.__name__ for command in with_table}
     assert [c.__name__ for c in with_table if "as_json" not in inspect.signature(c).parameters] == []

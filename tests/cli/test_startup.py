@@ -18,7 +18,7 @@ print([name for name in {HEAVY!r} if name in sys.modules])
 """
 
 RUN_APP = """
-from dovetail.cli import app
+from dovetail.cli.app import app
 try:
     app({arguments!r})
 except SystemExit as exit:
@@ -89,11 +89,11 @@ def test_help_lists_every_command(shell):
     listed = {group: re.findall(r"^  (\S+)", rows, flags=re.M) for group, rows in groups.items()}
     assert listed == {
         "Describe an assembly": ["new-assembly", "check", "describe", "simulate", "explore", "schema"],
-        "Measure": ["plot", "convert", "frf", "spindle"],
+        "Measure": ["plot", "convert", "frf", "plan", "spindle"],
         "Identify a joint": ["identify", "train", "generate", "merge"],
-        "Use the result": ["predict", "validate"],
-        "Study what can be known": ["plan", "calibrate", "compare", "robustness", "study"],
+        "Use the result": ["predict"],
         "Extend": ["plugins", "new-plugin", "check-plugin"],
+        "Evaluate": ["calibrate", "compare", "robustness", "study", "validate"],
     }
     assert "..." not in done.stdout.partition("--help")[2]
     assert max(len(line) for line in done.stdout.splitlines()) <= 80

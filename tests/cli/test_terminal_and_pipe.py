@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from dovetail.cli import app
+from dovetail.cli.app import app
 
 CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f]")
 
@@ -125,7 +125,7 @@ runpy.run_module("dovetail", run_name="__main__")
 """
 
 
-@pytest.mark.parametrize("module", ["dovetail.cli", "typer", "dovetail.cli.validate"])
+@pytest.mark.parametrize("module", ["dovetail.cli", "typer", "dovetail.cli.command_group"])
 def test_ctrl_c_in_the_first_tenth_of_a_second(module):
     done = subprocess.run([sys.executable, "-c", INTERRUPTED, module], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "\nInterrupted.\n")

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import dovetail
+import dovetail_machining
 from dovetail.report.explorer import Explorer
 
 FREQUENCY = np.arange(10.0, 200.0, 1.0)
@@ -380,11 +381,11 @@ def spindle_tests(assemblies):
 def test_tests_of_a_spindle_in_another_order_are_refused(spindle_tests, chosen):
     holder, tests = spindle_tests
     with pytest.raises(dovetail.MeasurementError, match="its file says response"):
-        dovetail.spindle_flange(holder, tuple(tests[index] for index in chosen), (0.0, 0.02), 0.072)
+        dovetail_machining.spindle_flange(holder, tuple(tests[index] for index in chosen), (0.0, 0.02), 0.072)
     unknown = [replace(frf, response="", force="") for frf in tests]
     if len(set(chosen)) < 3:
         with pytest.raises(dovetail.MeasurementError, match="it holds the same values as"):
-            dovetail.spindle_flange(holder, tuple(unknown[index] for index in chosen), (0.0, 0.02), 0.072)
+            dovetail_machining.spindle_flange(holder, tuple(unknown[index] for index in chosen), (0.0, 0.02), 0.072)
 
 
 @pytest.mark.parametrize(
@@ -406,14 +407,14 @@ def test_tests_of_a_spindle_at_other_dofs_are_refused(spindle_tests, stated):
         for index, frf in enumerate(tests)
     ]
     with pytest.raises(dovetail.MeasurementError, match="--ignore-dofs"):
-        dovetail.spindle_flange(holder, tuple(changed), (0.0, 0.02), 0.072)
+        dovetail_machining.spindle_flange(holder, tuple(changed), (0.0, 0.02), 0.072)
 
 
 def test_a_test_of_a_spindle_with_a_reversed_sign_is_refused(spindle_tests):
     holder, (aa, ab, bb) = spindle_tests
     for changed in ((replace(aa, values=-aa.values), ab, bb), (aa, ab, replace(bb, values=-bb.values))):
         with pytest.raises(dovetail.MeasurementError, match="it gives out 100 % of the power"):
-            dovetail.spindle_flange(holder, changed, (0.0, 0.02), 0.072)
+            dovetail_machining.spindle_flange(holder, changed, (0.0, 0.02), 0.072)
 
 
 def test_the_command_refuses_exchanged_and_repeated_tests(run, assemblies, tmp_path):

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail.coupling import couple, decouple, difference_receptance
-from dovetail.coupling.spindle import error_gain
+import dovetail_machining
+from dovetail.coupling import couple, decouple
 from dovetail.errors import DescriptionError, FileError, MeasurementError, ParameterError
 from dovetail.measurement import add_accelerometer_mass
+from dovetail_machining.spindle import difference_receptance, error_gain
 
 STEEL = {"young": 2.05e11, "density": 7850.0, "poisson": 0.3, "loss_factor": 0.01}
 LINES = {"start": 50.0, "stop": 5000.0, "step": 10.0}
@@ -78,7 +79,7 @@ def struck(whole, mass=0.0, a=0.0, b=0.024):
 
 def test_three_translations_give_the_flange(parts):
     stub, rest, whole = parts
-    found = dovetail.spindle_flange(stub, struck(whole), (0.0, 0.024), 0.072)
+    found = dovetail_machining.spindle_flange(stub, struck(whole), (0.0, 0.024), 0.072)
     assert worst(found.values, receptance(rest, *TIP)) < 1e-6
 
 
@@ -88,7 +89,7 @@ def test_the_accelerometer_is_taken_off_drive_and_transfer_tests(parts):
     tests = struck(whole, mass)
     bare = dovetail.Frf(whole.frequency, receptance(whole, (0.0, "x"))[:, 0, 0], "receptance")
     np.testing.assert_allclose(tests[0].values, add_accelerometer_mass(bare, mass).to("accelerance").values, rtol=1e-9)
-    found = dovetail.spindle_flange(stub, tests, (0.0, 0.024), 0.072, accelerometer_mass=mass)
+    found = dovetail_machining.spindle_flange(stub, tests, (0.0, 0.024), 0.072, accelerometer_mass=mass)
     assert worst(found.values, receptance(rest, *TIP)) < 1e-6
 
 
@@ -110,10 +111,10 @@ def test_a_test_on_other_lines_or_without_phase_is_refused(parts):
     aa, ab, bb = struck(whole)
     short = dovetail.Frf(aa.frequency[:-1], aa.values[:-1], "accelerance")
     with pytest.raises(MeasurementError, match="not on the lines"):
-        dovetail.spindle_flange(stub, (short, ab, bb), (0.0, 0.024), 0.072)
+        dovetail_machining.spindle_flange(stub, (short, ab, bb), (0.0, 0.024), 0.072)
     amplitude = dovetail.Frf(aa.frequency, aa.amplitude, "accelerance", has_phase=False)
     with pytest.raises(MeasurementError, match="needs a phase"):
-        dovetail.spindle_flange(stub, (amplitude, ab, bb), (0.0, 0.024), 0.072)
+        dovetail_machining.spindle_flange(stub, (amplitude, ab, bb), (0.0, 0.024), 0.072)
 
 
 def test_a_holder_that_is_not_known_and_a_single_point_are_refused(parts):
@@ -122,9 +123,9 @@ def test_a_holder_that_is_not_known_and_a_single_point_are_refused(parts):
     described["substructures"]["holder"]["material"]["young"] = {"range": ["190 GPa", "220 GPa"]}
     unknown = dovetail.load(described)
     with pytest.raises(ParameterError, match="the holder is not known"):
-        dovetail.spindle_flange(unknown, struck(whole), (0.0, 0.024), 0.072)
+        dovetail_machining.spindle_flange(unknown, struck(whole), (0.0, 0.024), 0.072)
     with pytest.raises(ParameterError, match="the points a and b are the same"):
-        dovetail.spindle_flange(stub, struck(whole), (0.024, 0.024), 0.072)
+        dovetail_machining.spindle_flange(stub, struck(whole), (0.024, 0.024), 0.072)
 
 
 def test_errors_of_the_tests_come_out_larger_by_the_stated_gain(parts):
@@ -134,7 +135,7 @@ def test_errors_of_the_tests_come_out_larger_by_the_stated_gain(parts):
     medians = []
     for distance in (0.024, 0.048):
         tests = struck(whole, b=distance)
-        exact = dovetail.spindle_flange(stub, tests, (0.0, distance), 0.072)
+        exact = dovetail_machining.spindle_flange(stub, tests, (0.0, distance), 0.072)
         squares = []
         for _ in range(100):
             noise = random.standard_normal((2, 3, len(whole.frequency))) / np.sqrt(2.0)
@@ -142,7 +143,7 @@ def test_errors_of_the_tests_come_out_larger_by_the_stated_gain(parts):
                 replace(frf, values=frf.values * (1.0 + level * (real + 1j * imaginary)))
                 for frf, real, imaginary in zip(tests, *noise, strict=True)
             )
-            flange = dovetail.spindle_flange(stub, noisy, (0.0, distance), 0.072).values
+            flange = dovetail_machining.spindle_flange(stub, noisy, (0.0, distance), 0.072).values
             squares.append(np.abs(np.diagonal(flange / exact.values - 1.0, axis1=1, axis2=2) / level) ** 2)
         gain = error_gain(exact, stub, tests, (0.0, distance), 0.072)
         np.testing.assert_allclose(np.sqrt(np.mean(squares, axis=0)), gain, rtol=0.5)
@@ -154,14 +155,14 @@ def test_errors_of_the_tests_come_out_larger_by_the_stated_gain(parts):
 @pytest.fixture
 def flange_file(parts, tmp_path):
     stub, _, whole = parts
-    flange = dovetail.spindle_flange(stub, struck(whole), (0.0, 0.024), 0.072)
+    flange = dovetail_machining.spindle_flange(stub, struck(whole), (0.0, 0.024), 0.072)
     dovetail.write_receptance(flange, tmp_path / "flange.npz")
     return tmp_path / "flange.npz"
 
 
 def test_the_file_gives_back_every_digit(flange_file, parts):
     stub, _, whole = parts
-    made = dovetail.spindle_flange(stub, struck(whole), (0.0, 0.024), 0.072)
+    made = dovetail_machining.spindle_flange(stub, struck(whole), (0.0, 0.024), 0.072)
     read = dovetail.read_receptance(flange_file)
     assert np.array_equal(read.values, made.values)
     assert np.array_equal(read.frequency, made.frequency)
@@ -241,4 +242,4 @@ def test_a_flange_is_not_determined_from_what_cannot_be(kind, options, where):
     plain = dovetail.Frf(holder.frequency, values, "receptance")
     tests = plain, dovetail.Frf(holder.frequency, values, "receptance", **kind), plain
     with pytest.raises(dovetail.DovetailError, match=where):
-        dovetail.spindle_flange(holder, tests, (0.0, 0.04), 0.1, **options)
+        dovetail_machining.spindle_flange(holder, tests, (0.0, 0.04), 0.1, **options)

@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 
 import dovetail
+import dovetail_bench
 from dovetail.errors import DovetailError, Fault, as_dovetail_error
-from dovetail.evaluation import calibration
 from dovetail.identification import identifier
 from dovetail.parallel import side_by_side
+from dovetail_bench.evaluation import calibration
 from support.batches import BAD, start, summary, write_measurements
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are forked on Linux only")
@@ -109,7 +110,7 @@ def test_a_calibration_goes_on_without_the_cases_that_fail(sdof, monkeypatch):
         return identify(assembly, measured, method, **options)
 
     monkeypatch.setattr(calibration, "identify", faulty)
-    done = dovetail.calibrate(sdof, cases=4, samples=20, noise=0.1, workers=2)
+    done = dovetail_bench.calibrate(sdof, cases=4, samples=20, noise=0.1, workers=2)
     assert done.case.tolist() == [0, 3]
     assert sorted(done.failures) == [1, 2]
     assert "ended by the system (SIGKILL)" in done.failures[1]
@@ -123,7 +124,7 @@ def test_a_calibration_of_which_every_case_fails_is_an_error(sdof, monkeypatch):
 
     monkeypatch.setattr(calibration, "identify", faulty)
     with pytest.raises(DovetailError, match="not enough memory"):
-        dovetail.calibrate(sdof, cases=2, samples=20, workers=1)
+        dovetail_bench.calibrate(sdof, cases=2, samples=20, workers=1)
 
 
 @pytest.mark.parametrize("processes", [1, 2])

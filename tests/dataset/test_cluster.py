@@ -16,8 +16,9 @@ import pytest
 from typer.testing import CliRunner
 
 import dovetail
+import dovetail_bench
 from dovetail import parallel
-from dovetail.cli import app
+from dovetail.cli.app import app
 from dovetail.dataset import generation
 from dovetail.errors import DovetailError
 
@@ -178,8 +179,8 @@ def test_a_shard_of_interpolated_complex_frfs_by_a_cluster(assembly, tmp_path, m
 @pytest.mark.slow
 def test_a_calibration_by_a_cluster_has_the_same_ranks(sdof, scheduler, workers):
     setting = {"cases": 2, "samples": 40, "seed": 5}
-    here = dovetail.calibrate(sdof, **setting, workers=1)
-    there = dovetail.calibrate(sdof, **setting, scheduler=scheduler[1])
+    here = dovetail_bench.calibrate(sdof, **setting, workers=1)
+    there = dovetail_bench.calibrate(sdof, **setting, scheduler=scheduler[1])
     np.testing.assert_array_equal(there.rank, here.rank)
     np.testing.assert_array_equal(there.estimate, here.estimate)
     assert (here.workers, there.workers) == (1, None)
@@ -228,8 +229,8 @@ def test_a_study_by_a_cluster_tries_each_setting_once_whoever_is_killed(sdof, tm
             killed.append(workers[-1].pid)
             workers[-1].kill()
 
-    together = dovetail.study(assembly, tmp_path / "together", scheduler=scheduler[1], progress=kill_one)
-    alone = dovetail.study(assembly, tmp_path / "alone")
+    together = dovetail_bench.study(assembly, tmp_path / "together", scheduler=scheduler[1], progress=kill_one)
+    alone = dovetail_bench.study(assembly, tmp_path / "alone")
     assert killed
     assert [trial.state for trial in together.trials] == ["done"] * len(alone.trials)
     found, expected = ({str(t.changes) + t.kind: t.answer["mae"] for t in s.trials} for s in (together, alone))

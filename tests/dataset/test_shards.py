@@ -18,7 +18,7 @@ import yaml
 from typer.testing import CliRunner
 
 import dovetail
-from dovetail.cli import app
+from dovetail.cli.app import app
 from dovetail.dataset import generation
 from dovetail.errors import DatasetError
 from support.mass_on_mount import mass_on_mount

@@ -313,7 +313,7 @@ def test_files_of_matrices_displace_an_archive_and_the_reverse(tmp_path):
 
 
 def test_the_source_of_a_joint_displaces_the_other_in_cases(tmp_path):
-    from dovetail.evaluation.cases import read_cases
+    from dovetail_bench.evaluation.cases import read_cases
 
     case = "{assembly: a.yaml, measured: m.uff, joint: %s}"
     fitted, result = "{assembly: b.yaml, measured: b.uff}", "{result: r}"

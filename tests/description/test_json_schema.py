@@ -180,7 +180,7 @@ def test_a_plugin_file_s_options_are_in_it(run, tmp_path):
 def run():
     from typer.testing import CliRunner
 
-    from dovetail.cli import app
+    from dovetail.cli.app import app
 
     def invoke(*words: object, code: int = 0):
         result = CliRunner().invoke(app, [str(word) for word in words])

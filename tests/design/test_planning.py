@@ -10,11 +10,11 @@ import yaml
 from typer.testing import CliRunner
 
 import dovetail
-from dovetail.cli import app
+from dovetail.cli.app import app
 from dovetail.dataset import latin_hypercube
+from dovetail.design import plan_measurements
 from dovetail.design.truncated_gaussian import remaining_uncertainty
 from dovetail.errors import ParameterError
-from dovetail.evaluation import plan_measurements
 from dovetail.inference.fitting import refine
 from dovetail.inference.posterior import ModelError, sample_posterior
 from support.mass_on_mount import mass_on_mount

@@ -14,10 +14,10 @@ import pytest
 
 import dovetail
 from dovetail.errors import DovetailError, ParameterError
-from dovetail.evaluation import calibrate
-from dovetail.evaluation import calibration as study
-from dovetail.evaluation.mesh_refinement import finer
 from dovetail.parallel import side_by_side
+from dovetail_bench import calibrate
+from dovetail_bench.evaluation import calibration as study
+from dovetail_bench.evaluation.mesh_refinement import finer
 
 pytestmark = pytest.mark.usefixtures("few_mode_searches")
 FEW, MANY = 60, 120

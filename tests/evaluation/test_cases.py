@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from dovetail.errors import DescriptionError
-from dovetail.evaluation import read_cases
+from dovetail_bench import read_cases
 
 SOUND = """\
 dovetail_cases: 1

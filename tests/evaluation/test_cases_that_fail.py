@@ -8,11 +8,12 @@ import pytest
 from typer.testing import CliRunner
 
 import dovetail
-from dovetail.cli import app
+import dovetail_bench
+from dovetail.cli.app import app
 from dovetail.errors import MeasurementError
-from dovetail.evaluation import comparison, validation
-from dovetail.evaluation.cases import read_cases
-from dovetail.evaluation.study import _Work
+from dovetail_bench.evaluation import comparison, validation
+from dovetail_bench.evaluation.cases import read_cases
+from dovetail_bench.evaluation.study import _Work
 
 CASE = """\
   {name}:
@@ -47,10 +48,10 @@ def cases(tmp_path, sdof, monkeypatch):
     return file
 
 
-@pytest.mark.parametrize("evaluate", [dovetail.validate, lambda read: dovetail.compare(read, ("refined",))])
+@pytest.mark.parametrize("evaluate", [dovetail_bench.validate, lambda read: dovetail_bench.compare(read, ("refined",))])
 def test_the_other_cases_are_evaluated(cases, evaluate):
     done = evaluate(read_cases(cases))
-    found = [one.case.name if isinstance(done, dovetail.Validation) else one.name for one in done.cases]
+    found = [one.case.name if isinstance(done, dovetail_bench.Validation) else one.name for one in done.cases]
     assert found == ["fine"]
     assert sorted(done.failures) == ["hungry", "short"]
     assert "the measurement covers" in done.failures["short"]
@@ -58,7 +59,7 @@ def test_the_other_cases_are_evaluated(cases, evaluate):
     assert done.failures["hungry"] == "case hungry\n  there is not enough memory for it.\n  Free some memory."
 
 
-@pytest.mark.parametrize("evaluate", [dovetail.validate, lambda read: dovetail.compare(read, ("refined",))])
+@pytest.mark.parametrize("evaluate", [dovetail_bench.validate, lambda read: dovetail_bench.compare(read, ("refined",))])
 def test_if_every_case_fails_the_first_cause_is_raised(cases, evaluate):
     cases.write_text("dovetail_cases: 1\ncases:\n" + "".join(CASE.format(name=name) for name in NAMES[1:]))
     with pytest.raises(MeasurementError, match="the measurement covers"):
@@ -88,6 +89,6 @@ def test_a_trial_that_lacks_memory_fails_and_the_study_goes_on(sdof, tmp_path, m
         return answer(self, trial, progress)
 
     monkeypatch.setattr(_Work, "_answer", faulty)
-    done = dovetail.study(dovetail.load(described), tmp_path / "study")
+    done = dovetail_bench.study(dovetail.load(described), tmp_path / "study")
     assert [trial.state for trial in done.trials if trial.changes and trial.kind != "test"] == ["failed"]
     assert [trial.reason for trial in done.trials if trial.state == "failed"] == ["there is not enough memory for it."]

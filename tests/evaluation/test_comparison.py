@@ -12,10 +12,10 @@ import pytest
 from typer.testing import CliRunner
 
 import dovetail
-from dovetail.cli import app
+from dovetail.cli.app import app
 from dovetail.errors import DovetailError, ParameterError
-from dovetail.evaluation import compare, read_cases, read_truths
-from dovetail.report.comparison import write_comparison
+from dovetail_bench import compare, read_cases, read_truths
+from dovetail_bench.pages.comparison import write_comparison
 
 CASES = """\
 dovetail_cases: 1

@@ -9,10 +9,10 @@ import pytest
 
 import dovetail
 from dovetail.errors import PluginError
-from dovetail.evaluation import robustness
-from dovetail.evaluation.robustness import variant, with_noise
 from dovetail.measurement import data_noise
 from dovetail.registry import components
+from dovetail_bench import robustness
+from dovetail_bench.evaluation.robustness import variant, with_noise
 
 
 @pytest.fixture(scope="module")

@@ -14,13 +14,14 @@ import numpy as np
 import pytest
 
 import dovetail
+import dovetail_bench
 from dovetail.atomic_files import is_locked, locked
 from dovetail.errors import DovetailError
-from dovetail.evaluation.study import _Worker
-from dovetail.evaluation.study_ledger import Ledger, Proposal
-from dovetail.evaluation.study_plan import StudyPlan
 from dovetail.registry import components
-from dovetail.report.study import chosen
+from dovetail_bench.evaluation.study import _Worker
+from dovetail_bench.evaluation.study_ledger import Ledger, Proposal
+from dovetail_bench.evaluation.study_plan import StudyPlan
+from dovetail_bench.pages.study import chosen
 
 SWEEPS: dict[str, Any] = {"reducer.n_components": [2, 4, 8], "regressor.options.alpha": [1e-4, 10.0]}
 RIDGE = {"model": "sklearn", "estimator": "KernelRidge", "options": {"alpha": 0.1, "kernel": "rbf"}}
@@ -40,7 +41,7 @@ def described(sdof, **study: Any) -> dict[str, Any]:
 @pytest.fixture(scope="module")
 def swept(sdof, tmp_path_factory):
     folder = tmp_path_factory.mktemp("study")
-    return folder, dovetail.study(dovetail.load(described(sdof, sweeps=SWEEPS)), folder)
+    return folder, dovetail_bench.study(dovetail.load(described(sdof, sweeps=SWEEPS)), folder)
 
 
 def test_each_setting_is_tried_once_and_the_best_of_all_sweeps_together(swept):
@@ -91,7 +92,7 @@ def test_the_best_settings_are_those_that_were_tried(sdof, tmp_path, stated, cha
 def test_a_finished_study_is_read_back_and_tries_nothing(swept, sdof):
     folder, done = swept
     stages: list[str] = []
-    again = dovetail.study(
+    again = dovetail_bench.study(
         dovetail.load(described(sdof, sweeps=SWEEPS)), folder, progress=lambda stage, *_: stages.append(stage)
     )
     assert again.to_dict() == done.to_dict()
@@ -110,7 +111,7 @@ def test_the_test_is_not_forgotten_where_another_process_ended_the_last_trial_be
         return claim(ledger, propose)
 
     monkeypatch.setattr(Ledger, "claim", claim_too_early)
-    done = dovetail.study(dovetail.load(described(sdof, sweeps={"reducer.n_components": [2]})), tmp_path)
+    done = dovetail_bench.study(dovetail.load(described(sdof, sweeps={"reducer.n_components": [2]})), tmp_path)
     assert waited == [2]
     assert done.test.state == "done"
 
@@ -126,10 +127,10 @@ def test_another_study_is_refused_in_the_same_folder(swept, sdof):
     folder, _ = swept
     other = dovetail.load(described(sdof, sweeps={**SWEEPS, "reducer.n_components": [3]}))
     with pytest.raises(dovetail.DovetailError, match="holds a study of another description"):
-        dovetail.study(other, folder)
+        dovetail_bench.study(other, folder)
     (folder / "ledger.json").write_text("[]")
     with pytest.raises(dovetail.DovetailError, match="no ledger of a study"):
-        dovetail.study(other, folder)
+        dovetail_bench.study(other, folder)
 
 
 @pytest.mark.parametrize(
@@ -150,17 +151,17 @@ def test_what_cannot_be_tried_is_said_before_any_work(sdof, tmp_path, study, fau
     if any("search" in key for key in study):
         pytest.importorskip("optuna")
     with pytest.raises(dovetail.DescriptionError, match=fault):
-        dovetail.study(dovetail.load(described(sdof, **study)), tmp_path / "study")
+        dovetail_bench.study(dovetail.load(described(sdof, **study)), tmp_path / "study")
     assert not (tmp_path / "study").exists()
 
 
 def test_a_description_without_a_study(sdof, tmp_path):
     with pytest.raises(dovetail.DescriptionError, match="the description has no study"):
-        dovetail.study(sdof, tmp_path)
+        dovetail_bench.study(sdof, tmp_path)
 
 
 def test_settings_that_fail_are_told_and_the_others_go_on(sdof, tmp_path):
-    done = dovetail.study(dovetail.load(described(sdof, sweeps={"reducer.n_components": [500, 8]})), tmp_path)
+    done = dovetail_bench.study(dovetail.load(described(sdof, sweeps={"reducer.n_components": [500, 8]})), tmp_path)
     failed = done.trials[1]
     assert failed.state == "failed"
     assert failed.reason
@@ -174,7 +175,7 @@ def test_a_search_gives_up_what_is_hopeless_and_takes_the_sweeps_into_account(sd
         "regressor.options.alpha": {"range": [1e-6, 1e3], "scale": "log"},
     }
     study = {"sweeps": {"reducer.n_components": [2, 8]}, "search": {"trials": 14, "options": options}}
-    done = dovetail.study(dovetail.load(described(sdof, **study)), tmp_path)
+    done = dovetail_bench.study(dovetail.load(described(sdof, **study)), tmp_path)
     searched = [trial for trial in done.trials if trial.kind == "search"]
     assert len(searched) == 14
     pruned = [trial for trial in searched if trial.state == "pruned"]
@@ -184,7 +185,7 @@ def test_a_search_gives_up_what_is_hopeless_and_takes_the_sweeps_into_account(sd
     assert np.median([trial.first for trial in pruned]) > np.median([trial.first for trial in kept])
     assert done.best.answer["mae"] <= min(trial.answer["mae"] for trial in done.trials[:3])
     assert all(isinstance(trial.changes["reducer.n_components"], int) for trial in searched)
-    first = dovetail.study(dovetail.load(described(sdof, **study)), tmp_path / "again")
+    first = dovetail_bench.study(dovetail.load(described(sdof, **study)), tmp_path / "again")
     assert [trial.changes for trial in first.trials] == [trial.changes for trial in done.trials]
 
 
@@ -192,7 +193,7 @@ def test_without_optuna_a_search_says_what_to_install(sdof, tmp_path, monkeypatc
     monkeypatch.setitem(__import__("sys").modules, "optuna", None)
     search = {"trials": 2, "options": {"reducer.n_components": [2, 3]}}
     with pytest.raises(dovetail.DovetailError, match=r"pip install \"dovetail-frf\[study\]\""):
-        dovetail.study(dovetail.load(described(sdof, search=search)), tmp_path)
+        dovetail_bench.study(dovetail.load(described(sdof, search=search)), tmp_path)
 
 
 def one(trials: Any) -> Proposal | None:

@@ -9,10 +9,10 @@ import pytest
 
 import dovetail
 from dovetail.errors import MeasurementError, ParameterError
-from dovetail.evaluation import PeakRow, read_cases, validate
 from dovetail.identification.reconstruction import reconstruct
 from dovetail.measurement import add_accelerometer_mass
-from dovetail.report.validation_figures import series_figure, validation_figure
+from dovetail_bench import PeakRow, read_cases, validate
+from dovetail_bench.pages.validation_figures import series_figure, validation_figure
 
 TRUTH = {"k": 3e6, "c": 40.0}
 SENSOR = 0.05

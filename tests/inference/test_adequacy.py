@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 import dovetail
 from dovetail.assembly import Assembly
-from dovetail.cli import app
+from dovetail.cli.app import app
 from dovetail.frf.resonance_peaks import PairedPeaks
 from dovetail.identification.result_file import load_result
 from dovetail.inference.adequacy.assess import _distance_of_lost_peaks

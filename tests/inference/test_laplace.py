@@ -12,7 +12,7 @@ from scipy.stats import norm
 from typer.testing import CliRunner
 
 import dovetail
-from dovetail.cli import app
+from dovetail.cli.app import app
 from dovetail.errors import ParameterError
 from dovetail.identification.result_file import load_result
 from dovetail.inference.fitting import refine

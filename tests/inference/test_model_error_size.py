@@ -11,7 +11,6 @@ import pytest
 
 import dovetail
 from dovetail.errors import ParameterError
-from dovetail.evaluation.mesh_refinement import finer
 from dovetail.frf.resonance_peaks import resonance_peaks
 from dovetail.inference.adequacy.model_error_size import (
     _improbability,
@@ -27,6 +26,7 @@ from dovetail.inference.posterior.frequency_average import unshaped_deviation
 from dovetail.inference.posterior.model_error import fit_resonances
 from dovetail.problem.observations import Observations
 from dovetail.problem.residuals import ModelFrfs
+from dovetail_bench.evaluation.mesh_refinement import finer
 from support.noisy_measurements import frf_on, noisy
 
 TRUTH = np.array([2e6, 20.0, 1e6, 10.0])

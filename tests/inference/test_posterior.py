@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 import dovetail
-from dovetail.cli import app
+from dovetail.cli.app import app
 from dovetail.errors import ParameterError
 from dovetail.identification.result_file import load_result
 from dovetail.inference.fitting import refine

@@ -76,7 +76,12 @@ def lay_out(package: Package, root: Path, folder: Path) -> None:
     """Copy a checkout into the layout that mutmut knows, packages under src, and configure it."""
     shutil.rmtree(folder, ignore_errors=True)
     ignored = shutil.ignore_patterns("__pycache__", "_build")
-    for source in ("framework/dovetail", "plugins/dovetail_plugins"):
+    for source in (
+        "framework/dovetail",
+        "plugins/dovetail_bench",
+        "plugins/dovetail_machining",
+        "plugins/dovetail_plugins",
+    ):
         shutil.copytree(root / source, folder / "src" / Path(source).name, ignore=ignored)
     importable = folder / "mutants" / "src"
     importable.mkdir(parents=True)  # Python passes over a path that is not there when it starts

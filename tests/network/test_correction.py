@@ -11,8 +11,8 @@ import pytest
 from scipy.special import ndtr
 
 import dovetail
+import dovetail_bench
 from dovetail.errors import BundleError, ParameterError, PluginError
-from dovetail.evaluation.robustness import variant
 from dovetail.network.correction import (
     GaussNewtonFeatures,
     _over_bands,
@@ -21,6 +21,7 @@ from dovetail.network.correction import (
 )
 from dovetail.network.preprocessing import TargetScaling
 from dovetail.registry import components
+from dovetail_bench.evaluation.robustness import variant
 from support.mass_on_mount import mass_on_mount
 
 DESCRIPTION = mass_on_mount(
@@ -189,7 +190,7 @@ def test_the_correction_brings_the_answer_nearer_to_the_truth(model):
 
 
 def test_its_intervals_hold_the_truth_as_often_as_they_say(model):
-    done = dovetail.calibrate(
+    done = dovetail_bench.calibrate(
         model.assembly, cases=300, noise=0.05, seed=5, method="network", model=model, noise_kind="proportional"
     )
     covered, _ = done.coverage

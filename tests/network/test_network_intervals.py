@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import dovetail
+import dovetail_bench
 from dovetail.errors import ParameterError
 from dovetail.network.augmentation import FreshEpochs
 from support.mass_on_mount import GAUSSIAN_NETWORK, mass_on_mount
@@ -44,7 +45,7 @@ def test_the_network_tells_intervals_and_verdicts_in_the_one_table(result):
 
 def test_the_intervals_are_calibrated_on_what_was_never_trained_on(model):
     """With noise of the middle of the training's levels: an amplitude has 0.7 of the complex noise."""
-    done = dovetail.calibrate(
+    done = dovetail_bench.calibrate(
         model.assembly, cases=300, noise=0.07, seed=5, method="network", model=model, noise_kind="proportional"
     )
     covered, _ = done.coverage
@@ -82,7 +83,7 @@ def test_a_network_of_values_alone_cannot_be_calibrated():
     identification["regressor"] = {"model": "mlp", "hidden": [8], "max_epochs": 2}
     plain = dovetail.train(dovetail.load({**DESCRIPTION, "identification": identification}))
     with pytest.raises(ParameterError, match="the method 'network' tells no intervals here"):
-        dovetail.calibrate(plain.assembly, cases=2, method="network", model=plain)
+        dovetail_bench.calibrate(plain.assembly, cases=2, method="network", model=plain)
 
 
 def small(**changes):

@@ -78,6 +78,6 @@ def test_what_it_makes_conforms(kind, runner, tmp_path, monkeypatch):
 def runner():
     from typer.testing import CliRunner
 
-    from dovetail.cli import app
+    from dovetail.cli.app import app
 
     return lambda *words: CliRunner().invoke(app, [str(word) for word in words])

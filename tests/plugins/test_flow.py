@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 import dovetail
+import dovetail_bench
 from dovetail_plugins.regressors.flow import Flow
 from dovetail_plugins.regressors.mlp import MLP
 from support.mass_on_mount import mass_on_mount
@@ -163,7 +164,7 @@ def test_a_network_with_a_flow_is_calibrated():
     """With noise of the middle of the training's levels: an amplitude has 0.7 of the complex noise."""
     model = dovetail.train(described())
     noise = {"noise": 0.07, "noise_kind": "proportional"}
-    done = dovetail.calibrate(model.assembly, cases=200, seed=5, method="network", model=model, **noise)
+    done = dovetail_bench.calibrate(model.assembly, cases=200, seed=5, method="network", model=model, **noise)
     assert 0.83 < done.coverage[0] < 0.96
     assert all(parameter.r2 > 0.7 for parameter in done.parameters)
 

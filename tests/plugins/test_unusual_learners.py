@@ -14,7 +14,8 @@ from pydantic import Field
 from typer.testing import CliRunner
 
 import dovetail
-from dovetail.cli import app
+import dovetail_bench
+from dovetail.cli.app import app
 from dovetail.cli.model_cache import _key
 from dovetail.errors import MeasurementError, PluginError
 from dovetail.identification.identify import find_method
@@ -182,7 +183,7 @@ def test_features_far_from_zero_keep_their_digits():
 
 def test_a_study_tries_values_that_are_not_shown(tmp_path):
     description = described(regressor={"model": "line"}) | {"study": {"sweeps": {"regressor.scale": [1.0, 0.1]}}}
-    study = dovetail.study(dovetail.load(description, plugins=PLUGIN), tmp_path / "study", plugins=PLUGIN)
+    study = dovetail_bench.study(dovetail.load(description, plugins=PLUGIN), tmp_path / "study", plugins=PLUGIN)
     assert len(set(study.sweeps[0].trials)) == 2
 
 

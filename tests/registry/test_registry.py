@@ -18,7 +18,7 @@ from dovetail import StructuralMatrices, hookimpl
 from dovetail.errors import PluginError
 from dovetail.interfaces import ComponentConfig, JointModel, Parameter, Port
 from dovetail.registry import Registry, components
-from dovetail.registry import catalogue as module
+from dovetail.registry import loading as module
 from support.mass_on_mount import mass_on_mount
 
 GOOD = '''

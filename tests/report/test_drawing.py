@@ -85,7 +85,7 @@ def test_parts_without_an_outline_are_boxes_and_the_ground_is_hatched(sdof):
 def test_the_command_writes_the_drawing_with_its_text(tmp_path):
     from typer.testing import CliRunner
 
-    from dovetail.cli import app
+    from dovetail.cli.app import app
 
     files = [tmp_path / "a.svg", tmp_path / "a.png"]
     words = ["check", str(ASSEMBLIES / "sdof.yaml"), *(word for file in files for word in ("-o", str(file)))]

@@ -16,7 +16,8 @@ import yaml
 from typer.testing import CliRunner
 
 import dovetail
-from dovetail.cli import app
+import dovetail_bench
+from dovetail.cli.app import app
 from dovetail.errors import DovetailError
 from support.hostile_values import PLAIN, arrays_like, outcome, places, refusal, replaced, texts, written
 
@@ -215,7 +216,7 @@ def test_values_of_a_truth(small, tmp_path):
     truth = {"synthetic": True, "note": "n", "parameters": {"k": "3 MN/m", "c": 40}, "natural_frequencies_Hz": [275.0]}
     sweep(json.dumps(truth), lambda: dovetail.read_truth(tmp_path / "t.json", small.parameters), tmp_path / "t.json")
     truths = {"tests": {"a": {"parameters": {"k": 1e6}}}}
-    sweep(json.dumps(truths), lambda: dovetail.read_truths(tmp_path / "t.json"), tmp_path / "t.json")
+    sweep(json.dumps(truths), lambda: dovetail_bench.read_truths(tmp_path / "t.json"), tmp_path / "t.json")
 
 
 def test_values_of_a_file_of_cases(small, frf, tmp_path):
@@ -228,7 +229,7 @@ def test_values_of_a_file_of_cases(small, frf, tmp_path):
         "series": "s",
         "cases": {"one": {**joint, "value": 1.0, "joint": joint}},
     }
-    sweep(json.dumps(cases), lambda: dovetail.read_cases(tmp_path / "c.yaml"), tmp_path / "c.yaml")
+    sweep(json.dumps(cases), lambda: dovetail_bench.read_cases(tmp_path / "c.yaml"), tmp_path / "c.yaml")
 
 
 @pytest.mark.parametrize("column", [0, 1, 2, 3])

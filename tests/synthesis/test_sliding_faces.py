@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 import dovetail
-from dovetail.cli import app
+from dovetail.cli.app import app
 from dovetail.registry import components
 
 STEEL = {"young": "193 GPa", "density": "7950 kg/m^3", "poisson": 0.29}

@@ -10,7 +10,7 @@ import pytest
 
 import dovetail
 from dovetail.errors import DescriptionError
-from dovetail.evaluation.mesh_refinement import finer
+from dovetail_bench.evaluation.mesh_refinement import finer
 
 ASSEMBLIES = Path(__file__).resolve().parents[2] / "assemblies"
 AT = 159.0

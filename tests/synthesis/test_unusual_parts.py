@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail.evaluation.mesh_refinement import finer
 from dovetail.synthesis import DampedModes
+from dovetail_bench.evaluation.mesh_refinement import finer
 from support import unusual_parts
 from support.unusual_parts import Dashpots, receptance_of_few_modes
 

@@ -11,7 +11,7 @@ from dovetail.cli.options import AsJson, AssemblyFile, PluginFiles, load_assembl
 from dovetail.cli.terminal import heading, print_json, progress_bars, say, table, title
 
 if TYPE_CHECKING:
-    from dovetail.evaluation import MeasurementPlan, PlannedPoint
+    from dovetail.design import MeasurementPlan, PlannedPoint
 
 _SHOWN = 8
 

@@ -1,24 +1,9 @@
-"""Discovery of components by one hook, from installed packages and single files."""
+"""Discovery of components and commands by hooks, from installed packages and single files.
 
-from dovetail.registry.catalogue import (
-    HOW_TO_OFFER,
-    LoadFailure,
-    Offer,
-    PluginPaths,
-    Registry,
-    components,
-    installed_components,
-)
-from dovetail.registry.hookspec import GROUP, hookimpl
+The public names are listed in ``__init__.pyi`` in this folder. Each is loaded when it is first used, so that a plugin's
+``import dovetail`` and ``@dovetail.hookimpl`` stay light.
+"""
 
-__all__ = [
-    "GROUP",
-    "HOW_TO_OFFER",
-    "LoadFailure",
-    "Offer",
-    "PluginPaths",
-    "Registry",
-    "components",
-    "hookimpl",
-    "installed_components",
-]
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

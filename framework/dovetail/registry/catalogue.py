@@ -2,33 +2,34 @@
 
 from __future__ import annotations
 
-import hashlib
-import importlib.util
-import inspect
 import os
-import sys
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import MappingProxyType, ModuleType
 from typing import Any, TypeAlias, cast
 
-import pluggy
-
 from dovetail.errors import Fault, PluginError, did_you_mean, listing
 from dovetail.interfaces import KINDS, Component, FrfReader, Kind
-from dovetail.parallel import FILE_MODULE
-from dovetail.registry.component_checks import contained, reason_against, reason_of
-from dovetail.registry.hookspec import GROUP, HookSpecification
+from dovetail.registry.component_checks import reason_against
+from dovetail.registry.loading import (
+    COMPONENTS,
+    DEFAULTS,
+    LoadFailure,
+    contained,
+    hooks_of,
+    installed_plugins,
+    load_entry,
+    load_module,
+    returned_list,
+)
 
 PluginPaths: TypeAlias = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
 """One plugin file, or several."""
 
-_HOOK, _DEFAULTS = "dovetail_components", "dovetail_defaults"
 _SLOW = 2.0
 """Seconds; an import that takes longer is listed."""
 HOW_TO_OFFER = "A model of your own needs `plugins='FILE.py'`."
@@ -65,14 +66,6 @@ def create_with_defaults(offer: Offer) -> Component:
         raise PluginError(Fault(label, f"it cannot be made without the option {needed}.", remedy=remedy))
     with contained(label, "it cannot be made: "):
         return offer.component()
-
-
-@dataclass(frozen=True)
-class LoadFailure:
-    """A plugin, or one of its components, that could not be loaded."""
-
-    source: str
-    reason: str
 
 
 class Registry:
@@ -207,11 +200,10 @@ class Registry:
 
     def load_entry_points(self) -> None:
         """Load every installed plugin; a broken one is added to `failures`."""
-        for entry in sorted(entry_points(group=GROUP), key=_last_if_shipped):
-            owner = f"{entry.dist.name} {entry.dist.version}" if entry.dist else entry.value
+        for owner, entry in installed_plugins():
             try:
                 with self._timed(owner):
-                    plugin = _load(entry, owner)
+                    plugin = load_entry(owner, entry)
                 self.add(plugin, owner)
             except PluginError as error:
                 self._failures.append(LoadFailure(owner, error.faults[0].problem))
@@ -224,31 +216,13 @@ class Registry:
         PluginError
             The file is missing, fails to run, or offers no components.
         """
-        file = Path(path)
-        if not file.is_file():
-            raise PluginError(Fault(str(path), "there is no such plugin file."))
-        if file.resolve() in self._files:
+        file = Path(path).resolve()
+        if file in self._files:
             return
-        digest = hashlib.sha256(str(file.resolve()).encode()).hexdigest()[:12]
-        name = f"{FILE_MODULE}{file.stem}_{digest}"  # files of the same name in two folders are two modules
-        spec = importlib.util.spec_from_file_location(name, file)
-        if spec is None or spec.loader is None:
-            raise PluginError(Fault(str(path), "this is not a Python file.", "a file that ends in .py"))
-        module = importlib.util.module_from_spec(spec)
-        sys.modules[name] = module
-        try:
-            with self._timed(str(path)):
-                spec.loader.exec_module(module)
-        except BaseException as error:
-            del sys.modules[name]
-            if isinstance(error, KeyboardInterrupt):
-                raise
-            remedy = ""
-            if isinstance(error, ModuleNotFoundError) and str(error.name).split(".")[0] == file.parent.name:
-                remedy = f"The file is part of the package '{file.parent.name}': install it (pip install -e FOLDER)."
-            raise PluginError(Fault(_failing_line(error, file), reason_of(error), remedy=remedy)) from error
+        with self._timed(str(path)):
+            module = load_module(path)
         self.add(module, str(path), strict=True)
-        self._files.add(file.resolve())
+        self._files.add(file)
 
     @contextmanager
     def _timed(self, source: str) -> Iterator[None]:
@@ -295,64 +269,20 @@ class Registry:
                 offers.append(Offer(component, source))
 
 
-def _last_if_shipped(entry: EntryPoint) -> tuple[bool, str, str]:
-    """Order plugins by name, those that ship with Dovetail behind all others: their defaults are for what is left."""
-    return entry.dist is not None and entry.dist.name == "dovetail-frf", entry.name, entry.value
-
-
-def _load(entry: EntryPoint, owner: str) -> object:
-    """Import the object that an entry point names."""
-    with contained(owner):
-        plugin: object = entry.load()
-    return plugin
-
-
 def _contributions_of(plugin: ModuleType | object, source: str) -> tuple[list[type[Component]], Mapping[str, Any]]:
     """Return the components and the defaults from a plugin's hooks."""
-    manager = pluggy.PluginManager(GROUP)
-    manager.add_hookspecs(HookSpecification)
-    hint = f"a function '{_HOOK}()' marked with @dovetail.hookimpl that returns a list of component classes"
-    try:
-        with contained(source, "its hooks cannot be looked at: ", pluggy.PluginValidationError):
-            manager.register(plugin)
-            manager.check_pending()
-    except pluggy.PluginValidationError as error:
-        misspelt = ", ".join(n for n in dir(plugin) if _is_marked(plugin, n) and n not in (_HOOK, _DEFAULTS))
-        problem = f"'{misspelt}' is not a hook of dovetail." if misspelt else str(error)
-        raise PluginError(Fault(source, problem, hint, did_you_mean(misspelt, [_HOOK, _DEFAULTS]))) from error
-    if not manager.hook.dovetail_components.get_hookimpls():
-        raise PluginError(Fault(source, f"it has no hook '{_HOOK}' marked with @dovetail.hookimpl.", hint))
-    with contained(source, f"its hook '{_HOOK}' raised "):
-        (returned,) = manager.hook.dovetail_components()
-        offered = list(returned) if isinstance(returned, Iterable) else returned
-    if isinstance(returned, (str, bytes)) or not isinstance(returned, Iterable):
-        raise PluginError(Fault(source, f"its hook '{_HOOK}' returned {returned!r}, not a list of classes.", hint))
-    with contained(source, f"its hook '{_DEFAULTS}' raised "):
-        defaults: object = next(iter(manager.hook.dovetail_defaults()), {})
+    hooks = hooks_of(plugin, source)
+    offered: list[type[Component]] = returned_list(hooks, COMPONENTS, source, "classes")
+    with contained(source, f"its hook '{DEFAULTS}' raised "):
+        defaults: object = next(iter(hooks.dovetail_defaults()), {})
     if not isinstance(defaults, Mapping):
-        raise PluginError(Fault(source, f"its hook '{_DEFAULTS}' returned {defaults!r:.60}.", "a dict"))
+        raise PluginError(Fault(source, f"its hook '{DEFAULTS}' returned {defaults!r:.60}.", "a dict"))
     kinds: dict[str, Any] = {"identification": Mapping, "robustness": (list, tuple), "compare": (list, tuple)}
     for key, value in defaults.items():
         if key not in kinds or not isinstance(value, kinds[key]):
-            problem = f"its hook '{_DEFAULTS}' gave {value!r:.40} for {key!r:.40}."
+            problem = f"its hook '{DEFAULTS}' gave {value!r:.40} for {key!r:.40}."
             raise PluginError(Fault(source, problem, "identification, a dict; robustness and compare, lists of names"))
-    return cast("list[type[Component]]", offered), defaults
-
-
-def _is_marked(plugin: ModuleType | object, name: str) -> bool:
-    return hasattr(inspect.getattr_static(plugin, name, None), f"{GROUP}_impl")
-
-
-def _failing_line(error: BaseException, file: Path) -> str:
-    """Return file:line at which a plugin file failed."""
-    if isinstance(error, SyntaxError) and error.lineno:
-        return f"{file}:{error.lineno}"
-    line, trace = 0, error.__traceback__
-    while trace:
-        if Path(trace.tb_frame.f_code.co_filename) == file:
-            line = trace.tb_lineno
-        trace = trace.tb_next
-    return f"{file}:{line}" if line else str(file)
+    return offered, defaults
 
 
 @cache

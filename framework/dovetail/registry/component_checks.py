@@ -1,13 +1,11 @@
-"""Whether a class can be used as a component, and calls of plugin code, which may raise anything."""
+"""Whether a class can be used as a component."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from dovetail.errors import DovetailError, Fault, PluginError
+from dovetail.errors import PluginError
 from dovetail.interfaces import (
     INTERFACE_VERSION,
     ComponentConfig,
@@ -19,28 +17,9 @@ from dovetail.interfaces import (
     SubstructureModel,
 )
 from dovetail.interfaces.method import TAKEN_NAMES, TAKEN_OPTIONS
+from dovetail.registry.loading import contained
 
 _CONTRACTS = (SubstructureModel, JointModel, Reducer, Regressor, FrfReader, IdentificationMethod)
-
-
-@contextmanager
-def contained(source: str, problem: str = "", *apart: type[Exception]) -> Iterator[None]:
-    """Turn any exception of a plugin's code into a PluginError; Ctrl-C and the types in `apart` pass."""
-    try:
-        yield
-    except BaseException as error:
-        if isinstance(error, (KeyboardInterrupt, *apart)):
-            raise
-        raise PluginError(Fault(source, f"{problem}{reason_of(error)}")) from error
-
-
-def reason_of(error: BaseException) -> str:
-    """Return the error of an import as one sentence."""
-    if not isinstance(error, DovetailError):
-        return f"{type(error).__name__}: {error}"
-    fault = error.faults[0]
-    accepted = f" Accepted: {fault.accepted}." if fault.accepted else ""
-    return f"{fault.where}: {fault.problem}{accepted}".removeprefix(": ")
 
 
 def reason_against(component: Any) -> str:

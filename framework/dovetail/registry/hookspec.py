@@ -1,19 +1,21 @@
-"""The hooks by which a plugin offers its components, and gives defaults."""
+"""The hooks by which a plugin offers components and commands, and gives defaults."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pluggy
 
-from dovetail.interfaces import Component
+if TYPE_CHECKING:
+    from dovetail.interfaces import Component
+    from dovetail.registry.command import Command
 
 GROUP = "dovetail"
 """Entry-point group, and pluggy's project name."""
 
 hookimpl = pluggy.HookimplMarker(GROUP)
-"""Decorator of a plugin's function ``dovetail_components``."""
+"""Decorator of the functions of a plugin that are named in `HookSpecification`."""
 
 _hookspec = pluggy.HookspecMarker(GROUP)
 
@@ -25,6 +27,11 @@ class HookSpecification:
     @_hookspec
     def dovetail_components() -> list[type[Component]]:  # type: ignore[empty-body]
         """Return the component classes that the plugin offers."""
+
+    @staticmethod
+    @_hookspec
+    def dovetail_commands() -> list[Command]:  # type: ignore[empty-body]
+        """Return the commands that the plugin adds to the command line."""
 
     @staticmethod
     @_hookspec

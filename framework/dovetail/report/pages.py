@@ -26,12 +26,12 @@ if TYPE_CHECKING:
 _WEB = Path(__file__).parent / "web"
 
 
-def environment() -> Environment:
-    """Return the environment of the templates, which escapes all inserted values."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
+def environment(*packages: str) -> Environment:
+    """Return the environment of the templates, which escapes all inserted values; also with those of other packages."""
+    from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
     return Environment(
-        loader=PackageLoader("dovetail.report", "templates"),
+        loader=ChoiceLoader([PackageLoader(package, "templates") for package in ("dovetail.report", *packages)]),
         autoescape=True,
         finalize=lambda value: terminal_text(value) if type(value) is str else value,
         undefined=StrictUndefined,
@@ -40,7 +40,9 @@ def environment() -> Environment:
     )
 
 
-def write_page(path: str | Path, template: str, content: dict[str, Any], *, charts: bool = True) -> Path:
+def write_page(
+    path: str | Path, template: str, content: dict[str, Any], *, charts: bool = True, package: str = "dovetail.report"
+) -> Path:
     """Write a page atomically; an existing file is replaced.
 
     Parameters
@@ -52,6 +54,8 @@ def write_page(path: str | Path, template: str, content: dict[str, Any], *, char
         Variables of the template.
     charts : bool
         Whether it has interactive charts; without them the page has no scripts.
+    package : str
+        The package whose folder ``templates`` has the template.
 
     Returns
     -------
@@ -59,7 +63,7 @@ def write_page(path: str | Path, template: str, content: dict[str, Any], *, char
     """
     written = f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC"
     around = chart_scripts(charts=charts) | {"version": __version__, "written": written}
-    page = environment().get_template(template).render(content | around)
+    page = environment(package).get_template(template).render(content | around)
     write_whole(Path(path), page.encode("utf-8", errors="replace"), overwrite=True)
     return Path(path)
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import dovetail
+import dovetail_bench
 
 FOLDER = Path(__file__).parents[1]
 
@@ -30,5 +31,5 @@ def test_json_of_another_kind_is_not_taken(tmp_path):
 
 
 def test_it_is_read_where_yaml_names_it():
-    (case,) = dovetail.validate(dovetail.read_cases(FOLDER / "cases.yaml")).cases
+    (case,) = dovetail_bench.validate(dovetail_bench.read_cases(FOLDER / "cases.yaml")).cases
     assert case.measured.label == "block.json"

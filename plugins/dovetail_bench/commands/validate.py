@@ -16,11 +16,10 @@ from dovetail.plain_text import markdown_cell, markdown_table
 
 if TYPE_CHECKING:
     from dovetail.assembly import Assembly
-    from dovetail.evaluation import Validation
-    from dovetail.evaluation.validation import Identify
     from dovetail.frf import Frf
     from dovetail.identification import Identification
     from dovetail.interfaces import IdentificationMethod
+    from dovetail_bench.evaluation.validation import Identify, Validation
 
 _FILES = ("validation.json", "validation.csv", "table.md", "frfs.png", "validation.html")
 _HEADERS = ("case", "measured [Hz]", "compensated [Hz]", "predicted [Hz]", "error [%]", "shift [%]", "joint")
@@ -51,17 +50,17 @@ def validate(
     that was identified elsewhere. Files of an earlier run in the output folder are replaced. A case that fails does not
     end the others; the exit code is then 1. It is 3 where a joint is not trustworthy.
     """
-    import dovetail
+    import dovetail_bench
     from dovetail.cli.result_files import prepare_folder, writing
 
     chosen = chosen_method(method, plugin)
-    read = dovetail.read_cases(
+    read = dovetail_bench.read_cases(
         cases, **reading.reading_options(quantity, unit, names, columns, reader, plugin, ignore_dofs=ignore_dofs)
     )
     files = (*_FILES, _SERIES) if read.series else _FILES
     prepare_folder(output, files, _FILES[0])
     with progress_bars() as progress:
-        done = dovetail.validate(read, _method(chosen, plugin or []), plugins=plugin or (), progress=progress)
+        done = dovetail_bench.validate(read, _method(chosen, plugin or []), plugins=plugin or (), progress=progress)
     with writing(output, lambda folder: _write(done, folder), _FILES[0]):
         if as_json:
             print_json(done.to_dict())
@@ -121,8 +120,8 @@ def _text(value: float | None, form: str) -> str:
 def _write(done: Validation, folder: Path) -> None:
     from dovetail.cli.result_files import csv_text, json_text, write_texts
     from dovetail.report.figures import save_png
-    from dovetail.report.validation import write_validation
-    from dovetail.report.validation_figures import series_figure, validation_figure
+    from dovetail_bench.pages.validation import write_validation
+    from dovetail_bench.pages.validation_figures import series_figure, validation_figure
 
     plain = done.to_dict()
     header = ["case", "value", "measured_Hz", "compensated_Hz", "predicted_Hz", "error_percent", "shift_percent"]

@@ -17,10 +17,6 @@ from dovetail.assembly import Assembly, load
 from dovetail.atomic_files import read_bounded
 from dovetail.dataset import Dataset, generate
 from dovetail.errors import DovetailError, Fault, MeasurementError, ParameterError, listing
-from dovetail.evaluation.cases import Case, Cases
-from dovetail.evaluation.failures import Failures
-from dovetail.evaluation.robustness import storage_for, variant
-from dovetail.evaluation.validation import PROMINENCE
 from dovetail.frf import Frf, coherence_with_model
 from dovetail.frf.resonance_peaks import counterpart, resonance_peaks
 from dovetail.identification import Identification, Identifier, identify, train
@@ -31,6 +27,10 @@ from dovetail.identification.result import joined_warnings
 from dovetail.interfaces import IdentificationMethod, Progress, progress_reporter
 from dovetail.measurement import check_cover, within_band
 from dovetail.registry import components
+from dovetail_bench.evaluation.cases import Case, Cases
+from dovetail_bench.evaluation.failures import Failures
+from dovetail_bench.evaluation.robustness import storage_for, variant
+from dovetail_bench.evaluation.validation import PROMINENCE
 
 RIGID = "rigid"
 """The joint's contacts rigid and its other parameters in the middle of their ranges: nothing is identified."""

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dovetail.evaluation import Comparison
 from dovetail.plain_text import display_unit, terminal_text
 from dovetail.report.figures import INK, LINES, MARKERS, panel_grid, set_title
+from dovetail_bench.evaluation.comparison import Comparison
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -50,8 +50,9 @@ def spindle(
     import numpy as np
 
     import dovetail
-    from dovetail.coupling.spindle import ROTATIONS, error_gain
+    import dovetail_machining
     from dovetail.measurement import on_grid
+    from dovetail_machining.spindle import ROTATIONS, error_gain
 
     how = one_of(ROTATIONS, rotations, "--rotations")
     check_new_files([output], [".npz"], overwrite)
@@ -62,7 +63,7 @@ def spindle(
     arguments = loaded, (aa, ab, bb), (tip, at), flange
     options: dict[str, Any] = {"accelerometer_mass": accelerometer_mass, "rotations": how}
     with reading.warnings_as_notes():
-        receptance = dovetail.spindle_flange(*arguments, **options)
+        receptance = dovetail_machining.spindle_flange(*arguments, **options)
         gain = np.median(error_gain(receptance, *arguments, **options), axis=0)
     output.parent.mkdir(parents=True, exist_ok=True)
     dovetail.write_receptance(receptance, output)

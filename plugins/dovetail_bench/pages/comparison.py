@@ -6,14 +6,14 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from dovetail.evaluation import Compared, Comparison
-from dovetail.evaluation.cases import Case
 from dovetail.identification.result import joined_warnings
 from dovetail.inference.posterior import NOT_TRUSTWORTHY
 from dovetail.plain_text import ABSENT, display_unit, fixed, hertz, number
-from dovetail.report.comparison_figures import parameter_comparison
 from dovetail.report.pages import as_data, chart_data, write_page
 from dovetail.report.svg import page_figure
+from dovetail_bench.evaluation.cases import Case
+from dovetail_bench.evaluation.comparison import Compared, Comparison
+from dovetail_bench.pages.comparison_figures import parameter_comparison
 
 Row = list[Any]
 
@@ -54,7 +54,7 @@ def write_comparison(comparison: Comparison, path: str | Path) -> Path:
         "figures": figures,
         "truth": bool(comparison.truth),
     }
-    return write_page(path, "comparison.html.jinja", content)
+    return write_page(path, "comparison.html.jinja", content, package="dovetail_bench.pages")
 
 
 def _chart(comparison: Comparison, case: Case) -> dict[str, Any]:

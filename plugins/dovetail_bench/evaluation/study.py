@@ -23,13 +23,13 @@ from dovetail.assembly import Assembly, AssemblySource, as_assembly
 from dovetail.atomic_files import locked
 from dovetail.dataset import Dataset, generate
 from dovetail.errors import DatasetError, DovetailError, Fault, FileError, as_dovetail_error
-from dovetail.evaluation.study_ledger import Ledger, Trial
-from dovetail.evaluation.study_plan import StudyPlan, Sweep
 from dovetail.interfaces import Progress, progress_reporter, silent
 from dovetail.network.evaluation import Evaluation, parameter_metrics
 from dovetail.network.training import train_and_evaluate
 from dovetail.parallel import on_cluster, require_cluster
 from dovetail.registry import PluginPaths, Registry, components
+from dovetail_bench.evaluation.study_ledger import Ledger, Trial
+from dovetail_bench.evaluation.study_plan import StudyPlan, Sweep
 
 _FIRST_PART = 0.25
 """Share of the samples on which a search's proposal is tried first."""

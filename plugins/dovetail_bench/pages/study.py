@@ -5,9 +5,11 @@ from __future__ import annotations
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
-from dovetail.evaluation import Study, Sweep, Trial
 from dovetail.plain_text import markdown_table
 from dovetail.report.figures import INK, MEASURED, RECONSTRUCTED, new_figure, panel_grid, style_axes
+from dovetail_bench.evaluation.study import Study
+from dovetail_bench.evaluation.study_ledger import Trial
+from dovetail_bench.evaluation.study_plan import Sweep
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

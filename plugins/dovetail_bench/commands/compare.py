@@ -13,7 +13,7 @@ from dovetail.cli.options import AsJson, PluginFiles
 from dovetail.cli.terminal import heading, print_json, progress_bars, table, title
 
 if TYPE_CHECKING:
-    from dovetail.evaluation import Comparison
+    from dovetail_bench.evaluation.comparison import Comparison
 
 _FILES = ("comparison.html", "parameters.csv", "coherence.csv", "frequencies.csv", "times.csv")
 _HEADINGS = {
@@ -60,17 +60,17 @@ def compare(
     measured ones, resonances, parameters and times. Files of an earlier run in the output folder are replaced. A case
     that fails does not end the others; the exit code is then 1. It is 3 where a result is not trustworthy.
     """
-    import dovetail
+    import dovetail_bench
     from dovetail.cli.result_files import prepare_folder, writing
 
-    read = dovetail.read_cases(
+    read = dovetail_bench.read_cases(
         cases, **reading.reading_options(quantity, unit, names, columns, reader, plugin, ignore_dofs=ignore_dofs)
     )
-    known = None if truth is None else dovetail.read_truths(truth)
+    known = None if truth is None else dovetail_bench.read_truths(truth)
     chosen = () if methods is None else tuple(name.strip() for name in methods.split(","))
     prepare_folder(output, _FILES, _FILES[0])
     with progress_bars() as progress:
-        done = dovetail.compare(
+        done = dovetail_bench.compare(
             read, chosen, samples=samples, data=data, truth=known, plugins=plugin or (), progress=progress
         )
     with writing(output, lambda folder: _write(done, folder), _FILES[0]):
@@ -83,7 +83,7 @@ def compare(
 
 
 def _tables(done: Comparison) -> dict[str, tuple[list[str], list[list[object]]]]:
-    from dovetail.report.comparison import coherence_rows, frequency_rows, parameter_value_rows, time_rows
+    from dovetail_bench.pages.comparison import coherence_rows, frequency_rows, parameter_value_rows, time_rows
 
     names = [case.name for case in done.cases]
     return {
@@ -113,7 +113,7 @@ def _print(done: Comparison) -> None:
 
 def _write(done: Comparison, folder: Path) -> None:
     from dovetail.cli.result_files import csv_text, write_texts
-    from dovetail.report.comparison import write_comparison
+    from dovetail_bench.pages.comparison import write_comparison
 
     write_comparison(done, folder / _FILES[0])
     write_texts(folder, {f"{name}.csv": csv_text(header, rows) for name, (header, rows) in _tables(done).items()})

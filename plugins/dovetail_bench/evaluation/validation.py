@@ -12,8 +12,6 @@ import numpy as np
 
 from dovetail.assembly import Assembly, load, modes_in_band
 from dovetail.errors import Fault, MeasurementError, ParameterError
-from dovetail.evaluation.cases import Case, Cases, JointSource
-from dovetail.evaluation.failures import Failures
 from dovetail.frf import Frf, coherence_with_model
 from dovetail.frf.resonance_peaks import counterpart, resonance_peaks
 from dovetail.identification import Identification, identify
@@ -24,6 +22,8 @@ from dovetail.identification.result import joined_warnings
 from dovetail.identification.result_file import AnyIdentification, load_result
 from dovetail.interfaces import IdentificationMethod, Progress, progress_reporter
 from dovetail.measurement import check_cover, within_band
+from dovetail_bench.evaluation.cases import Case, Cases, JointSource
+from dovetail_bench.evaluation.failures import Failures
 
 PROMINENCE = 1.5
 """dB by which a peak must stand out: modes that the joint damps have low peaks."""

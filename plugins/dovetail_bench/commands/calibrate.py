@@ -13,7 +13,7 @@ from dovetail.cli.terminal import note, print_json, progress_bars, say, say_on_s
 from dovetail.plain_text import markdown_table
 
 if TYPE_CHECKING:
-    from dovetail.evaluation import Calibration
+    from dovetail_bench.evaluation.calibration import Calibration
 
 _FILES = (
     "calibration.json",
@@ -76,7 +76,7 @@ def calibrate(
     with the cases that are done. A case that fails does not end the others; the exit code is then 1. Files of an
     earlier run in the output folder are replaced.
     """
-    import dovetail
+    import dovetail_bench
     from dovetail.cli.model_cache import trained_model
     from dovetail.cli.result_files import prepare_folder, writing
     from dovetail.measurement.noise import NOISE_KINDS
@@ -88,7 +88,7 @@ def calibrate(
         model = trained_model(loaded, plugin or [], retrain=False)
     prepare_folder(output, _FILES, _FILES[0])
     with progress_bars() as progress:
-        done = dovetail.calibrate(
+        done = dovetail_bench.calibrate(
             loaded,
             cases=cases,
             noise=noise,
@@ -120,7 +120,7 @@ def calibrate(
 
 
 def _print(name: str, done: Calibration) -> None:
-    from dovetail.report.calibration import CALIBRATION_HEADERS, calibration_rows, calibration_times
+    from dovetail_bench.pages.calibration import CALIBRATION_HEADERS, calibration_rows, calibration_times
 
     title(_title(name, done))
     table(list(CALIBRATION_HEADERS), calibration_rows(done), numbers=list(CALIBRATION_HEADERS[1:]))
@@ -134,9 +134,9 @@ def _title(name: str, done: Calibration) -> str:
 
 def _write(name: str, done: Calibration, folder: Path) -> None:
     from dovetail.cli.result_files import csv_text, json_text, write_texts
-    from dovetail.report.calibration import write_calibration
-    from dovetail.report.calibration_figures import coverage_figure, rank_figure
     from dovetail.report.figures import save_png
+    from dovetail_bench.pages.calibration import write_calibration
+    from dovetail_bench.pages.calibration_figures import coverage_figure, rank_figure
 
     content = {
         _FILES[0]: json_text(done.to_dict()),
@@ -157,7 +157,7 @@ def _write(name: str, done: Calibration, folder: Path) -> None:
 
 
 def _markdown(done: Calibration) -> str:
-    from dovetail.report.calibration import CALIBRATION_HEADERS, calibration_rows, calibration_times
+    from dovetail_bench.pages.calibration import CALIBRATION_HEADERS, calibration_rows, calibration_times
 
     return f"{markdown_table(CALIBRATION_HEADERS, calibration_rows(done))}\n{calibration_times(done)}\n"
 

@@ -13,7 +13,7 @@ from dovetail.cli.options import AsJson, AssemblyFile, PluginFiles, Scheduler, l
 from dovetail.cli.terminal import heading, note, print_json, progress_bars, say, table, title
 
 if TYPE_CHECKING:
-    from dovetail.evaluation import Study
+    from dovetail_bench.evaluation.study import Study
 
 _FILES = ("study.json", "study.md", "trials.csv", "best.yaml")
 _SWEEPS, _SEARCH = "sweeps.png", "search.png"
@@ -35,14 +35,14 @@ def study(
     validation part are tried once on a test part, and are written as a description that extends the old one. The same
     command goes on with a study that was interrupted or killed. Given several times, its processes share the trials.
     """
-    import dovetail
+    import dovetail_bench
     from dovetail.cli.result_files import prepare_folder
 
     loaded = load_assembly(assembly, plugin)
     prepare_folder(output, (*_FILES, _SWEEPS, _SEARCH), _FILES[0])
     with progress_bars() as progress:
         work = output / _WORK
-        done = dovetail.study(loaded, work, plugins=plugin or (), scheduler=scheduler, progress=progress)
+        done = dovetail_bench.study(loaded, work, plugins=plugin or (), scheduler=scheduler, progress=progress)
     names = _write(done, assembly, output)
     if as_json:
         print_json(done.to_dict())
@@ -52,7 +52,7 @@ def study(
 
 
 def _print(done: Study) -> None:
-    from dovetail.report.study import TRIAL_HEADERS, option_rows, test_sentence, trial_rows
+    from dovetail_bench.pages.study import TRIAL_HEADERS, option_rows, test_sentence, trial_rows
 
     title(f"{done.assembly.name}: settings of the training")
     table(["option", "tried", "best of its sweep", "chosen"], option_rows(done))
@@ -67,7 +67,7 @@ def _write(done: Study, description: Path, folder: Path) -> list[str]:
     from dovetail.atomic_files import write_whole
     from dovetail.cli.result_files import csv_text, json_text
     from dovetail.report.figures import png_bytes
-    from dovetail.report.study import search_figure, study_markdown, sweeps_figure
+    from dovetail_bench.pages.study import search_figure, study_markdown, sweeps_figure
 
     texts = {
         _FILES[0]: json_text(done.to_dict()),

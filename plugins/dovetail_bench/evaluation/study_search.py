@@ -13,7 +13,7 @@ from typing import Any
 
 from dovetail.description import SearchRange
 from dovetail.errors import DovetailError, Fault
-from dovetail.evaluation.study_ledger import Trial
+from dovetail_bench.evaluation.study_ledger import Trial
 
 _FEWEST = 4
 """Trials that have ended on all samples, with which a median on the first part means something."""

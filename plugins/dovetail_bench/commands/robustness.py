@@ -13,7 +13,7 @@ from dovetail.cli.options import AsJson, AssemblyFile, PluginFiles, load_assembl
 from dovetail.cli.terminal import print_json, progress_bars, table, title
 
 if TYPE_CHECKING:
-    from dovetail.evaluation import RobustnessRow
+    from dovetail_bench.evaluation.robustness import RobustnessRow
 
 _FILES = ("robustness.json", "robustness.csv", "robustness.png")
 
@@ -54,9 +54,10 @@ def robustness(
     replaced.
     """
     import dovetail
+    import dovetail_bench
     from dovetail.cli.result_files import prepare_folder, writing
-    from dovetail.evaluation.robustness import variant
     from dovetail.registry import components
+    from dovetail_bench.evaluation.robustness import variant
 
     chosen = [name.strip() for name in models.split(",")] if models else []
     loaded, registry = load_assembly(assembly, plugin), components(plugin or ())
@@ -65,7 +66,7 @@ def robustness(
     prepare_folder(output, _FILES, _FILES[0])
     dataset = None if data is None else dovetail.Dataset(data)
     with progress_bars() as progress:
-        rows = dovetail.robustness(
+        rows = dovetail_bench.robustness(
             loaded, dataset, models=chosen, levels=levels, seed=seed, plugins=plugin or (), progress=progress
         )
     with writing(output, lambda folder: _write(rows, folder), _FILES[0]):

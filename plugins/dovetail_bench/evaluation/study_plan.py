@@ -11,11 +11,11 @@ from dovetail.assembly import Assembly
 from dovetail.dataset import Storage
 from dovetail.description import SearchRange, read_description
 from dovetail.errors import DescriptionError, DovetailError, Fault
-from dovetail.evaluation.study_ledger import Proposal, Trial
-from dovetail.evaluation.study_search import SearchSpace
 from dovetail.interfaces import Progress, silent
 from dovetail.network.training import needs_phase
 from dovetail.registry import Registry
+from dovetail_bench.evaluation.study_ledger import Proposal, Trial
+from dovetail_bench.evaluation.study_search import SearchSpace
 
 
 @dataclass(frozen=True)

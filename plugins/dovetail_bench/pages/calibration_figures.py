@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dovetail.evaluation import Calibration
 from dovetail.report.figures import INK, MEASURED, RECONSTRUCTED, panel_grid
+from dovetail_bench.evaluation.calibration import Calibration
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

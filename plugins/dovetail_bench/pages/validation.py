@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from dovetail.evaluation import ValidatedCase, Validation
 from dovetail.plain_text import ABSENT, fixed, hertz
 from dovetail.report.pages import as_data, chart_data, write_page
 from dovetail.report.svg import page_figure
-from dovetail.report.validation_figures import series_figure
+from dovetail_bench.evaluation.validation import ValidatedCase, Validation
+from dovetail_bench.pages.validation_figures import series_figure
 
 _MOST_LINES = 2400
 """Largest number of lines of an FRF in a chart, including peaks and dips."""
@@ -50,7 +50,7 @@ def write_validation(validation: Validation, path: str | Path) -> Path:
         "cases": cases,
         "series": series,
     }
-    return write_page(path, "validation.html.jinja", content)
+    return write_page(path, "validation.html.jinja", content, package="dovetail_bench.pages")
 
 
 def _chart(case: ValidatedCase) -> dict[str, Any]:

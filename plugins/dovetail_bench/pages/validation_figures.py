@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dovetail.evaluation import PeakRow, ValidatedCase, Validation
 from dovetail.frf import Frf
 from dovetail.plain_text import terminal_text
 from dovetail.report.figures import (
@@ -21,6 +20,7 @@ from dovetail.report.figures import (
     set_title,
     style_axes,
 )
+from dovetail_bench.evaluation.validation import PeakRow, ValidatedCase, Validation
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from dovetail.evaluation import CalibratedParameter, Calibration
-from dovetail.report.calibration_figures import coverage_figure, rank_figure
 from dovetail.report.pages import write_page
 from dovetail.report.svg import page_figure
+from dovetail_bench.evaluation.calibration import CalibratedParameter, Calibration
+from dovetail_bench.pages.calibration_figures import coverage_figure, rank_figure
 
 CALIBRATION_HEADERS = (
     "parameter",
@@ -52,7 +52,7 @@ def write_calibration(calibration: Calibration, path: str | Path, title: str) ->
             (heading, page_figure(figure, name, heading), caption) for name, heading, figure, caption in figures
         ],
     }
-    return write_page(path, "calibration.html.jinja", content, charts=False)
+    return write_page(path, "calibration.html.jinja", content, package="dovetail_bench.pages", charts=False)
 
 
 _COVERAGE_CAPTION = (

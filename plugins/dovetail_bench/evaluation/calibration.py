@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly, AssemblySource, as_assembly
 from dovetail.errors import DovetailError, Fault, ParameterError, as_dovetail_error, listing
-from dovetail.evaluation.mesh_refinement import finer
 from dovetail.frf import Frf
 from dovetail.identification import identify
 from dovetail.inference.posterior import LEVEL, PRIOR_PRECISION
@@ -22,6 +21,7 @@ from dovetail.measurement import noisy_frf
 from dovetail.measurement.noise import NoiseKind
 from dovetail.network.bundle import TrainedNetwork
 from dovetail.parallel import cores, side_by_side
+from dovetail_bench.evaluation.mesh_refinement import finer
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,12 @@
+from .catalogue import HOW_TO_OFFER as HOW_TO_OFFER
+from .catalogue import Offer as Offer
+from .catalogue import PluginPaths as PluginPaths
+from .catalogue import Registry as Registry
+from .catalogue import components as components
+from .catalogue import installed_components as installed_components
+from .command import Command as Command
+from .command_table import CommandOffer as CommandOffer
+from .command_table import CommandTable as CommandTable
+from .hookspec import GROUP as GROUP
+from .hookspec import hookimpl as hookimpl
+from .loading import LoadFailure as LoadFailure

@@ -1,0 +1,171 @@
+"""Loading of plugins, from entry points and single files: whatever a plugin raises becomes a PluginError.
+
+Nothing here imports a component or a library for arrays, since ``dovetail --help`` loads plugins by it too.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import inspect
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pluggy
+
+from dovetail.errors import DovetailError, Fault, PluginError, did_you_mean
+from dovetail.parallel import FILE_MODULE
+from dovetail.registry.hookspec import GROUP, HookSpecification
+
+COMPONENTS, DEFAULTS, COMMANDS = HOOKS = ("dovetail_components", "dovetail_defaults", "dovetail_commands")
+HINT = f"a function '{COMPONENTS}()' marked with @dovetail.hookimpl that returns a list of component classes"
+
+
+@dataclass(frozen=True)
+class LoadFailure:
+    """A plugin, or one of its components or commands, that could not be loaded."""
+
+    source: str
+    reason: str
+
+
+@contextmanager
+def contained(source: str, problem: str = "", *apart: type[Exception]) -> Iterator[None]:
+    """Turn any exception of a plugin's code into a PluginError; Ctrl-C and the types in `apart` pass."""
+    try:
+        yield
+    except BaseException as error:
+        if isinstance(error, (KeyboardInterrupt, *apart)):
+            raise
+        raise PluginError(Fault(source, f"{problem}{reason_of(error)}")) from error
+
+
+def reason_of(error: BaseException) -> str:
+    """Return the error of an import as one sentence."""
+    if not isinstance(error, DovetailError):
+        return f"{type(error).__name__}: {error}"
+    fault = error.faults[0]
+    accepted = f" Accepted: {fault.accepted}." if fault.accepted else ""
+    return f"{fault.where}: {fault.problem}{accepted}".removeprefix(": ")
+
+
+def installed_plugins() -> list[tuple[str, EntryPoint]]:
+    """Return the entry points of installed plugins, each with its distribution and version.
+
+    They are in the order of their names, those that ship with Dovetail last: their defaults fill gaps.
+    """
+    entries = sorted(entry_points(group=GROUP), key=lambda entry: (is_shipped(entry), entry.name, entry.value))
+    return [(f"{entry.dist.name} {entry.dist.version}" if entry.dist else entry.value, entry) for entry in entries]
+
+
+def is_shipped(entry: EntryPoint) -> bool:
+    """Return whether an entry point is one of Dovetail's own distribution."""
+    return entry.dist is not None and entry.dist.name == "dovetail-frf"
+
+
+def load_entry(owner: str, entry: EntryPoint) -> object:
+    """Import the object that an entry point names.
+
+    Raises
+    ------
+    PluginError
+        Its code raises anything but KeyboardInterrupt.
+    """
+    with contained(owner):
+        plugin: object = entry.load()
+    return plugin
+
+
+def load_module(path: str | Path) -> ModuleType:
+    """Run a plugin file as a module of its own.
+
+    Raises
+    ------
+    PluginError
+        The file is missing, is not a Python file, or fails to run.
+    """
+    file = Path(path)
+    if not file.is_file():
+        raise PluginError(Fault(str(path), "there is no such plugin file."))
+    digest = hashlib.sha256(str(file.resolve()).encode()).hexdigest()[:12]
+    name = f"{FILE_MODULE}{file.stem}_{digest}"  # files of the same name in two folders are two modules
+    spec = importlib.util.spec_from_file_location(name, file)
+    if spec is None or spec.loader is None:
+        raise PluginError(Fault(str(path), "this is not a Python file.", "a file that ends in .py"))
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except BaseException as error:
+        del sys.modules[name]
+        if isinstance(error, KeyboardInterrupt):
+            raise
+        remedy = ""
+        if isinstance(error, ModuleNotFoundError) and str(error.name).split(".")[0] == file.parent.name:
+            remedy = f"The file is part of the package '{file.parent.name}': install it (pip install -e FOLDER)."
+        raise PluginError(Fault(_failing_line(error, file), reason_of(error), remedy=remedy)) from error
+    return module
+
+
+def hooks_of(plugin: ModuleType | object, source: str) -> Any:
+    """Return the hooks of a plugin module or object, to be called.
+
+    Raises
+    ------
+    PluginError
+        It has neither components nor commands, or a misspelt hook, or cannot be looked at.
+    """
+    manager = pluggy.PluginManager(GROUP)
+    manager.add_hookspecs(HookSpecification)
+    try:
+        with contained(source, "its hooks cannot be looked at: ", pluggy.PluginValidationError):
+            manager.register(plugin)
+            manager.check_pending()
+    except pluggy.PluginValidationError as error:
+        misspelt = ", ".join(name for name in dir(plugin) if name not in HOOKS and _is_marked(plugin, name))
+        problem = f"'{misspelt}' is not a hook of dovetail." if misspelt else str(error)
+        raise PluginError(Fault(source, problem, HINT, did_you_mean(misspelt, HOOKS))) from error
+    if not any(getattr(manager.hook, name).get_hookimpls() for name in (COMPONENTS, COMMANDS)):
+        raise PluginError(Fault(source, f"it has no hook '{COMPONENTS}' marked with @dovetail.hookimpl.", HINT))
+    return manager.hook
+
+
+def returned_list(hooks: Any, name: str, source: str, of: str) -> list[Any]:
+    """Return the list that a hook returns; an empty one if the plugin does not have the hook.
+
+    Raises
+    ------
+    PluginError
+        The hook raises, or returns something else.
+    """
+    hook = getattr(hooks, name)
+    if not hook.get_hookimpls():
+        return []
+    with contained(source, f"its hook '{name}' raised "):
+        returned = next(iter(hook()), None)  # pluggy leaves out None
+        if isinstance(returned, Iterable) and not isinstance(returned, (str, bytes)):
+            return list(returned)
+        shown = f"{returned!r:.60}"
+    raise PluginError(Fault(source, f"its hook '{name}' returned {shown}, not a list of {of}."))
+
+
+def _is_marked(plugin: ModuleType | object, name: str) -> bool:
+    return hasattr(inspect.getattr_static(plugin, name, None), f"{GROUP}_impl")
+
+
+def _failing_line(error: BaseException, file: Path) -> str:
+    """Return file:line at which a plugin file failed."""
+    if isinstance(error, SyntaxError) and error.lineno:
+        return f"{file}:{error.lineno}"
+    line, trace = 0, error.__traceback__
+    while trace:
+        if Path(trace.tb_frame.f_code.co_filename) == file:
+            line = trace.tb_lineno
+        trace = trace.tb_next
+    return f"{file}:{line}" if line else str(file)

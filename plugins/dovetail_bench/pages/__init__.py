@@ -1,0 +1,1 @@
+"""HTML reports of the evaluations, their tables and their figures."""
