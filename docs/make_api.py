@@ -63,7 +63,7 @@ def page() -> str:
         package = _home(name)
         sections[SECTIONS[package]].append(_directive(dovetail, name))
     text = (
-        "# API\n\nHere you find everything that `import dovetail` offers, and below it `dovetail_bench` and "
+        "# API\n\nHere you find everything that `import dovetail` offers, and below it `dovetail_bench` and\n"
         "`dovetail_machining`, which ship with it. Names that are not on this page may change at any time.\n"
     )
     text += "".join(_section(dovetail, heading, directives) for heading, directives in sections.items())

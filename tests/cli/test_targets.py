@@ -13,6 +13,7 @@ import pytest
 from safetensors import SafetensorError
 
 import dovetail
+import dovetail_bench
 from dovetail import atomic_files
 
 STUDIES = ("identify", "train", "generate", "calibrate", "validate", "compare", "robustness", "study")
@@ -21,8 +22,9 @@ STUDIES = ("identify", "train", "generate", "calibrate", "validate", "compare", 
 @pytest.fixture
 def untouched(monkeypatch):
     """Fail where long work begins."""
-    for name in ("train", "identify", "calibrate", "validate", "compare", "robustness", "study"):
-        monkeypatch.setattr(dovetail, name, lambda *_, name=name, **__: pytest.fail(f"{name} began"))
+    bench = [(dovetail_bench, name) for name in ("calibrate", "validate", "compare", "robustness", "study")]
+    for package, name in [(dovetail, "train"), (dovetail, "identify"), *bench]:
+        monkeypatch.setattr(package, name, lambda *_, name=name, **__: pytest.fail(f"{name} began"))
 
 
 @pytest.fixture
