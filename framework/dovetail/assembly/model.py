@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dovetail.assembly.parameters import ParameterSpace, ResponseFrfs, Theta, points_and_pairs
+from dovetail.assembly.parameters import AffineMap, ParameterSpace, ResponseFrfs, Theta, points_and_pairs
 from dovetail.assembly.structure import entries_at_response, graph_between, graph_of
 from dovetail.assembly.vibration_modes import SeenPoles, VibrationMode, natural
 from dovetail.description.checked import Description, Response
@@ -56,7 +56,8 @@ class Assembly:
         self.description = description
         self._connected = entries_at_response(description)
         tied = {name: entry for name, entry in self._connected.items() if name not in description.entries}
-        self._space = ParameterSpace(description.entries, description.joints, self._connected, tied)
+        self._space = ParameterSpace(description.entries, description.joints)
+        self._map = AffineMap({**description.entries, **tied}, description.identified_parameters)
         self._added = {name: entry.ties for name, entry in tied.items()}
         self._rigid = rigid
         self._interpolation = interpolation
@@ -112,7 +113,7 @@ class Assembly:
         """Return the FRFs of some responses that see the same structure as the first, at its frequencies."""
         points, pairs = points_and_pairs(responses)
         engine = self.engine_of(points, self._interpolation, pairs)
-        return ResponseFrfs(engine, self._space, responses, self.description.calibrations)
+        return ResponseFrfs(engine, self._map, responses, self.description.calibrations)
 
     @cached_property
     def _further(self) -> tuple[Assembly, ...]:
@@ -140,7 +141,7 @@ class Assembly:
         inside = np.random.default_rng(0).random((_STRUCTURE_SAMPLES, len(self.parameters)))
         ends = np.repeat([[0.0], [1.0]], len(self.parameters), axis=1)
         probe_theta = self.by_joint(self.from_unit(np.concatenate([inside, ends])))
-        columns = {name: self._space.varying_columns(name) for name in self.graph.connections}
+        columns = {name: self._map.varying_columns(name) for name in self.graph.connections}
         system = (graph_between(self.graph, points), self.frequency, points, probe_theta, columns)
         if interpolation is None:
             return Engine(*system, pairs=pairs)
@@ -161,7 +162,7 @@ class Assembly:
             By the joint's name.
         """
         batch, single = self._space.batch(theta)
-        by_owner = self._space.by_owner(batch)
+        by_owner = self._map.by_component(batch)
         return {name: by_owner[name][0] if single else by_owner[name] for name in self._connected}
 
     def from_unit(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,17 +1,18 @@
-"""The identified parameters, their mapping to joints, parts and measurement chains, and FRFs as functions of them."""
+"""The identified parameters theta; the values of all components, and FRFs of responses, as functions of theta."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dovetail.assembly.measurement_chain import Chain
-from dovetail.description.checked import ParameterEntry, Response, resolve
+from dovetail.description.checked import ParameterEntry, Response, Tie, resolve
 from dovetail.errors import Fault, ParameterError, UnitError, did_you_mean, listing
 from dovetail.frf import conversion
 from dovetail.interfaces import Parameter
@@ -24,18 +25,100 @@ Theta: TypeAlias = ArrayLike | Mapping[str, float | str] | None
 Parameters that a mapping does not name take the middle of their ranges, and so do all of them for None."""
 
 
-@dataclass(frozen=True)
-class _Source:
-    """The value of an entry's parameter: a constant, or a factor times an identified parameter."""
+class ParameterMap(ABC):
+    """The parameters of all components as functions of the identified parameters theta.
 
-    factor: float
-    column: int | None = None
+    A component is a joint, a substructure with unknown options, a measurement chain or a sensor. Its values are all
+    parameters of its model, known ones included, in the model's order. A component takes them as they are, whatever
+    function of theta they may be.
 
-    def of(self, batch: NDArray[np.float64]) -> NDArray[np.float64] | float:
-        """Return the values for parameter vectors (n, n_params)."""
-        if self.column is None:
-            return self.factor
-        return batch[:, self.column] if self.factor == 1.0 else self.factor * batch[:, self.column]
+    Attributes
+    ----------
+    columns : mapping of str to slice
+        The columns of each component among all values, by its name.
+    varying : (n_values,) bool array
+        Which values depend on theta.
+    """
+
+    columns: Mapping[str, slice]
+    varying: NDArray[np.bool_]
+
+    @abstractmethod
+    def values(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the values (n, n_values) in SI for vectors theta (n, n_params) in SI."""
+
+    @abstractmethod
+    def jacobian(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivatives (n, n_values, n_params); zero for values that do not depend on theta."""
+
+    def by_component(self, theta: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
+        """Return the values of each component, (n, n_component), by its name."""
+        values = self.values(theta)
+        return {name: np.ascontiguousarray(values[:, columns]) for name, columns in self.columns.items()}
+
+    def varying_columns(self, component: str) -> list[int]:
+        """Return which of a component's own values depend on theta."""
+        return [int(column) for column in np.flatnonzero(self.varying[self.columns[component]])]
+
+
+class AffineMap(ParameterMap):
+    """A map whose values are known, or a factor times an identified parameter: those of a description.
+
+    A tie gives the factor, its ratio; all other identified parameters have the factor 1.
+
+    Parameters
+    ----------
+    components : mapping of str to ParameterEntry
+    identified : sequence of (str, str)
+        Component and name there of each identified parameter, in the order of theta.
+    """
+
+    def __init__(self, components: Mapping[str, ParameterEntry], identified: Sequence[tuple[str, str]]) -> None:
+        ends = np.cumsum([0, *(len(entry.parameters) for entry in components.values())]).tolist()
+        self.columns = {name: slice(*pair) for name, pair in zip(components, pairwise(ends), strict=True)}
+        self._known = np.zeros(ends[-1])
+        self._slopes = np.zeros((ends[-1], len(identified)))
+        places = [(name, parameter.name) for name, entry in components.items() for parameter in entry.parameters]
+        for row, (owner, parameter) in enumerate(places):
+            tie = resolve(components, Tie(owner, parameter))
+            known = components[tie.owner].fixed.get(tie.parameter)
+            if known is None:
+                self._slopes[row, identified.index((tie.owner, tie.parameter))] = tie.ratio
+            else:
+                self._known[row] = tie.ratio * known
+        self._rows, self._sources = np.nonzero(self._slopes)
+        self._factors = self._slopes[self._rows, self._sources]
+        self.varying = np.any(self._slopes, axis=1)
+
+    def values(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the values as `ParameterMap.values` does."""
+        values = np.tile(self._known, (len(theta), 1))
+        values[:, self._rows] = theta[:, self._sources] * self._factors
+        return values
+
+    def jacobian(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivatives as `ParameterMap.jacobian` does."""
+        return np.broadcast_to(self._slopes, (len(theta), *self._slopes.shape))
+
+
+def chain_rule(derivatives: NDArray[Any], slopes: NDArray[np.float64]) -> NDArray[Any]:
+    """Return derivatives by theta (n, ..., n_params).
+
+    Parameters
+    ----------
+    derivatives : (n, ..., n_values) array
+        By some values.
+    slopes : (n, n_values, n_params) array
+        Derivatives of these values by theta.
+    """
+    _, count, parameters = slopes.shape
+    if count == parameters and (slopes == np.eye(count)).all():
+        return derivatives
+    total = np.zeros((*derivatives.shape[:-1], parameters), dtype=derivatives.dtype)
+    for value, column in np.argwhere(slopes.any(axis=0)):
+        slope = slopes[:, value, column].reshape(-1, *(1,) * (derivatives.ndim - 2))
+        total[..., column] += slope * derivatives[..., value]
+    return total
 
 
 class ParameterSpace:
@@ -47,42 +130,29 @@ class ParameterSpace:
         Of each joint, substructure or response, by name.
     joints : collection of str
         Names of the joints among them.
-    connected : collection of str
-        Names of those on which the structure depends, joints included.
-    tied : mapping of str to ParameterEntry
-        Further entries, without identified parameters: all of theirs are known or tied.
+
+    Attributes
+    ----------
+    parameters : tuple of Parameter
+        The identified ones.
 
     Notes
     -----
     With a single joint, its parameters have the names of its model; all others are named ``owner.parameter``.
     """
 
-    def __init__(
-        self,
-        entries: Mapping[str, ParameterEntry],
-        joints: Collection[str],
-        connected: Collection[str],
-        tied: Mapping[str, ParameterEntry],
-    ) -> None:
+    def __init__(self, entries: Mapping[str, ParameterEntry], joints: Collection[str]) -> None:
         self._entries = entries
-        self._connected = connected
         parametric = [name for name in joints if entries[name].parameters]
         self._bare = parametric[0] if len(parametric) == 1 else ""
-        columns: dict[tuple[str, str], int] = {}
         parameters: list[Parameter] = []
         self._aliases: dict[str, str] = {}
         for owner, entry in entries.items():
             for parameter in entry.identified:
                 full_name = f"{owner}.{parameter.name}"
-                public_name = parameter.name if owner == self._bare else full_name
-                self._aliases[full_name] = public_name
-                columns[owner, parameter.name] = len(parameters)
-                parameters.append(replace(parameter, name=public_name))
+                self._aliases[full_name] = parameter.name if owner == self._bare else full_name
+                parameters.append(replace(parameter, name=self._aliases[full_name]))
         self.parameters = tuple(parameters)
-        self._sources = {
-            owner: tuple(_source(entries, columns, owner, parameter.name, entry) for parameter in entry.parameters)
-            for owner, entry in {**entries, **tied}.items()
-        }
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -161,50 +231,6 @@ class ParameterSpace:
         hint = did_you_mean(name, self.names)
         return Fault(f"parameter {name}", "the assembly has no such parameter.", listing(self.names, 20), hint)
 
-    def by_owner(self, batch: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
-        """Return the values of all parameters of each owner, including known and tied ones, (n, n_owner)."""
-        theta_of_owner = {}
-        for name, sources in self._sources.items():
-            values = np.empty((len(batch), len(sources)))
-            for column, source in enumerate(sources):
-                values[:, column] = source.of(batch)
-            theta_of_owner[name] = values
-        return theta_of_owner
-
-    def varying_columns(self, owner: str) -> list[int]:
-        """Return the columns of an owner's parameters that depend on identified ones."""
-        return [column for column, source in enumerate(self._sources[owner]) if source.column is not None]
-
-    def add_derivatives(self, owner: str, derivatives: NDArray[Any], total: NDArray[Any]) -> None:
-        """Add derivatives by an owner's varying columns (..., n_columns) to those by the parameters (..., n_params)."""
-        varying = [source for source in self._sources[owner] if source.column is not None]
-        for column, source in enumerate(varying):
-            total[..., source.column] += source.factor * derivatives[..., column]
-
-    @cached_property
-    def is_plain(self) -> bool:
-        """Whether the derivatives by the engine's columns are those by the parameters: no ties, no chains."""
-        varying = [source for sources in self._sources.values() for source in sources if source.column is not None]
-        sought = [source for name in self._connected for source in self._sources[name] if source.column is not None]
-        return len(varying) == len(self.parameters) == len(sought)
-
-
-def _source(
-    entries: Mapping[str, ParameterEntry],
-    columns: Mapping[tuple[str, str], int],
-    owner: str,
-    parameter: str,
-    entry: ParameterEntry,
-) -> _Source:
-    """Follow the ties of a parameter to a known value or an identified parameter."""
-    factor = 1.0
-    if parameter in entry.ties:
-        tie = resolve(entries, entry.ties[parameter])
-        factor, owner, parameter, entry = tie.ratio, tie.owner, tie.parameter, entries[tie.owner]
-    if parameter in entry.fixed:
-        return _Source(factor * entry.fixed[parameter])
-    return _Source(factor, columns[owner, parameter])
-
 
 def points_and_pairs(responses: Sequence[Response]) -> tuple[list[Point], list[tuple[int, int]]]:
     """Return the DOFs of all responses and forces, each once, and the indices of output and input of each response."""
@@ -219,8 +245,8 @@ class ResponseFrfs:
     Parameters
     ----------
     engine : Engine
-        With a pair for each response.
-    space : ParameterSpace
+        With a pair for each response, which differentiates by all values that depend on theta.
+    parameter_map : ParameterMap
     responses : sequence of Response
     calibrations : mapping of str to ParameterEntry
         Of responses, by their names.
@@ -229,12 +255,12 @@ class ResponseFrfs:
     def __init__(
         self,
         engine: Engine,
-        space: ParameterSpace,
+        parameter_map: ParameterMap,
         responses: Sequence[Response],
         calibrations: Mapping[str, ParameterEntry],
     ) -> None:
         self.engine = engine
-        self._space = space
+        self._map = parameter_map
         self._chains = [index for index, response in enumerate(responses) if response.name in calibrations]
         self._calibrations = calibrations
         self._responses = responses
@@ -244,7 +270,7 @@ class ResponseFrfs:
 
     def frfs(self, batch: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return FRFs (n, n_responses, n_freq) of parameter vectors (n, n_params)."""
-        by_owner = self._space.by_owner(batch)
+        by_owner = self._map.by_component(batch)
         values = _for_each(batch, self.engine.frfs(by_owner, self._to_quantity))
         for index in self._chains:
             values[:, index] *= self._chain(index, by_owner).factor
@@ -252,7 +278,7 @@ class ResponseFrfs:
 
     def amplitudes(self, batch: NDArray[np.float64]) -> NDArray[np.float32]:
         """Return amplitudes of the accelerances (n, n_responses, n_freq) in single precision."""
-        by_owner = self._space.by_owner(batch)
+        by_owner = self._map.by_component(batch)
         values = _for_each(batch, self.engine.amplitudes(by_owner, self._to_accelerance))
         for index in self._chains:
             values[:, index] *= np.abs(self._chain(index, by_owner).factor)
@@ -260,45 +286,29 @@ class ResponseFrfs:
 
     def jacobian(self, batch: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         """Return FRFs (n, n_responses, n_freq) and their derivatives, with a last axis n_params."""
-        by_owner = self._space.by_owner(batch)
+        by_owner = self._map.by_component(batch)
         values, derivatives = self.engine.frfs_jacobian(by_owner, self._to_quantity)
-        values, jacobian = _for_each(batch, values), _for_each(batch, derivatives)
-        if not self._space.is_plain:
-            jacobian = self._by_parameter(jacobian)
+        values, slopes = _for_each(batch, values), self._map.jacobian(batch)
+        jacobian = chain_rule(_for_each(batch, derivatives), slopes[:, self._columns_of(self.engine.graph.connections)])
         for index in self._chains:
-            values[:, index] = self._calibrate(index, values[:, index], jacobian[:, index], by_owner)
+            chain, name = self._chain(index, by_owner), self._responses[index].name
+            by_chain = [values[:, index] * chain.derivative(c) for c in self._map.varying_columns(name)]
+            jacobian[:, index] *= chain.factor[..., np.newaxis]
+            if by_chain:
+                jacobian[:, index] += chain_rule(np.stack(by_chain, axis=-1), slopes[:, self._columns_of([name])])
+            values[:, index] *= chain.factor
         return values, jacobian
+
+    def _columns_of(self, components: Iterable[str]) -> list[int]:
+        """Return the columns of some components' values that depend on theta, among all values."""
+        pairs = ((self._map.columns[name].start, self._map.varying_columns(name)) for name in components)
+        return [first + column for first, columns in pairs for column in columns]
 
     def _chain(self, index: int, by_owner: Mapping[str, NDArray[np.float64]]) -> Chain:
         """Return the measurement chain of a response."""
         response = self._responses[index]
         entry = self._calibrations[response.name]
         return Chain(self.engine.frequency, response.quantity, entry, by_owner[response.name])
-
-    def _by_parameter(self, derivatives: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """Return derivatives by the identified parameters, from those by all of the engine's varying columns."""
-        jacobian = np.zeros((*derivatives.shape[:-1], len(self._space.parameters)), dtype=np.complex128)
-        first = 0
-        for name in self.engine.graph.connections:
-            width = len(self._space.varying_columns(name))
-            self._space.add_derivatives(name, derivatives[..., first : first + width], jacobian)
-            first += width
-        return jacobian
-
-    def _calibrate(
-        self,
-        index: int,
-        values: NDArray[np.complex128],
-        jacobian: NDArray[np.complex128],
-        by_owner: Mapping[str, NDArray[np.float64]],
-    ) -> NDArray[np.complex128]:
-        """Return the FRFs (n, n_freq) of a response after its chain; their derivatives are changed in place."""
-        chain, name = self._chain(index, by_owner), self._responses[index].name
-        jacobian *= chain.factor[..., np.newaxis]
-        of_chain = [values * chain.derivative(column) for column in self._space.varying_columns(name)]
-        if of_chain:
-            self._space.add_derivatives(name, np.stack(of_chain, axis=-1), jacobian)
-        return np.asarray(values * chain.factor)
 
 
 def _for_each(batch: NDArray[np.float64], values: NDArray[Any]) -> NDArray[Any]:
