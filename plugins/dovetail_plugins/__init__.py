@@ -10,7 +10,7 @@ import dovetail
 
 @dovetail.hookimpl
 def dovetail_components() -> list[type[dovetail.Component]]:
-    """Return the built-in components; they are imported here, so that ``dovetail --help`` does not wait for them."""
+    """Return the built-in components; they are imported here, so that the list of commands does not wait for them."""
     from dovetail_plugins.joints.bearing import Bearing
     from dovetail_plugins.joints.bolted import Bolted
     from dovetail_plugins.joints.collet import Collet

@@ -7,7 +7,7 @@ import pytest
 import typer
 from house import ROOT, module_name, source_files
 
-from dovetail.cli import app
+from dovetail.cli.app import app
 from dovetail.cli.option_names import with_options
 from dovetail.errors import argument
 
@@ -45,7 +45,8 @@ def arguments_in_messages():
 
 
 def test_every_argument_that_a_message_names_is_an_option():
-    commands = typer.main.get_group(app).commands.values()
+    group = typer.main.get_group(app)
+    commands = [group.get_command(None, name) for name in group.list_commands(None)]
     options = {name for command in commands for option in command.params for name in option.opts}
     named = dict(arguments_in_messages())
     assert named

@@ -15,11 +15,11 @@ class Command:
     ----------
     function : str or callable
         The function that Typer makes a command of, or its place, ``"package.module:function"``. A place is better in a
-        package: its module is imported only when the command is run, and ``dovetail --help`` stays fast.
+        package: its module is imported only when the command is run, and the list of commands stays fast.
     summary : str
         One sentence for the list of commands, up to 90 characters.
     panel : str
-        Heading of the list under which ``dovetail --help`` shows it: an existing one, or a new one.
+        Heading under which it is listed: an existing one, or a new one.
     name : str, optional
         As it is typed, such as ``"my-command"``; by default the function's name, with hyphens.
     """

@@ -1,6 +1,6 @@
 """Loading of plugins, from entry points and single files: whatever a plugin raises becomes a PluginError.
 
-Nothing here imports a component or a library for arrays, since ``dovetail --help`` loads plugins by it too.
+Nothing here imports a component or a library for arrays, since the list of commands loads plugins by it too.
 """
 
 from __future__ import annotations
