@@ -44,6 +44,17 @@ def test_the_architecture_names_files_that_are_there():
     assert [name for name in names if not (ROOT / "framework" / "dovetail" / name).exists()] == []
 
 
+def test_the_architecture_lists_every_package_and_module_of_the_framework():
+    tree = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8").partition("```\n")[2].partition("```")[0]
+    listed = {name.rstrip("/") for name in re.findall(r"[\w.]+/|\w+\.py", tree)}
+    folder = ROOT / "framework" / "dovetail"
+    entries = {entry.name for entry in folder.iterdir() if entry.suffix == ".py" or (entry / "__init__.py").is_file()}
+    plugins = {init.parent.name for init in (ROOT / "plugins").glob("*/__init__.py")}
+    assert sorted((entries | plugins) - {"__init__.py"} - listed) == []
+    known = {path.name for root in (folder, ROOT / "plugins") for path in root.rglob("*")}
+    assert sorted(listed - known - {"framework", "dovetail", "plugins", "assemblies", "tests", "benchmarks"}) == []
+
+
 def test_contributing_names_files_that_are_there():
     text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     names = re.findall(r"`((?:framework|plugins|tests|docs)/[\w/.]+)`", text)

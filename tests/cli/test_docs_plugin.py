@@ -40,7 +40,14 @@ def example(name: str, folder: Path) -> Path:
 
 def test_every_plugin_of_the_page_is_run_here():
     names = re.findall(r'```python\n"""(\w+\.py): ', PAGE.read_text(encoding="utf-8"))
-    assert names == ["mount.py", "rail.py", "bands.py", "ridge.py", "blocks.py", "one_step.py"]
+    assert names == ["mount.py", "rail.py", "bands.py", "ridge.py", "blocks.py", "one_step.py", "peak.py"]
+
+
+def test_the_command_of_the_page_prints_the_highest_peak(run, tmp_path):
+    frf = dovetail.Frf(np.array([1.0, 2.0, 3.0]), np.array([1.0, 5.0j, 2.0]), "receptance")
+    dovetail.write_frf(frf, tmp_path / "measured.csv")
+    printed = run("--plugin", example("peak.py", tmp_path), "peak", tmp_path / "measured.csv").stdout
+    assert printed == "2.0 Hz\n"
 
 
 @pytest.mark.parametrize("name", ["mount", "rail", "bands", "ridge", "blocks", "one_step"])
