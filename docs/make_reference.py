@@ -18,10 +18,10 @@ from line_length import wrapped
 import dovetail
 from dovetail import JointModel, SubstructureModel
 from dovetail.cli.app import app
-from dovetail.cli.model_description import describe_offer
 from dovetail.cli.terminal import range_text
 from dovetail.description import description_schema
 from dovetail.registry import Offer, Registry, components
+from dovetail.registry.model_description import describe_offer
 from dovetail.units import format_quantity
 
 FOLDER = Path(__file__).parent

@@ -19,7 +19,7 @@ import numpy as np
 from make_joints import finer
 
 import dovetail
-from dovetail.report.truth import read_truth
+from dovetail.identification.truth import read_truth
 from dovetail.synthesis import direct_receptance
 
 HERE = Path(__file__).resolve().parent

@@ -54,6 +54,8 @@ from .identification import load_result as load_result
 from .identification import predict as predict
 from .identification import predict_band as predict_band
 from .identification import train as train
+from .identification.truth import Truth as Truth
+from .identification.truth import read_truth as read_truth
 from .interfaces import INTERFACE_VERSION as INTERFACE_VERSION
 from .interfaces import Component as Component
 from .interfaces import ComponentConfig as ComponentConfig
@@ -100,8 +102,6 @@ from .registry import hookimpl as hookimpl
 from .report.html_report import write_report as write_report
 from .report.plots import plot_assembly as plot_assembly
 from .report.plots import plot_frf as plot_frf
-from .report.truth import Truth as Truth
-from .report.truth import read_truth as read_truth
 from .units import InUnit as InUnit
 
 __version__: str

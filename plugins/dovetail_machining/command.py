@@ -8,7 +8,8 @@ from typing import Annotated, Any
 import typer
 
 from dovetail.cli import reading
-from dovetail.cli.options import Overwrite, PluginFiles, check_new_files, one_of, quantity_in
+from dovetail.cli.options import Overwrite, PluginFiles, one_of, quantity_in
+from dovetail.cli.output_files import check_new_files
 from dovetail.cli.terminal import note, say, title
 
 _length = quantity_in("m")

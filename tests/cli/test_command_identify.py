@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail.cli.batch import _stems
 from dovetail.frf import Frf
+from dovetail.report.batch import file_stems
 
 FILES = ["SHA256SUMS", "frf.csv", "frf.png", "parameters.csv", "report.html", "result.json"]
 
@@ -488,7 +488,7 @@ def test_a_batch_tells_the_warnings_of_its_results(run, bench, tmp_path):
 
 
 def test_files_of_a_batch_have_names_that_differ_even_where_capitals_do_not_count():
-    assert _stems(["A_3", "a", "A", "summary"]) == ["A_3", "a", "A_4", "summary_4"]
+    assert file_stems(["A_3", "a", "A", "summary"]) == ["A_3", "a", "A_4", "summary_4"]
 
 
 def test_a_folder_without_measurements(run, bench, tmp_path):

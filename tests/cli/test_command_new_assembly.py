@@ -9,11 +9,12 @@ import pytest
 import yaml
 
 import dovetail
+from dovetail.description.new_description import two_sided_joints
 from dovetail.registry import components
 
 MODULE = importlib.import_module("dovetail.cli.new_assembly")
 
-JOINTS = sorted(MODULE._two_sided(components(())))
+JOINTS = sorted(two_sided_joints(components(())))
 
 
 def test_every_shipped_joint_has_two_sides():

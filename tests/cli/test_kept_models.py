@@ -8,7 +8,7 @@ import stat
 import pytest
 
 import dovetail
-from dovetail.cli.model_cache import _key
+from dovetail.network.model_cache import _key
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="owners and rights are of POSIX")
 

@@ -18,12 +18,12 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail.cli.result_files import write_results
 from dovetail.frf import LOW_COHERENCE, poor_bands
 from dovetail.frf.resonance_peaks import PairedPeaks
 from dovetail.inference.adequacy.resonances import lacking_resonances
 from dovetail.inference.fitting import refinement
 from dovetail.report.batch import write_batch
+from dovetail.report.result_files import write_results
 
 identify, in_batches = (import_module(f"dovetail.cli.{name}") for name in ("identify", "batch"))
 

@@ -19,10 +19,10 @@ import pytest
 
 import dovetail
 import dovetail_bench
-from dovetail.cli.result_files import write_results
 from dovetail.identification import methods
 from dovetail.identification.result_file import load_result
 from dovetail.inference.fitting import refinement
+from dovetail.report.result_files import write_results
 
 pytestmark = pytest.mark.usefixtures("few_mode_searches")
 WARNING = "The model does not fit the measurement: do not trust the numbers."

@@ -97,7 +97,7 @@ def test_a_new_joint_end_to_end(run, plugin, description, tmp_path):
 
 def test_a_changed_plugin_is_not_served_by_the_old_model(plugin):
     from dovetail.assembly import load
-    from dovetail.cli.model_cache import _key
+    from dovetail.network.model_cache import _key
 
     def key():
         return _key(load(plugin.with_suffix(".yaml"), plugins=[plugin]), [plugin])

@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail.cli.result_files import write_results
 from dovetail.inference.posterior import Posterior, typical_model_error
 from dovetail.report import content
 from dovetail.report.batch import write_batch
+from dovetail.report.result_files import write_results
 from dovetail_bench.pages.comparison import parameter_value_rows
 
 identify, in_batches = (import_module(f"dovetail.cli.{name}") for name in ("identify", "batch"))

@@ -15,7 +15,7 @@ import pytest
 import dovetail
 import dovetail_bench
 from dovetail.errors import DovetailError, Fault, as_dovetail_error
-from dovetail.identification import identifier
+from dovetail.identification import batch as batches_module
 from dovetail.parallel import side_by_side
 from dovetail_bench.evaluation import calibration
 from support.batches import BAD, start, summary, write_measurements
@@ -132,7 +132,7 @@ def test_identify_many_hands_over_results_as_they_arrive(sdof, monkeypatch, proc
     def faulty(_assembly, measured, *_, **__):
         raise {"lack": MemoryError, "bug": SystemError, "over": OverflowError}[measured.label]("odd")
 
-    monkeypatch.setattr(identifier, "identify", faulty)
+    monkeypatch.setattr(batches_module, "identify", faulty)
     frfs = [dovetail.Frf([1.0, 2.0], [1.0, 2.0], "accelerance", label=label) for label in ("lack", "bug", "over")]
     arrived = {}
     batch = dovetail.identify_many(sdof, frfs, processes=processes, on_outcome=arrived.__setitem__)
@@ -148,7 +148,7 @@ def test_ctrl_c_gives_a_batch_of_what_is_there(sdof, monkeypatch):
             raise KeyboardInterrupt
         raise MemoryError
 
-    monkeypatch.setattr(identifier, "identify", stop)
+    monkeypatch.setattr(batches_module, "identify", stop)
     frfs = [dovetail.Frf([1.0, 2.0], [1.0, 2.0], "accelerance", label=label) for label in ("first", "second", "third")]
     batch = dovetail.identify_many(sdof, frfs, processes=1)
     assert batch.interrupted

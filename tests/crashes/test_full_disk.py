@@ -130,8 +130,9 @@ def test_a_disk_that_is_full(whole, tmp_path):
 
 FILLED = """
 import hashlib, json, os, pathlib, random, shutil, sys, dovetail
-from dovetail.cli.result_files import write_results, writing
-from dovetail.cli.frf_files import write_frf_files
+from dovetail.cli.output_files import writing
+from dovetail.report.result_files import write_results
+from dovetail.report.frf_files import write_frf_files
 
 assembly = dovetail.load(json.loads(open(sys.argv[1]).read()))
 disk, moments, times = pathlib.Path(sys.argv[2]), random.Random(3), int(sys.argv[3])

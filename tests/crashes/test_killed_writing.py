@@ -12,9 +12,10 @@ import pytest
 
 import dovetail
 from dovetail import atomic_files
-from dovetail.cli.frf_files import write_frf_files
-from dovetail.cli.result_files import prepare_folder, write_results, writing
+from dovetail.cli.output_files import writing
 from dovetail.network import bundle
+from dovetail.report.frf_files import write_frf_files
+from dovetail.report.result_files import prepare_folder, write_results
 from support.kills import kill_at_each_step
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="processes are forked")

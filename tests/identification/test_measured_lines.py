@@ -12,7 +12,7 @@ import pytest
 import dovetail
 from dovetail.errors import MeasurementError
 from dovetail.identification.result_file import load_result
-from dovetail.report.truth import Truth
+from dovetail.identification.truth import Truth
 
 NOISE = 0.02
 FEW = {"multistart": {"starts": 8}, "posterior": {"samples": 100}}

@@ -147,7 +147,7 @@ MILLION = """
 import resource, sys
 import numpy as np
 import dovetail
-from dovetail.cli.result_files import write_results
+from dovetail.report.result_files import write_results
 from pathlib import Path
 assembly = dovetail.load(sys.argv[1])
 frequency = np.linspace(1.0, 600.0, 1_000_000)

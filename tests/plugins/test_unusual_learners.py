@@ -16,12 +16,12 @@ from typer.testing import CliRunner
 import dovetail
 import dovetail_bench
 from dovetail.cli.app import app
-from dovetail.cli.model_cache import _key
 from dovetail.errors import MeasurementError, PluginError
 from dovetail.identification.identify import find_method
 from dovetail.identification.methods import METHODS
 from dovetail.interfaces.method import TAKEN_NAMES
 from dovetail.measurement import noisy_frf
+from dovetail.network.model_cache import _key
 from dovetail.registry import Registry
 from support import unusual_learners
 from support.mass_on_mount import mass_on_mount

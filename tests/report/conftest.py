@@ -11,7 +11,7 @@ import pytest
 
 from dovetail.frf import Frf
 from dovetail.identification import Identification, IdentifiedParameter, Mode
-from dovetail.report.truth import Truth
+from dovetail.identification.truth import Truth
 
 PARAMETERS = (  # name, unit, lower, upper, scale, identified, true, description
     ("Dc", "m", 26e-3, 40e-3, "linear", 35.18e-3, 34.9e-3, "equivalent outer diameter of the collet"),

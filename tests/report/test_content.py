@@ -12,6 +12,7 @@ import pytest
 
 import dovetail
 from dovetail.identification import Adequacy, Cause, Identification, Mode, ModelError
+from dovetail.identification.truth import Truth
 from dovetail.inference.fitting import refine
 from dovetail.plain_text import ABSENT
 from dovetail.report.content import (
@@ -25,7 +26,6 @@ from dovetail.report.content import (
     warnings_of,
 )
 from dovetail.report.html_report import evaluation_rows, write_report
-from dovetail.report.truth import Truth
 
 
 def test_where_the_curves_agree_least_is_said_unless_they_agree_everywhere(result: Identification) -> None:

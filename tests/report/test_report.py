@@ -21,9 +21,9 @@ import dovetail
 from dovetail.errors import DovetailError
 from dovetail.frf import Frf
 from dovetail.identification import Adequacy, AtPoint, Identification, Mode, ModelError
+from dovetail.identification.truth import Truth
 from dovetail.report import html_report
 from dovetail.report.html_report import write_report
-from dovetail.report.truth import Truth
 
 LARGEST = 400_000
 """Bytes that a report with two responses may have."""
@@ -305,7 +305,7 @@ def test_a_report_that_cannot_be_written_is_explained(result: Identification, tm
 
 def test_importing_the_report_loads_nothing_heavy() -> None:
     program = (
-        "import sys, dovetail.report.html_report, dovetail.report.figures, dovetail.report.truth\n"
+        "import sys, dovetail.report.html_report, dovetail.report.figures, dovetail.identification.truth\n"
         "print([name for name in ('torch', 'umap', 'numba', 'matplotlib', 'jinja2') if name in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from dovetail.errors import FileError, MeasurementError
+from dovetail.identification.truth import Truth, read_truth
 from dovetail.interfaces import Parameter
-from dovetail.report.truth import Truth, read_truth
 
 PARAMETERS = (
     Parameter("Dc", "m", 26e-3, 40e-3),

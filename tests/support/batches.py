@@ -14,9 +14,9 @@ import dovetail
 COMMAND = """
 import os, signal, sys, time
 from pathlib import Path
-from dovetail.identification import identifier
+from dovetail.identification import batch
 
-identify, marks = identifier.identify, Path(sys.argv[1])
+identify, marks = batch.identify, Path(sys.argv[1])
 
 
 def faulty(assembly, measured, *arguments, **options):
@@ -37,8 +37,8 @@ def faulty(assembly, measured, *arguments, **options):
 
 
 if __name__ == "__main__":
-    identifier.identify = faulty
-    identifier.cores = lambda: 2
+    batch.identify = faulty
+    batch.cores = lambda: 2
     del sys.argv[1]
     from dovetail.cli import main
     main()

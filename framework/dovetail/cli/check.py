@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
-from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dovetail.cli.natural_frequencies import natural_frequencies, say_natural_frequencies
-from dovetail.cli.options import AsJson, AssemblyFile, Overwrite, PluginFiles, check_new_files
-from dovetail.cli.plot import write_figure
+from dovetail.cli.natural_frequencies import say_natural_frequencies
+from dovetail.cli.options import AsJson, AssemblyFile, Overwrite, PluginFiles
+from dovetail.cli.output_files import check_new_files
 from dovetail.cli.terminal import heading, note, print_json, range_text, say, table, title
 from dovetail.errors import listing
 
 if TYPE_CHECKING:
     from dovetail.assembly import Assembly
-    from dovetail.description import Place, Response
 
 
 def check(
@@ -37,19 +34,21 @@ def check(
     nodes, the joints, and where force and response are.
     """
     import dovetail
+    from dovetail.assembly.summary import assembly_summary
 
     if output:
         from dovetail.report.svg import FIGURE_SUFFIXES
 
         check_new_files(output, FIGURE_SUFFIXES, overwrite)
     loaded = dovetail.load(assembly, plugins=plugin or ())
-    summary = _summary(loaded)
+    summary = assembly_summary(loaded)
     if as_json:
         print_json(summary)
     else:
         _print(loaded, summary)
     if output:
         from dovetail.report.drawing import drawing_text
+        from dovetail.report.frf_files import write_figure
 
         write_figure(dovetail.plot_assembly(loaded), output, drawing_text(loaded), overwrite=overwrite)
         for file in output:
@@ -58,66 +57,6 @@ def check(
 
 _NORMAL = {"linear": "normal", "log": "log-normal"}
 """Words for a normal prior, shown instead of the scale."""
-
-
-def _summary(assembly: Assembly) -> dict[str, Any]:
-    from dovetail.assembly import find_doubts, find_omissions
-
-    description, graph = assembly.description, assembly.graph
-    frequency = assembly.frequency
-    natural, damping, reason = natural_frequencies(assembly)
-    substructures = [
-        {
-            "name": name,
-            "model": part.name,
-            "dofs": 2 * len(part.nodes),
-            "held": part.grounded,
-            "reversed": name in description.reversed_parts,
-            "nodes": [{"label": node.label, "position": node.position} for node in part.nodes],
-        }
-        for name, part in description.substructures.items()
-    ]
-    joints = [
-        {"name": name, "model": joint.connection.model.name, "internal_dofs": joint.connection.model.internal_dofs}
-        for name, joint in description.joints.items()
-    ]
-    return {
-        "name": assembly.name,
-        "source": description.source,
-        "substructures": substructures,
-        "joints": joints,
-        "dofs": {"assembly": graph.size, "condensed": len(assembly.engine.program.order)},
-        "parameters": [asdict(parameter) for parameter in assembly.parameters],
-        "fixed": _fixed(assembly),
-        "response": _response(assembly, description.response),
-        "further_responses": [_response(assembly, response) for response in description.responses[1:]],
-        "frequency": {"first": float(frequency[0]), "last": float(frequency[-1]), "lines": len(frequency)},
-        "natural_frequencies": natural,
-        "damping_ratios": damping,
-        "without_natural_frequencies": reason,
-        "omissions": list(find_omissions(assembly)),
-        "doubts": list(find_doubts(assembly)),
-    }
-
-
-def _response(assembly: Assembly, response: Response) -> dict[str, Any]:
-    force = {} if response.force is None else {"force": _place(assembly, response.force)}
-    return {**_place(assembly, response), "quantity": response.quantity, **force}
-
-
-def _place(assembly: Assembly, place: Place) -> dict[str, Any]:
-    position = assembly.description.substructures[place.substructure].nodes[place.node].position
-    return {"at": place.substructure, "position": position, "direction": place.direction}
-
-
-def _fixed(assembly: Assembly) -> list[dict[str, Any]]:
-    """Return the known parameters, without a sign that the measurement determines."""
-    return [
-        {"name": f"{joint}.{parameter.name}", "value": entry.fixed[parameter.name], "unit": parameter.unit}
-        for joint, entry in assembly.description.entries.items()
-        for parameter in entry.parameters
-        if parameter.name in entry.fixed and not isnan(entry.fixed[parameter.name])
-    ]
 
 
 def _print(assembly: Assembly, summary: dict[str, Any]) -> None:

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from dovetail.cli.options import AsJson, ModelName, PluginFiles
 from dovetail.cli.terminal import heading, print_json, range_text, say, table, title
-
-if TYPE_CHECKING:
-    from dovetail.registry import Offer, Registry
 
 
 def plugins(plugin: PluginFiles = None, as_json: AsJson = False) -> None:
@@ -19,11 +15,12 @@ def plugins(plugin: PluginFiles = None, as_json: AsJson = False) -> None:
     """
     from dovetail.interfaces import KINDS
     from dovetail.registry import components
+    from dovetail.registry.model_description import list_models
 
     registry = components(plugin or ())
     offers = [offer for kind in KINDS for offer in registry.offers(kind)]
     if as_json:
-        print_json(_registry_as_dict(registry, offers))
+        print_json(list_models(registry))
         return
     table(
         ["kind", "name", "summary", "source"],
@@ -41,67 +38,22 @@ def plugins(plugin: PluginFiles = None, as_json: AsJson = False) -> None:
         table(["kind", "name", "sources"], rows)
 
 
-def _registry_as_dict(registry: Registry, offers: list[Offer]) -> dict[str, Any]:
-    return {
-        "components": [
-            {
-                "kind": offer.component.kind,
-                "name": offer.component.name,
-                "summary": offer.component.summary,
-                "source": offer.source,
-            }
-            for offer in offers
-        ],
-        "failures": [{"source": failure.source, "reason": failure.reason} for failure in registry.failures],
-        "slow": registry.slow,
-        "conflicts": [
-            {"kind": kind, "name": name, "sources": list(sources)}
-            for (kind, name), sources in registry.conflicts.items()
-        ],
-    }
-
-
 def describe(model: ModelName, plugin: PluginFiles = None, as_json: AsJson = False) -> None:
     """Describe a model: options, parameters, ports.
 
     A name that models of several kinds bear shows all of them.
     """
-    from dovetail.cli.model_description import describe_offer
     from dovetail.registry import components
+    from dovetail.registry.model_description import as_plain, describe_offer, offers_named
 
-    described = [describe_offer(offer) for offer in _offers_named(components(plugin or ()), model)]
+    described = [describe_offer(offer) for offer in offers_named(components(plugin or ()), model)]
     if as_json:
-        print_json([_plain(entry) for entry in described])
+        print_json([as_plain(entry) for entry in described])
         return
     for index, entry in enumerate(described):
         if index:
             say()
         _print_model(entry)
-
-
-def _offers_named(registry: Registry, name: str) -> tuple[Offer, ...]:
-    from dovetail.errors import Fault, PluginError, did_you_mean, listing
-    from dovetail.interfaces import KINDS
-    from dovetail.registry import HOW_TO_OFFER
-
-    for kind, conflicting in registry.conflicts:
-        if conflicting == name:
-            registry.find(kind, name)
-    offers = registry.named(name)
-    if not offers:
-        names = sorted({known for kind in KINDS for known in registry.names(kind)})
-        remedy = did_you_mean(name, names)
-        for failure in registry.failures:
-            remedy += f"{' ' if remedy else ''}(Not loaded: {failure.source}: {failure.reason})"
-        remedy = f"{remedy} {HOW_TO_OFFER}".lstrip()
-        raise PluginError(Fault("", f"there is no model '{name}'.", listing(names, 30), remedy))
-    return offers
-
-
-def _plain(entry: dict[str, Any]) -> dict[str, Any]:
-    """Return a description of a model as plain values for JSON."""
-    listed = {name: entry[name] for name in ("parameters", "ports") if entry.get(name) is not None}
-    return {**entry, **{name: [asdict(item) for item in items] for name, items in listed.items()}}
 
 
 def _print_model(entry: dict[str, Any]) -> None:

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dovetail.cli import reading
-from dovetail.cli.options import Overwrite, PluginFiles, check_new_files
-from dovetail.cli.plot import write_figures
+from dovetail.cli.options import Overwrite, PluginFiles
+from dovetail.cli.output_files import check_new_files
 from dovetail.cli.terminal import note, say, title
 
 if TYPE_CHECKING:
-    from dovetail.frf import Frf
+    pass
 
 _WRITTEN = (".uff", ".unv", ".csv", ".npz")
 
@@ -61,6 +61,7 @@ def convert(
     import dovetail
     from dovetail.frf import QUANTITIES
     from dovetail.measurement.frf_units import meaning_of_unit
+    from dovetail.report.frf_files import describe_frf, write_figures
     from dovetail.report.svg import FIGURE_SUFFIXES
 
     check_new_files([target], (*_WRITTEN, *FIGURE_SUFFIXES), overwrite)
@@ -103,19 +104,3 @@ def _dofs_of(text: str | None) -> tuple[str, str] | None:
     if not (response and comma and force):
         raise typer.BadParameter(f"'{text}' is not RESPONSE,FORCE, such as 3+x,1-x.", param_hint="--dofs")
     return response, force
-
-
-def describe_frf(frf: Frf) -> str:
-    """Return one sentence with the lines, the quantity and other properties of an FRF."""
-    known = [f"{frf.frequency.size} lines from {frf.frequency[0]:g} to {frf.frequency[-1]:g} Hz", frf.quantity]
-    if frf.rotation or frf.by_moment:
-        known.append(frf.kind)
-    if not frf.has_phase:
-        known.append("amplitude alone")
-    if frf.coherence is not None:
-        known.append("coherence")
-    if frf.averages is not None:
-        known.append(f"{frf.averages} averages")
-    if frf.response and frf.force:
-        known.append(f"from {frf.force} to {frf.response}")
-    return ", ".join(known) + "."

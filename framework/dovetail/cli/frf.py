@@ -8,9 +8,8 @@ from typing import Annotated
 
 import typer
 
-from dovetail.cli.convert import describe_frf
-from dovetail.cli.frf_files import check_frf_files, write_frf_files
 from dovetail.cli.options import Overwrite, one_of, quantity_in
+from dovetail.cli.output_files import check_frf_files
 from dovetail.cli.reading import Columns, ForceDof, Names, ResponseDof, columns_of, names_of
 from dovetail.cli.terminal import note, say, title
 
@@ -73,6 +72,7 @@ def frf(
     import dovetail
     from dovetail.measurement.impact_test.frf_estimation import ESTIMATORS
     from dovetail.measurement.impact_test.signal_files import read_signals
+    from dovetail.report.frf_files import describe_frf, write_frf_files
 
     chosen = one_of(ESTIMATORS, estimator, "--estimator")
     check_frf_files(output, overwrite)

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
     from dovetail.assembly import Assembly
     from dovetail.identification import Identification, Identifier, ModalIdentification
+    from dovetail.identification.truth import Truth
     from dovetail.interfaces import IdentificationMethod
     from dovetail.report.content import ParameterRow
-    from dovetail.report.truth import Truth
 
 _STARTED = ("refined", "posterior")
 """Methods that start from a network's answer."""
@@ -158,10 +158,11 @@ def identify(
     and says so.
     """
     import dovetail
-    from dovetail.cli.result_files import prepare_folder, write_results, writing
+    from dovetail.cli.output_files import writing
     from dovetail.identification.identify import check_mass
     from dovetail.identification.measured_lines import MeasuredLines
     from dovetail.measurement import is_modal_table
+    from dovetail.report.result_files import prepare_folder, write_results
 
     stated = {
         "starts": starts,
@@ -218,7 +219,7 @@ def identify(
 def _truth(file: Path, assembly: Assembly) -> Truth:
     """Read the true values of parameters that are sought, and of those that follow them."""
     from dovetail.identification.reconstruction import identified_parameters
-    from dovetail.report.truth import read_truth
+    from dovetail.identification.truth import read_truth
 
     return read_truth(file, identified_parameters(assembly, assembly.vector(None)).values())
 
@@ -249,7 +250,8 @@ def _identify_from_modes(
 ) -> None:
     """Identify the joint from a table of modal parameters, print the result and write its files."""
     import dovetail
-    from dovetail.cli.result_files import MODAL_FILES, prepare_folder, write_modal_results, writing
+    from dovetail.cli.output_files import writing
+    from dovetail.report.result_files import MODAL_FILES, prepare_folder, write_modal_results
 
     modes = dovetail.read_modal_parameters(file)
     known = None if truth is None else _truth(truth, assembly)

@@ -1,23 +1,8 @@
-"""Natural frequencies within the assembly's band, as commands show them."""
+"""Natural frequencies within the assembly's band, as commands print them."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from dovetail.cli.terminal import say
-
-if TYPE_CHECKING:
-    from dovetail.assembly import Assembly, Theta
-
-_MOST = 10
-
-
-def natural_frequencies(assembly: Assembly, theta: Theta = None) -> tuple[list[float], list[float], str]:
-    """Return the natural frequencies [Hz] that commands show, their damping ratios, and why there are none."""
-    from dovetail.assembly import modes_in_band
-
-    modes, reason = modes_in_band(assembly, theta, count=_MOST)
-    return [mode.natural_frequency for mode in modes], [mode.damping_ratio for mode in modes], reason
 
 
 def say_natural_frequencies(natural: list[float], damping: list[float], reason: str) -> None:

@@ -2,26 +2,13 @@
 
 from __future__ import annotations
 
-import keyword
-import re
 from pathlib import Path
-from string import Template
 from typing import Annotated
 
 import typer
 
 from dovetail.cli.options import one_of
 from dovetail.cli.terminal import say
-
-_COMMON = {
-    "pyproject.toml": "pyproject.toml",
-    "README.md": "README.md",
-    "gitignore": ".gitignore",
-    "package.py": "src/$package/__init__.py",
-    "test_conformance.py": "tests/test_conformance.py",
-}
-_OWN = {"py": "src/$package/$kind.py", "yaml": "example.yaml", "test.py": "tests/test_example.py"}
-"""Files of each kind, by the text after the kind in the name of the template."""
 
 
 def new_plugin(
@@ -38,62 +25,8 @@ def new_plugin(
     It can be installed and passes its own tests as it is; then make it yours.
     """
     from dovetail.interfaces import KINDS
+    from dovetail.registry.new_plugin import write_plugin_package
 
-    words = _words(one_of(KINDS, kind, "KIND"), name)
-    folder = output or Path(words["distribution"])
-    made = _write(folder, words)
-    say(f"{folder}: {', '.join(made)}")
-    say(f"Install it with 'pip install -e {folder}', and check it with 'dovetail check-plugin {words['name']}'.")
-
-
-def _words(kind: str, wanted: str) -> dict[str, str]:
-    """Return the values for the placeholders of the templates."""
-    import dovetail
-    from dovetail.errors import Fault, PluginError
-    from dovetail.registry import installed_components
-    from dovetail.version import __version__
-
-    name = wanted.replace("-", "_").lower()
-    if not re.fullmatch(r"[a-z][a-z0-9_]{0,49}", name) or keyword.iskeyword(name):
-        problem = f"'{wanted:.60}' cannot be the name of a model."
-        accepted = "up to 50 letters from a to z, digits and '_', beginning with a letter, and no keyword of Python"
-        raise PluginError(Fault("", problem, accepted))
-    model = "".join(word.capitalize() for word in name.split("_"))
-    if keyword.iskeyword(model) or hasattr(dovetail, model) or model in ("Annotated", "Field"):
-        problem = f"'{wanted:.60}' would make a class '{model}', a name that the code of a plugin needs itself."
-        raise PluginError(Fault("", problem, remedy="Choose another."))
-    for offer in installed_components().named(name):
-        if offer.component.kind == kind:
-            raise PluginError(Fault("", f"{offer.source} offers a {kind} '{name}' already.", remedy="Choose another."))
-    return {
-        "kind": kind,
-        "name": name,
-        "title": name.replace("_", " "),
-        "model": model,
-        "package": f"dovetail_{name}",
-        "distribution": f"dovetail-{name.replace('_', '-')}",
-        "version": __version__,
-    }
-
-
-def _write(folder: Path, words: dict[str, str]) -> list[str]:
-    """Write the package atomically, and return the names of its files."""
-    from importlib.resources import files
-
-    from dovetail.atomic_files import new_folder
-    from dovetail.errors import DovetailError, Fault
-
-    if folder.exists():
-        raise DovetailError(
-            Fault(str(folder), "there is such a file or folder already.", remedy="Choose another name.")
-        )
-    templates = files("dovetail.cli") / "plugin_template"
-    of_kind = {f"{words['kind']}.{suffix}": path for suffix, path in _OWN.items()}
-    paths = {source: Template(path).substitute(words) for source, path in {**_COMMON, **of_kind}.items()}
-    with new_folder(folder) as fresh:
-        for source, path in paths.items():
-            target = fresh / path
-            target.parent.mkdir(parents=True, exist_ok=True)
-            text = (templates / f"{source}.template").read_text(encoding="utf-8")
-            target.write_text(Template(text).substitute(words), encoding="utf-8")
-    return sorted(paths.values())
+    made = write_plugin_package(one_of(KINDS, kind, "KIND"), name, output)
+    say(f"{made.folder}: {', '.join(made.files)}")
+    say(f"Install it with 'pip install -e {made.folder}', and check it with 'dovetail check-plugin {made.name}'.")

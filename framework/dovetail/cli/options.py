@@ -167,36 +167,3 @@ def chosen_method(
             problem = f"the method '{called}' has no such option; it is of {others}."
             raise typer.BadParameter(problem, param_hint=f"--{name.replace('_', '-')}")
     return chosen
-
-
-def check_new_files(files: Iterable[Path], suffixes: Iterable[str], overwrite: bool) -> None:
-    """Check, before any work, that files can be written.
-
-    Parameters
-    ----------
-    files : iterable of Path
-    suffixes : iterable of str
-        Accepted suffixes.
-    overwrite : bool
-
-    Raises
-    ------
-    typer.BadParameter
-        A suffix is not accepted.
-    DovetailError
-        A file already exists, or its folder cannot be written.
-    """
-    from dovetail.atomic_files import check_room
-    from dovetail.errors import DovetailError, Fault, listing
-
-    accepted = list(suffixes)
-    for file in files:
-        if file.suffix.lower() not in accepted:
-            raise typer.BadParameter(
-                f"'{file}': the suffix says what is written. Accepted: {listing(accepted)}", param_hint="--output"
-            )
-        if file.exists() and not overwrite:
-            raise DovetailError(
-                Fault(str(file), "there is such a file already.", remedy="Choose another name, or add --overwrite.")
-            )
-        check_room(file.resolve().parent)

@@ -9,13 +9,12 @@ import typer
 
 from dovetail.cli import reading
 from dovetail.cli.completion import complete_files
-from dovetail.cli.options import AsJson, Overwrite, PluginFiles, check_new_files
+from dovetail.cli.options import AsJson, Overwrite, PluginFiles
+from dovetail.cli.output_files import check_new_files
 from dovetail.cli.terminal import note, print_json, table
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from dovetail.frf import Frf
+    pass
 
 _PEAKS = 6
 """Largest number of resonances of an FRF that are listed."""
@@ -46,13 +45,14 @@ def plot(
 
     A figure draws amplitude, phase and coherence of all files over each other.
     """
+    from dovetail.report.frf_files import frf_summary, write_figures
     from dovetail.report.svg import FIGURE_SUFFIXES
 
     files = output or []
     check_new_files(files, FIGURE_SUFFIXES, overwrite)
     contents = reading.reading_options(quantity, unit, names, columns, reader, plugin)
     frfs = reading.read_selected(measured, index, response, force, **contents)
-    summaries = [_summary(frf) for frf in frfs]
+    summaries = [frf_summary(frf) for frf in frfs]
     if as_json:
         print_json(summaries)
     else:
@@ -61,22 +61,6 @@ def plot(
     write_figures(frfs, files, overwrite=overwrite)
     for file in files:
         note(f"Written: {file}")
-
-
-def _summary(frf: Frf) -> dict[str, Any]:
-    """Return the properties of an FRF as plain values."""
-    from dovetail.frf.resonance_peaks import resonance_peaks
-
-    return {
-        "measurement": frf.label,
-        "quantity": frf.quantity,
-        "has_phase": frf.has_phase,
-        "lines": frf.frequency.size,
-        "band_Hz": [float(frf.frequency[0]), float(frf.frequency[-1])],
-        "mean_coherence": None if frf.coherence is None else float(frf.coherence.mean()),
-        "averages": frf.averages,
-        "resonances_Hz": [float(peak) for peak in resonance_peaks(frf)],
-    }
 
 
 def _row(summary: dict[str, Any]) -> list[str]:
@@ -93,21 +77,3 @@ def _row(summary: dict[str, Any]) -> list[str]:
         str(summary["averages"] or ""),
         ", ".join(hertz(peak) for peak in peaks[:_PEAKS]) + (", ..." if len(peaks) > _PEAKS else ""),
     ]
-
-
-def write_figures(frfs: list[Frf], files: list[Path], *, overwrite: bool) -> None:
-    """Draw FRFs in one figure, and write it in the format given by each file's suffix."""
-    if files:
-        from dovetail.report.figures import measured_figure
-
-        write_figure(measured_figure(frfs), files, overwrite=overwrite)
-
-
-def write_figure(figure: Figure, files: list[Path], title: str = "", *, overwrite: bool) -> None:
-    """Write a figure in the format given by each file's suffix, with a title for screen readers."""
-    from dovetail.atomic_files import write_whole
-    from dovetail.report.svg import figure_bytes
-
-    for file in files:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(file, figure_bytes(figure, file.suffix.lower(), title), overwrite=overwrite)

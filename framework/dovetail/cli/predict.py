@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from dovetail.cli.commands import exit_unless_trustworthy, measurement_names, say_warning
-from dovetail.cli.frf_files import FrfFiles, check_frf_files, write_frf_files
-from dovetail.cli.natural_frequencies import natural_frequencies, say_natural_frequencies
-from dovetail.cli.options import AsJson, AssemblyFile, Overwrite, PluginFiles, PointNumber, at_point, check_new_files
+from dovetail.cli.natural_frequencies import say_natural_frequencies
+from dovetail.cli.options import AsJson, AssemblyFile, Overwrite, PluginFiles, PointNumber, at_point
+from dovetail.cli.output_files import FrfFiles, check_frf_files, check_new_files
 from dovetail.cli.terminal import heading, note, print_json, quantity_text, table, title
-
-if TYPE_CHECKING:
-    from dovetail.frf import Frf
-    from dovetail.identification import PredictedBand
 
 
 def predict(
@@ -42,8 +38,10 @@ def predict(
     not trustworthy: the FRF is written all the same, and its files say so.
     """
     import dovetail
+    from dovetail.assembly.summary import natural_frequencies
     from dovetail.identification.prediction import determined_signs, joint_values, predicted_band, predicted_frf
     from dovetail.identification.result_file import load_result
+    from dovetail.report.frf_files import band_text, write_frf_files
 
     files = output or []
     check_frf_files(files, overwrite)
@@ -56,7 +54,7 @@ def predict(
     frf = predicted_frf(loaded, identified)
     natural, damping, reason = natural_frequencies(loaded, values)
     amplitudes = None if band is None else predicted_band(loaded, identified)
-    bands = {} if band is None or amplitudes is None else {band: _band_text(amplitudes, frf)}
+    bands = {} if band is None or amplitudes is None else {band: band_text(amplitudes, frf)}
     write_frf_files(frf, files, natural, bands, overwrite=overwrite)
     if as_json:
         warning = {"is_trustworthy": identified.is_trustworthy, "warning": identified.warning}
@@ -77,12 +75,3 @@ def predict(
     for file in (*files, *bands):
         note(f"Written: {file}")
     exit_unless_trustworthy(identified)
-
-
-def _band_text(band: PredictedBand, frf: Frf) -> str:
-    from dovetail.cli.result_files import csv_text, warning_comment
-
-    columns = (band.frequency, frf.amplitude, band.lower, band.upper)
-    rows = zip(*(column.tolist() for column in columns), strict=True)
-    text = f"# quantity: {frf.quantity}; {band.level:.0%} of each line\n{warning_comment(band.warning)}"
-    return text + csv_text(["frequency_Hz", "amplitude", "lower", "upper"], rows)

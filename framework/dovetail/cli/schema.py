@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from dovetail.cli.options import Overwrite, PluginFiles, check_new_files
+from dovetail.cli.options import Overwrite, PluginFiles
+from dovetail.cli.output_files import check_new_files
 from dovetail.cli.terminal import note, print_json
 
 
@@ -24,9 +25,9 @@ def schema(
     $schema=dovetail.schema.json", makes editors use it.
     """
     from dovetail.atomic_files import write_whole
-    from dovetail.cli.result_files import json_text
     from dovetail.description import description_schema
     from dovetail.registry import components
+    from dovetail.report.result_files import json_text
 
     if output is not None:
         check_new_files([output], [".json"], overwrite)

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from dovetail.cli.completion import complete_parameters
-from dovetail.cli.frf_files import FrfFiles, check_frf_files, write_frf_files
-from dovetail.cli.natural_frequencies import natural_frequencies, say_natural_frequencies
+from dovetail.cli.natural_frequencies import say_natural_frequencies
 from dovetail.cli.options import (
     AsJson,
     AssemblyFile,
@@ -18,10 +16,10 @@ from dovetail.cli.options import (
     PluginFiles,
     PointNumber,
     at_point,
-    check_new_files,
     note_doubts,
     part,
 )
+from dovetail.cli.output_files import FrfFiles, check_frf_files, check_new_files
 from dovetail.cli.terminal import heading, note, print_json, quantity_text, range_text, table, title
 
 if TYPE_CHECKING:
@@ -65,7 +63,10 @@ def simulate(
     the file takes the place of a measurement, whose truth is known.
     """
     import dovetail
+    from dovetail.assembly.summary import natural_frequencies
+    from dovetail.identification.truth import truth_text
     from dovetail.measurement import noisy_frf
+    from dovetail.report.frf_files import write_frf_files
 
     files = output or []
     check_frf_files(files, overwrite)
@@ -79,7 +80,7 @@ def simulate(
     if noise:
         frf = noisy_frf(frf, noise, seed)
     natural, damping, reason = natural_frequencies(loaded, theta)
-    texts = {} if truth_output is None else {truth_output: _truth(loaded, theta, natural, noise)}
+    texts = {} if truth_output is None else {truth_output: truth_text(loaded, theta, natural, noise)}
     write_frf_files(frf, files, natural, texts, overwrite=overwrite)
     if as_json:
         print_json(
@@ -90,17 +91,6 @@ def simulate(
         say_natural_frequencies(natural, damping, reason)
     for file in (*files, *texts):
         note(f"Written: {file}")
-
-
-def _truth(assembly: Assembly, theta: dict[str, float], natural: list[float], noise: float) -> str:
-    """Return the content of a file for `read_truth`."""
-    content = {
-        "synthetic": True,
-        "note": f"Simulated from {assembly.name}, noise {noise:g}.",
-        "parameters": {p.name: f"{theta[p.name]:.9g} {p.unit}".removesuffix(" 1") for p in assembly.parameters},
-        "natural_frequencies_Hz": natural,
-    }
-    return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def _settings(texts: list[str]) -> dict[str, str]:

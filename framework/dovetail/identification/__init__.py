@@ -1,6 +1,7 @@
 """Identification of a joint from a measured FRF: training, the network, results, bundles, prediction."""
 
-from dovetail.identification.identifier import Batch, Identifier, identify_many, load_model, train
+from dovetail.identification.batch import Batch, identify_many
+from dovetail.identification.identifier import Identifier, load_model, train
 from dovetail.identification.identify import identify
 from dovetail.identification.parameters import IdentifiedParameter, TableRow
 from dovetail.identification.prediction import PredictedBand, predict, predict_band

@@ -1,30 +1,19 @@
-"""What builds on `identify`: a trained model, which can be saved and loaded, and batches of measurements."""
+"""A trained model that identifies, and can be saved and loaded."""
 
 from __future__ import annotations
 
-import logging
-import warnings
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing
-from dataclasses import asdict, dataclass, replace
-from itertools import chain, count
 from pathlib import Path
-from textwrap import indent
 from typing import Any, Self
 
 from dovetail.assembly import Assembly, AssemblySource, as_assembly
 from dovetail.dataset import Dataset
 from dovetail.description import SHARED
-from dovetail.errors import DovetailError, Fault, MeasurementError, ParameterError, as_dovetail_error, listing
-from dovetail.frf import Frf
-from dovetail.identification.identify import Measurement, as_frfs, identify
-from dovetail.identification.measured_lines import batch_contradictions
-from dovetail.identification.parameters import dataframe
-from dovetail.identification.result import Identification, joined_warnings
+from dovetail.errors import Fault, ParameterError, listing
+from dovetail.identification.identify import Measurement, identify
+from dovetail.identification.result import Identification
 from dovetail.interfaces import IdentificationMethod, Progress, logged, progress_reporter
 from dovetail.network.bundle import TrainedNetwork, read_bundle, write_bundle
 from dovetail.network.training import train_network
-from dovetail.parallel import cores, side_by_side
 from dovetail.plain_text import html_table, terminal_text
 from dovetail.registry import PluginPaths
 from dovetail.units import format_quantity
@@ -191,175 +180,3 @@ def load_model(path: str | Path, *, plugins: PluginPaths = ()) -> Identifier:
     """
     with logged(__name__, f"model {path} read"):
         return Identifier.of(read_bundle(path, plugins=plugins))
-
-
-@dataclass(frozen=True, eq=False)
-class Batch:
-    """Identifications from many measurements.
-
-    Parameters
-    ----------
-    results : mapping of str to Identification
-        By the measurement, in the order in which they were given.
-    failures : mapping of str to str
-        Why a measurement has no result.
-    interrupted : bool
-        Whether Ctrl-C ended the work; measurements that were not done are then in neither mapping.
-    """
-
-    results: Mapping[str, Identification]
-    failures: Mapping[str, str]
-    interrupted: bool = False
-
-    def __repr__(self) -> str:
-        return f"<Batch: {len(self.results)} identifications, {len(self.failures)} failures>"
-
-    def _repr_html_(self) -> str:
-        judged = {name: "" if one.adequacy is None else one.adequacy.word for name, one in self.results.items()}
-        rows = [(name, judged[name], f"{one.mean_coherence:.3f}", one.warning) for name, one in self.results.items()]
-        rows += [(name, "failed", "", reason) for name, reason in self.failures.items()]
-        return html_table(repr(self), [("measurement", "model", "mean coherence", ""), *rows])
-
-    @property
-    def is_trustworthy(self) -> bool:
-        """Whether all results can be trusted."""
-        return all(result.is_trustworthy for result in self.results.values())
-
-    @property
-    def warning(self) -> str:
-        """The warnings of the results, each after the names of those that have it; empty if none has."""
-        return joined_warnings(self.results.items())
-
-    @property
-    def table(self) -> list[dict[str, Any]]:
-        """The tables of all results, below each other, as plain values; the first column is the measurement."""
-        return [{"measurement": name, **asdict(row)} for name, result in self.results.items() for row in result.table]
-
-    def to_dataframe(self) -> Any:
-        """Return `table` as a data frame of pandas, with an index of measurement and name."""
-        return dataframe(self.table, ["measurement", "name"])
-
-
-def identify_many(
-    assembly: AssemblySource,
-    measurements: Sequence[Measurement],
-    method: str | IdentificationMethod | None = None,
-    *,
-    model: TrainedNetwork | None = None,
-    processes: int | None = None,
-    scheduler: str | None = None,
-    on_outcome: Callable[[str, Identification | str], None] | None = None,
-    progress: Progress | bool | None = None,
-    **options: Any,
-) -> Batch:
-    """Identify the joint of an assembly from each of many measurements.
-
-    Parameters
-    ----------
-    assembly : Assembly or path
-        Or its description.
-    measurements : sequence
-        An FRF or its file each; or for several responses a sequence of them each, as `identify` takes it.
-    method : str or IdentificationMethod, optional
-        As in `identify`.
-    model : TrainedNetwork, optional
-        As in `identify`; with it, the measurements are identified one after another, in this process.
-    processes : int, optional
-        How many work at once; one for each core by default. With 1, the work is done in this process.
-    scheduler : str, optional
-        Address of a Dask scheduler, whose workers identify instead of processes here, with a `model` too.
-    on_outcome : callable, optional
-        Called with the name and the result of each measurement, or why it has none, in the order in which they finish:
-        to keep what is there.
-    progress : bool or callable, optional
-        True shows a bar in a terminal or a notebook; a function is called after each measurement.
-    **options
-        As in `identify`.
-
-    Returns
-    -------
-    Batch
-        A measurement that cannot be read or identified is one of its failures, and does not end the others. Neither
-        does one whose process is killed: it is repeated when no other is running, and fails if its process is killed
-        again. After Ctrl-C: those that were done by then.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        Ctrl-C before any measurement was done.
-    """
-    loaded, frfs = as_assembly(assembly), list(measurements)
-    names = unique_names(frfs)
-    faults = batch_contradictions(loaded, [_read(measurement) for measurement in frfs])
-
-    def work(index: int) -> Identification | str:
-        try:
-            if index in faults:
-                raise MeasurementError(faults[index])
-            return identify(loaded, frfs[index], method, model=model, **options)
-        except Exception as error:  # of a plugin, or a bug: the other measurements go on
-            logging.getLogger(__name__).info("%s: failed", names[index], exc_info=error)
-            return _failure(names[index], as_dovetail_error(error, names[index]))
-
-    def lost(index: int, reason: Fault) -> str:
-        return _failure(names[index], DovetailError(replace(reason, where=names[index])))
-
-    outcomes: dict[int, Identification | str] = {}
-    workers = 1 if model is not None else processes or cores()
-    interrupted = False
-    try:
-        if workers > 1:
-            _compile(loaded)
-        done = side_by_side(work, len(frfs), workers, scheduler, lost)
-        with progress_reporter(progress) as report, closing(done) as arriving:
-            report("identifying", 0, len(frfs))
-            for index, outcome in arriving:
-                outcomes[index] = outcome
-                if on_outcome is not None:
-                    on_outcome(names[index], outcome)
-                report("identifying", len(outcomes), len(frfs))
-    except KeyboardInterrupt:
-        if not outcomes:
-            raise
-        interrupted = True
-    ordered = [(name, outcomes[index]) for index, name in enumerate(names) if index in outcomes]
-    return Batch(
-        {name: outcome for name, outcome in ordered if isinstance(outcome, Identification)},
-        {name: outcome for name, outcome in ordered if isinstance(outcome, str)},
-        interrupted,
-    )
-
-
-def _read(measurement: Measurement) -> tuple[Frf, ...] | None:
-    """Return the FRFs of a measurement, or None where they cannot be read; its identification reports what is wrong."""
-    try:
-        with warnings.catch_warnings(action="ignore"):
-            return as_frfs(measurement)
-    except Exception:  # whatever it is, the identification of this measurement meets it again
-        return None
-
-
-def _failure(name: str, error: DovetailError) -> str:
-    """Return the text of an error, which names the measurement."""
-    text = str(error)
-    return text if name in text else f"{name}\n{text if text.startswith('  ') else indent(text, '  ')}"
-
-
-def _compile(assembly: Assembly) -> None:
-    """Compile the engine's kernels, so that processes that are copies of this one share them."""
-    for one in assembly.each_response:
-        few = one.on(one.frequency[:2])
-        few.frf()
-        if few.parameters:
-            few.frf_jacobian()
-
-
-def unique_names(measurements: Sequence[Measurement]) -> list[str]:
-    """Name each measurement after its FRFs or files; the second of the same name ends in (2)."""
-    names: list[str] = []
-    for measurement in measurements:
-        each = [measurement] if isinstance(measurement, (Frf, str, Path)) else measurement
-        name = ", ".join(dict.fromkeys(one.label if isinstance(one, Frf) else Path(one).name for one in each))
-        numbered = (f"{name} ({number})" for number in count(2))
-        names.append(next(unique for unique in chain([name], numbered) if unique not in names))
-    return names

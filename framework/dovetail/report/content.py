@@ -16,9 +16,9 @@ from dovetail.frf import LOW_COHERENCE
 from dovetail.frf.resonance_peaks import counterpart
 from dovetail.identification import AtPoint, Fit, Identification, ModalIdentification, Mode, Posterior, TableRow
 from dovetail.identification.parameters import place_on_range
+from dovetail.identification.truth import Truth
 from dovetail.inference.posterior import FIXED
 from dovetail.plain_text import ABSENT, display_unit, fixed, hertz, number, readable
-from dovetail.report.truth import Truth
 from dovetail.units import format_quantity
 
 _LABELS = {

@@ -13,12 +13,12 @@ import numpy as np
 from dovetail.assembly import Assembly
 from dovetail.errors import DovetailError, Fault, is_decisive
 from dovetail.identification import Identification, Posterior
+from dovetail.identification.truth import Truth
 from dovetail.plain_text import display_unit, fixed, number
 from dovetail.report import content
 from dovetail.report.drawing import assembly_figure, drawing_text, mode_shapes
 from dovetail.report.pages import as_data, chart_data, write_page
 from dovetail.report.svg import page_figure
-from dovetail.report.truth import Truth
 
 _MOST_SHAPES = 10
 _MOST_LINES = 3000

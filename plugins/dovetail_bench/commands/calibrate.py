@@ -78,8 +78,9 @@ def calibrate(
     """
     import dovetail_bench
     from dovetail.cli.model_cache import trained_model
-    from dovetail.cli.result_files import prepare_folder, writing
+    from dovetail.cli.output_files import writing
     from dovetail.measurement.noise import NOISE_KINDS
+    from dovetail.report.result_files import prepare_folder
 
     kind = one_of(NOISE_KINDS, noise_kind, "--noise-kind")
     loaded, model = assembly_or_model(assembly, plugin)
@@ -133,8 +134,8 @@ def _title(name: str, done: Calibration) -> str:
 
 
 def _write(name: str, done: Calibration, folder: Path) -> None:
-    from dovetail.cli.result_files import csv_text, json_text, write_texts
     from dovetail.report.figures import save_png
+    from dovetail.report.result_files import csv_text, json_text, write_texts
     from dovetail_bench.pages.calibration import write_calibration
     from dovetail_bench.pages.calibration_figures import coverage_figure, rank_figure
 
@@ -163,7 +164,7 @@ def _markdown(done: Calibration) -> str:
 
 
 def _cases(done: Calibration) -> str:
-    from dovetail.cli.result_files import csv_text
+    from dovetail.report.result_files import csv_text
 
     header = ["case", "seconds", "effective", "reached", "is_trustworthy"]
     header += [f"{what} {name}" for what in ("truth", "estimate", "rank") for name in done.names]

@@ -61,7 +61,8 @@ def compare(
     that fails does not end the others; the exit code is then 1. It is 3 where a result is not trustworthy.
     """
     import dovetail_bench
-    from dovetail.cli.result_files import prepare_folder, writing
+    from dovetail.cli.output_files import writing
+    from dovetail.report.result_files import prepare_folder
 
     read = dovetail_bench.read_cases(
         cases, **reading.reading_options(quantity, unit, names, columns, reader, plugin, ignore_dofs=ignore_dofs)
@@ -112,7 +113,7 @@ def _print(done: Comparison) -> None:
 
 
 def _write(done: Comparison, folder: Path) -> None:
-    from dovetail.cli.result_files import csv_text, write_texts
+    from dovetail.report.result_files import csv_text, write_texts
     from dovetail_bench.pages.comparison import write_comparison
 
     write_comparison(done, folder / _FILES[0])

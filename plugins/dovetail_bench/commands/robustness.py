@@ -55,8 +55,9 @@ def robustness(
     """
     import dovetail
     import dovetail_bench
-    from dovetail.cli.result_files import prepare_folder, writing
+    from dovetail.cli.output_files import writing
     from dovetail.registry import components
+    from dovetail.report.result_files import prepare_folder
     from dovetail_bench.evaluation.robustness import variant
 
     chosen = [name.strip() for name in models.split(",")] if models else []
@@ -84,8 +85,8 @@ def _finite(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def _write(rows: Sequence[RobustnessRow], folder: Path) -> None:
-    from dovetail.cli.result_files import csv_text, json_text, write_texts
     from dovetail.report.figures import robustness_figure, save_png
+    from dovetail.report.result_files import csv_text, json_text, write_texts
 
     flat = [_finite(row.flat()) for row in rows]
     content = {

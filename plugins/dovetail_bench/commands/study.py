@@ -36,7 +36,7 @@ def study(
     command goes on with a study that was interrupted or killed. Given several times, its processes share the trials.
     """
     import dovetail_bench
-    from dovetail.cli.result_files import prepare_folder
+    from dovetail.report.result_files import prepare_folder
 
     loaded = load_assembly(assembly, plugin)
     prepare_folder(output, (*_FILES, _SWEEPS, _SEARCH), _FILES[0])
@@ -65,8 +65,8 @@ def _print(done: Study) -> None:
 def _write(done: Study, description: Path, folder: Path) -> list[str]:
     """Write tables, figures and the best description, each atomically; return their names."""
     from dovetail.atomic_files import write_whole
-    from dovetail.cli.result_files import csv_text, json_text
     from dovetail.report.figures import png_bytes
+    from dovetail.report.result_files import csv_text, json_text
     from dovetail_bench.pages.study import search_figure, study_markdown, sweeps_figure
 
     texts = {

@@ -51,7 +51,8 @@ def validate(
     end the others; the exit code is then 1. It is 3 where a joint is not trustworthy.
     """
     import dovetail_bench
-    from dovetail.cli.result_files import prepare_folder, writing
+    from dovetail.cli.output_files import writing
+    from dovetail.report.result_files import prepare_folder
 
     chosen = chosen_method(method, plugin)
     read = dovetail_bench.read_cases(
@@ -118,8 +119,8 @@ def _text(value: float | None, form: str) -> str:
 
 
 def _write(done: Validation, folder: Path) -> None:
-    from dovetail.cli.result_files import csv_text, json_text, write_texts
     from dovetail.report.figures import save_png
+    from dovetail.report.result_files import csv_text, json_text, write_texts
     from dovetail_bench.pages.validation import write_validation
     from dovetail_bench.pages.validation_figures import series_figure, validation_figure
 

@@ -6,29 +6,29 @@ import csv
 import io
 import json
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dovetail.identification.result_file import RESULT_FILE
 from dovetail.plain_text import csv_cell, csv_comment
 
 if TYPE_CHECKING:
     from dovetail.assembly import Assembly
     from dovetail.identification import AtPoint, Identification, ModalIdentification
-    from dovetail.report.truth import Truth
+    from dovetail.identification.truth import Truth
 
 MANIFEST = "SHA256SUMS"
 """File with the names and hashes of all files of a run, for ``sha256sum --check``."""
-_RESULT = "result.json"
-MODAL_FILES = (_RESULT, "parameters.csv", "modes.csv")
+MODAL_FILES = (RESULT_FILE, "parameters.csv", "modes.csv")
 """Files of an identification from modal parameters, which has no FRF and no report."""
 _LINES_PER_PIECE = 10_000
 """Lines of an FRF of which the text is in memory at once."""
-_FILES = ("report.html", _RESULT, "parameters.csv", "frf.csv", "frf.png")
+_FILES = ("report.html", RESULT_FILE, "parameters.csv", "frf.csv", "frf.png")
 
 
-def prepare_folder(folder: Path | None, files: Sequence[str] = _FILES, mark: str = _RESULT) -> None:
+def prepare_folder(folder: Path | None, files: Sequence[str] = _FILES, mark: str = RESULT_FILE) -> None:
     """Check, before any work, that results can be written to a folder.
 
     Parameters
@@ -59,36 +59,6 @@ def prepare_folder(folder: Path | None, files: Sequence[str] = _FILES, mark: str
         problem = f"{listing(taken)} would be replaced, and {'is' if len(taken) == 1 else 'are'} not of an earlier run."
         raise DovetailError(Fault(str(folder), problem, remedy=remedy))
     check_room(folder.resolve() if folder.exists() else folder.resolve().parent)
-
-
-@contextmanager
-def writing(
-    folder: Path | None, write: Callable[[Path], None], mark: str = _RESULT, kept: Collection[str] = ()
-) -> Iterator[None]:
-    """Write the files of a run to a folder; after the output of the block, print what was written, or why not.
-
-    Parameters
-    ----------
-    folder : Path or None
-        Nothing is written without one.
-    write, mark, kept
-        As in `write_folder`.
-
-    Raises
-    ------
-    FileError
-        They cannot be written; the block has run nevertheless.
-    """
-    from dovetail.cli.terminal import note
-
-    if folder is None:
-        yield
-        return
-    try:
-        names = write_folder(folder, write, mark, kept)
-    finally:
-        yield
-    note(f"Written to {folder}: {', '.join((*names, MANIFEST))}")
 
 
 def write_folder(folder: Path, write: Callable[[Path], None], mark: str, kept: Collection[str] = ()) -> list[str]:
@@ -163,7 +133,7 @@ def write_results(
     from dovetail.report.plots import plot_frf
 
     texts: dict[str, str | Iterable[str]] = {
-        _RESULT: _json_pieces(result.to_dict()),
+        RESULT_FILE: _json_pieces(result.to_dict()),
         "parameters.csv": _parameters(result, truth),
     }
     names = [_frf_files(number) for number in range(1, len(result.responses) + 1)]

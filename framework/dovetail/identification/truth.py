@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Protocol
 
+from dovetail.assembly import Assembly
 from dovetail.atomic_files import read_bounded
 from dovetail.errors import Fault, MeasurementError, UnitError, did_you_mean, listing
 from dovetail.identification.parameters import IdentifiedParameter
@@ -97,6 +98,19 @@ def read_truth(path: str | Path, parameters: Iterable[_Named]) -> Truth:
     if faults:
         raise MeasurementError(*faults)
     return Truth(values, frequencies, synthetic, note)
+
+
+def truth_text(
+    assembly: Assembly, theta: Mapping[str, float], natural_frequencies: Sequence[float], noise: float = 0.0
+) -> str:
+    """Return the content of a file for `read_truth`: parameters [SI] and natural frequencies [Hz] of a simulation."""
+    content = {
+        "synthetic": True,
+        "note": f"Simulated from {assembly.name}, noise {noise:g}.",
+        "parameters": {p.name: f"{theta[p.name]:.9g} {p.unit}".removesuffix(" 1") for p in assembly.parameters},
+        "natural_frequencies_Hz": list(natural_frequencies),
+    }
+    return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def _object(file: Path) -> dict[str, Any]:

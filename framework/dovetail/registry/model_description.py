@@ -4,15 +4,66 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Iterator, Mapping
+from dataclasses import asdict
 from typing import Any
 
-from dovetail.errors import Fault, PluginError
-from dovetail.interfaces import JointModel, option_schema, parameter_faults, port_faults, source_file
-from dovetail.registry import Offer
+from dovetail.errors import Fault, PluginError, did_you_mean, listing
+from dovetail.interfaces import KINDS, JointModel, option_schema, parameter_faults, port_faults, source_file
+from dovetail.registry.catalogue import HOW_TO_OFFER, Offer, Registry
 from dovetail.units import format_quantity
 
 _DEEPEST = 8
 """Largest depth of options that are listed; a Config that contains itself has no end."""
+
+
+def list_models(registry: Registry) -> dict[str, Any]:
+    """Return all models by kind, what could not be loaded, what is slow and what is offered twice, as plain values."""
+    return {
+        "components": [
+            {
+                "kind": offer.component.kind,
+                "name": offer.component.name,
+                "summary": offer.component.summary,
+                "source": offer.source,
+            }
+            for kind in KINDS
+            for offer in registry.offers(kind)
+        ],
+        "failures": [{"source": failure.source, "reason": failure.reason} for failure in registry.failures],
+        "slow": registry.slow,
+        "conflicts": [
+            {"kind": kind, "name": name, "sources": list(sources)}
+            for (kind, name), sources in registry.conflicts.items()
+        ],
+    }
+
+
+def offers_named(registry: Registry, name: str) -> tuple[Offer, ...]:
+    """Return the models of a name, of any kind.
+
+    Raises
+    ------
+    PluginError
+        There is none, or it is offered twice.
+    """
+    for kind, conflicting in registry.conflicts:
+        if conflicting == name:
+            registry.find(kind, name)
+    offers = registry.named(name)
+    if not offers:
+        names = sorted({known for kind in KINDS for known in registry.names(kind)})
+        remedy = did_you_mean(name, names)
+        for failure in registry.failures:
+            remedy += f"{' ' if remedy else ''}(Not loaded: {failure.source}: {failure.reason})"
+        remedy = f"{remedy} {HOW_TO_OFFER}".lstrip()
+        raise PluginError(Fault("", f"there is no model '{name}'.", listing(names, 30), remedy))
+    return offers
+
+
+def as_plain(entry: dict[str, Any]) -> dict[str, Any]:
+    """Return what `describe_offer` returns with plain values throughout."""
+    listed = {name: entry[name] for name in ("parameters", "ports") if entry.get(name) is not None}
+    return {**entry, **{name: [asdict(item) for item in items] for name, items in listed.items()}}
 
 
 def describe_offer(offer: Offer) -> dict[str, Any]:
