@@ -118,17 +118,17 @@ def identify_many(
     KeyboardInterrupt
         Ctrl-C before any measurement was done.
     """
-    loaded, given = as_assembly(assembly), list(measurements)
-    work = _Work(loaded, given, method, {"model": model, **options})
+    loaded, every = as_assembly(assembly), list(measurements)
+    work = _Work(loaded, every, method, {"model": model, **options})
     workers = 1 if model is not None else processes or cores()
     if workers > 1:
         _compile(loaded)
-    outcomes = work.outcomes(side_by_side(work, len(given), workers, scheduler, work.lost), on_outcome, progress)
+    outcomes = work.outcomes(side_by_side(work, len(every), workers, scheduler, work.lost), on_outcome, progress)
     ordered = [(name, outcomes[index]) for index, name in enumerate(work.names) if index in outcomes]
     return Batch(
         {name: outcome for name, outcome in ordered if isinstance(outcome, Identification)},
         {name: outcome for name, outcome in ordered if isinstance(outcome, str)},
-        interrupted=len(outcomes) < len(given),
+        interrupted=len(outcomes) < len(every),
     )
 
 

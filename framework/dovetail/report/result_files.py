@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from dovetail.identification.truth import Truth
 
 MANIFEST = "SHA256SUMS"
-"""File with the names and hashes of all files of a run, for ``sha256sum --check``."""
+"""File with the names and hashes of all files of a run."""
 MODAL_FILES = (RESULT_FILE, "parameters.csv", "modes.csv")
 """Files of an identification from modal parameters, which has no FRF and no report."""
 _LINES_PER_PIECE = 10_000
