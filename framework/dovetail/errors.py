@@ -1,4 +1,4 @@
-"""What Dovetail says to its users: errors, with what to do, and the notes of a result by their importance."""
+"""Messages for users: errors with a remedy, and the notes of a result by importance."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import Self
 
 from dovetail.plain_text import terminal_text
 
-_LEAST_ALIKE = 0.4
+_LEAST_SIMILAR = 0.4
 """Ratio of common letters above which a spelling is suggested."""
 _LONGEST_WORD = 100
 
@@ -77,7 +77,7 @@ class ParameterError(DovetailError):
 
 
 class FileError(DovetailError):
-    """A file that is missing, empty, too large, no file, or that cannot be read or written."""
+    """A file that is missing, empty, too large, a folder, or cannot be read or written."""
 
 
 class MeasurementError(DovetailError):
@@ -97,7 +97,7 @@ class UnitError(DovetailError, ValueError):
 
 
 _SYNONYMS = {"inertance": "accelerance", "compliance": "receptance", "flexibility": "receptance"}
-"""Other words of the field, which are spelt like a wrong one."""
+"""Synonyms of the field, whose spelling resembles another accepted word."""
 
 
 def argument(name: str, value: object = None) -> str:
@@ -114,7 +114,7 @@ def did_you_mean(word: str, accepted: Iterable[str]) -> str:
     """Return ``"Did you mean 'x'?"`` with the accepted spelling nearest to `word`, or an empty text."""
     word = word[:_LONGEST_WORD].lower()
     word = _SYNONYMS.get(word, word)
-    nearest, highest = "", (_LEAST_ALIKE, 0)
+    nearest, highest = "", (_LEAST_SIMILAR, 0)
     for candidate in accepted:
         ratio = difflib.SequenceMatcher(None, word, candidate.lower()).ratio()
         score = ratio, len(set(word) & set(candidate.lower()))
@@ -131,14 +131,14 @@ def listing(names: Iterable[str], limit: int = 12) -> str:
 
 
 def as_dovetail_error(error: Exception, where: str) -> DovetailError:
-    """Return an exception of one of several pieces of work as an error with its cause, so that the others go on.
+    """Return any exception as a DovetailError with its cause, so that the remaining tasks of a batch continue.
 
     Parameters
     ----------
     error : Exception
-        A DovetailError is returned as it is.
+        A DovetailError is returned unchanged.
     where : str
-        The piece of work, such as the name of a measurement.
+        The task, such as the name of a measurement.
     """
     if isinstance(error, DovetailError):
         return error
@@ -154,7 +154,7 @@ def as_dovetail_error(error: Exception, where: str) -> DovetailError:
 
 
 def limit_exceeded(error: Exception, where: str) -> DovetailError | None:
-    """Return what the values of an input exceed, memory or the range of numbers, or None if an exception is a bug."""
+    """Return an error for input that exceeds the memory or the range of numbers, or None if the exception is a bug."""
     if isinstance(error, MemoryError) or "can't allocate memory" in str(error):  # torch raises a RuntimeError
         return DovetailError(Fault(where, "there is not enough memory for it.", remedy="Free some memory."))
     if isinstance(error, ArithmeticError) or type(error).__name__ == "LinAlgError":
@@ -163,7 +163,7 @@ def limit_exceeded(error: Exception, where: str) -> DovetailError | None:
 
 
 def require_package(name: str, extra: str, where: str) -> None:
-    """Raise a DovetailError at `where` that says what to install if an optional package is missing."""
+    """Raise a DovetailError with the command to install an optional package, if it is missing."""
     if importlib.util.find_spec(name) is None:
         problem = f"this needs the package {name}, which is not installed."
         raise DovetailError(Fault(where, problem, remedy=f'Install it by: pip install "dovetail-frf[{extra}]"'))
@@ -173,7 +173,7 @@ def require_package(name: str, extra: str, where: str) -> None:
 def damage_reported(
     where: str, problem: str, accepted: str = "", kind: type[DovetailError] = MeasurementError
 ) -> Iterator[None]:
-    """Convert whatever is raised for a damaged file to one fault of this kind of error, with its reason."""
+    """Convert any exception about a damaged file to one error of this class, with the reason."""
     try:
         yield
     except kind as error:
@@ -186,14 +186,14 @@ def damage_reported(
 
 
 class Importance(IntEnum):
-    """How much a note matters."""
+    """Importance of a note."""
 
     DECISIVE = 0
     """The numbers may be wrong: parts of the band were not measured, a value lies outside its range."""
     LIMITING = 1
-    """It limits what the numbers say: a parameter at an end of its range, rough intervals."""
+    """The numbers have a limited meaning: a parameter at an end of its range, rough intervals."""
     DETAIL = 2
-    """Good to know: lines that were left out, how often the search was repeated."""
+    """Details: lines that were omitted, the number of repeated searches."""
 
 
 class Note(str):
@@ -215,12 +215,12 @@ class Note(str):
 
 
 def by_importance(notes: Iterable[str]) -> tuple[str, ...]:
-    """Return notes by their importance, otherwise in the given order; a plain text counts as limiting."""
+    """Sort notes by importance, keeping their order otherwise; a plain text counts as limiting."""
     return tuple(sorted(notes, key=_importance))
 
 
 def is_decisive(note: str) -> bool:
-    """Return whether a note says that the numbers may be wrong."""
+    """Return whether a note warns that the numbers may be wrong."""
     return _importance(note) == Importance.DECISIVE
 
 

@@ -31,7 +31,7 @@ _SAME = ("dovetail-frf", "numpy", "scipy", "llvmlite")
 """Packages of which every machine must have the same version, since results would differ."""
 _WHERE = "scheduler"
 _KILLED = Fault(
-    _WHERE, "several workers were ended at the same task, by the system or by hand.", remedy="Give each more memory."
+    _WHERE, "several workers were killed during one task, by the system or a user.", remedy="Give each more memory."
 )
 
 _turn = threading.Lock()
@@ -188,7 +188,7 @@ def _client(address: str) -> Iterator[Any]:
             raise DovetailError(_KILLED) from None
         except (CommClosedError, CancelledError):
             problem = "the connection with the scheduler was lost."
-            raise DovetailError(Fault(_WHERE, problem, remedy="Start it and its workers anew.")) from None
+            raise DovetailError(Fault(_WHERE, problem, remedy="Restart it and its workers.")) from None
 
 
 def _require_workers(workers: dict[str, int]) -> None:

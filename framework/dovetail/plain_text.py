@@ -11,13 +11,13 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-_OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
-"""Control characters, marks that turn the direction of writing, and halves of characters, which no file can hold."""
+_CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+"""Control characters, marks that change the writing direction, and surrogates, which no file can contain."""
 
 
 def terminal_text(text: str) -> str:
-    r"""Return a text in which each character that a terminal obeys is written as ``\u001b``; lines and tabs stay."""
-    return _OBEYED.sub(lambda match: f"\\u{ord(match[0]):04x}", text)
+    r"""Return a text in which each control character is written as ``\u001b``; lines and tabs stay."""
+    return _CONTROL.sub(lambda match: f"\\u{ord(match[0]):04x}", text)
 
 
 def html_text(text: str) -> str:
@@ -26,7 +26,7 @@ def html_text(text: str) -> str:
 
 
 def html_table(title: str, rows: Iterable[Sequence[str]]) -> str:
-    """Return a line and a table of texts, for a notebook; the first row heads the columns."""
+    """Return a title and a table as HTML, for a notebook; the first row is the header."""
     head, *body = ([html_text(cell) for cell in row] for row in rows)
     lines = [f"<tr><th>{'</th><th>'.join(head)}</th></tr>"]
     lines += [f"<tr><td>{'</td><td>'.join(row)}</td></tr>" for row in body]
@@ -59,7 +59,7 @@ def _is_number(text: str) -> bool:
     try:
         float(text)
     except ValueError:
-        return not text.strip("+- ")  # a dash alone stands for nothing
+        return not text.strip("+- ")  # a single dash marks a missing value
     return True
 
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 _LONGEST_TEXT = 100
 _WRITTEN_TOGETHER = ("newton_meter = N m = Nm", "newton_millimeter = N mm = Nmm", "newton_second = N s = Ns",
                      "newton_meter_second = N m s = Nms", "inch_per_second = inch / second = ips")  # fmt: skip
-"""What laboratories write as one word; pint takes Nm for a measure of yarn."""
+"""Units that laboratories write as one word; pint reads Nm as a measure of yarn."""
 _HOMONYMS = {
     **dict.fromkeys(("ton", "tons"), "'t' (1000 kg), 'short_ton' (907.2 kg) or 'long_ton' (1016 kg)"),
     "mt": "'t' (1000 kg) or 'kg'",
@@ -47,7 +47,7 @@ _HOMONYMS = {
     **dict.fromkeys(("c", "c_0"), "'m/s'"),
     "u": "'um' (a length) or 'amu' (a mass)",
 }
-"""Words with two meanings of the same dimension, between which no error of the dimension decides, and what to write.
+"""Words with two meanings of the same dimension, which no check of the dimension can distinguish, and what to write.
 
 All names of units of mechanics in pint's registry were looked through: masses, lengths, times, forces, pressures,
 speeds, energies, powers, volumes and angles."""
@@ -59,7 +59,7 @@ _UNIT = re.compile(rf"(?:[^\W\d⁰¹²³⁴⁵⁶⁷⁸⁹]|(?:{_POWER})(?![\d.�
 _MIL = re.compile(r"(?<![^\W\d])mils?(?![^\W\d])")
 """A thousandth of an inch, which pint calls thou; its mil is an angle of gunners."""
 _GLUED_POWER = re.compile(r"(?<=[a-z])(?=[234](?![\d.]))")
-"""Where a power follows its unit without a mark, as in kg/m3."""
+"""A power that follows its unit without a sign, as in kg/m3."""
 
 
 @cache
@@ -73,7 +73,7 @@ def _registry() -> pint.UnitRegistry[Any]:
 
 
 CLEAR_FRACTION = 0.5
-"""Largest fraction that needs no percent sign; the noise levels of the documentation go up to it."""
+"""Largest fraction that needs no percent sign; the highest noise level of the documentation."""
 
 
 def to_si(value: object, unit: str) -> float:
@@ -112,7 +112,7 @@ def to_fraction(value: object) -> float:
     Parameters
     ----------
     value : float, int or str
-        ``0.01`` or ``"1%"``. Above `CLEAR_FRACTION` the percent sign is required: by "1" some mean 1 %, others 100 %.
+        ``0.01`` or ``"1%"``. Above `CLEAR_FRACTION` the percent sign is required: "1" may mean 1 % or 100 %.
 
     Raises
     ------
@@ -124,7 +124,7 @@ def to_fraction(value: object) -> float:
     try:
         number = float(text.removesuffix("%")) / (100.0 if is_percent else 1.0)
     except ValueError:
-        raise UnitError(f"'{text}' is no number, such as 0.01 or 1%.") from None
+        raise UnitError(f"'{text}' is not a number such as 0.01 or 1%.") from None
     if isinstance(value, bool) or not 0.0 <= number < math.inf:
         raise UnitError(f"'{text}' is not 0 or more.")
     if number > CLEAR_FRACTION and not is_percent:
@@ -185,7 +185,7 @@ def plain_float(text: str) -> float:
     Raises
     ------
     ValueError
-        The text is no number.
+        The text is not a number.
     """
     if "_" in text or not text.isascii():
         raise ValueError(f"{text!r} is not a number")
@@ -240,20 +240,20 @@ def _factor(unit: str, target: str, text: str) -> float:
             raise ValueError(unit)
         source = registry.Unit(spelled)
         one, four = (registry.convert(number, source, registry.Unit(target)) for number in (1.0, 4.0))
-        if four != 4.0 * one:  # a decibel is no factor
+        if four != 4.0 * one:  # a decibel is not a factor
             raise ValueError(unit)
         angular = target == "Hz" and "radian" in dict(registry.Quantity(1.0, source).to_root_units().unit_items())
         return float(one) / (2.0 * math.pi if angular else 1.0)
     except pint.DimensionalityError as error:
         problem = f"{text!r} has the dimension {error.dim1}, but a unit of {target} {error.dim2} was expected."
         raise UnitError(problem + _force_hint(spelled, target)) from None
-    except Exception:  # pint's parser raises whatever its tokenizer does
+    except Exception:  # pint's parser may raise anything
         problem = f"{unit!r} in {text!r} is not a unit; a unit of {target} was expected."
         raise UnitError(problem + _decimal_mark(text)) from None
 
 
 def _force_hint(unit: str, target: str) -> str:
-    """Return what to write if a unit of mass stands for its weight, as in lb/in."""
+    """Return what to write if a unit of mass is used for its weight, as in lb/in."""
     registry = _registry()
     masses = [word for word in ("lb", "lbs", "pound", "oz", "kg") if word in re.findall(r"[a-z]+", unit)]
     weight = registry.Unit(unit) * registry.Unit("standard_gravity")
@@ -303,7 +303,7 @@ Mass = Annotated[float, Field(ge=0), InUnit("kg")]
 Frequency = Annotated[float, Field(gt=0), InUnit("Hz")]
 
 _DISPLAY = {"m": (1e3, "mm", 0.0), "Pa": (1e-9, "GPa", 1e8)}
-"""Units that are easier to read than the SI unit: factor, name, and the least SI value that is given in them."""
+"""Units that are easier to read than the SI unit: factor, name, and the smallest SI value that is given in it."""
 
 
 def format_quantity(value: float, unit: str, digits: int = 5) -> str:

@@ -17,7 +17,7 @@ from dovetail.measurement import ModelDof, Role, check_roles, remove_acceleromet
 from dovetail.units import format_quantity
 
 _STEP = 1e-6
-"""Relative change of a test for derivatives by differences."""
+"""Relative change of a test for finite differences."""
 
 Rotations = Literal["model", "difference"]
 ROTATIONS: tuple[Rotations, ...] = get_args(Rotations)
@@ -54,7 +54,7 @@ def spindle_flange(
     Returns
     -------
     ReceptanceMatrix
-        Of the spindle with its flange alone, x and rz.
+        Receptance of the spindle's flange without the holder, x and rz.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def spindle_flange(
     part = holder.description.response.substructure
     if holder.parameters:
         unknown = listing(parameter.name for parameter in holder.parameters)
-        raise ParameterError(Fault(holder.name, f"the holder is not known: {unknown} are sought.", "known values"))
+        raise ParameterError(Fault(holder.name, f"the holder has unknown parameters: {unknown}.", "known values"))
     if holder.point(part, points[0]) == holder.point(part, points[1]):
         raise ParameterError(Fault("points", "the points a and b are the same.", "two points of the holder"))
     _check_tests(holder, tests, points)
@@ -103,7 +103,7 @@ def error_gain(
     flange: float,
     **options: Any,
 ) -> NDArray[np.float64]:
-    """Return how large the relative errors of the flange's receptance are, over those of the tests.
+    """Return the relative errors of the flange's receptance, divided by those of the tests.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def error_gain(
     Returns
     -------
     (n_freq, 2) array
-        Of the drive-point receptances in x and rz, by independent errors of one relative size in the three tests.
+        For the drive-point receptances in x and rz, and independent errors of equal relative size in the three tests.
     """
     aa, ab, bb = tests
     other_aa, other_ab, other_bb = (replace(frf, values=(1.0 + _STEP) * frf.values) for frf in tests)
@@ -149,7 +149,7 @@ def _check_tests(holder: Assembly, tests: tuple[Frf, Frf, Frf], points: tuple[fl
     """Raise a MeasurementError if the tests cannot be those of the points a and b."""
     for frf in tests:
         if not frf.has_phase:
-            raise MeasurementError(Fault(frf.label, "the coupling needs a phase, and this is an amplitude alone."))
+            raise MeasurementError(Fault(frf.label, "the coupling needs phases, but this FRF has only amplitudes."))
         if frf.rotation or frf.by_moment:
             raise MeasurementError(Fault(frf.label, f"it is a {frf.kind}.", "a displacement per force"))
         if frf.frequency.shape != holder.frequency.shape or not np.allclose(frf.frequency, holder.frequency):

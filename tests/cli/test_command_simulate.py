@@ -122,7 +122,7 @@ def test_noise_and_truth_make_a_measurement(run, sdof, assemblies, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "found"),
     [
-        (["--noise", "much"], "'much' is no number, such as 0.01 or 1%"),
+        (["--noise", "much"], "'much' is not a number such as 0.01 or 1%"),
         (["--noise", "-1%"], "'-1%' is not 0 or more"),
         (["--truth-output", "truth.txt"], "truth.txt"),
     ],

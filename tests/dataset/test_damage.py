@@ -40,16 +40,16 @@ def flip(file):
 
 
 DAMAGES = {
-    "truncated": (truncate, "it has 23904 bytes instead of 24004", "Go on with `resume=True`: it is computed anew."),
-    "empty": (empty, "it has 0 bytes instead of 24004", "Go on with `resume=True`: it is computed anew."),
-    "missing": (lambda file: file.unlink(), "it is missing", "Go on with `resume=True`: it is computed anew."),
-    "one bit": (flip, "damaged (Stored and computed checksum", "Delete this file and go on with `resume=True`"),
+    "truncated": (truncate, "it has 23904 bytes instead of 24004", "Continue with `resume=True` to compute it again."),
+    "empty": (empty, "it has 0 bytes instead of 24004", "Continue with `resume=True` to compute it again."),
+    "missing": (lambda file: file.unlink(), "it is missing", "Continue with `resume=True` to compute it again."),
+    "one bit": (flip, "damaged (Stored and computed checksum", "Delete this file and continue with `resume=True`"),
 }
 
 
 @pytest.mark.parametrize("kind", DAMAGES)
 @pytest.mark.parametrize("chunk", [0, 2, 6])
-def test_a_spoilt_chunk_is_named_and_made_anew(kind, chunk, sdof, sound, copy):
+def test_a_damaged_chunk_is_reported_and_computed_again(kind, chunk, sdof, sound, copy):
     damage, found, remedy = DAMAGES[kind]
     file = copy / "amplitude" / "c" / str(chunk) / "0"
     damage(file)
@@ -86,7 +86,7 @@ def test_a_spoilt_small_array_is_named(name, damage, copy):
     [fault] = error.value.faults
     assert fault.where == str(copy / name)
     assert "missing" in fault.problem or "damaged" in fault.problem
-    assert fault.remedy == "Generate the dataset anew, or take it from a copy."
+    assert fault.remedy == "Generate the dataset again, or restore a copy."
 
 
 def test_samples_that_are_not_generated_yet_are_not_given(sdof, copy):
@@ -103,7 +103,7 @@ def test_flags_that_cannot_be_read_lose_no_dataset(sdof, sound, copy):
     (copy / "written" / "c" / "3").write_bytes(b"")
     with pytest.raises(DatasetError) as error:
         dovetail.Dataset(copy)
-    assert error.value.faults[0].remedy == f"Delete {copy / 'written' / 'c'} and go on with `resume=True`."
+    assert error.value.faults[0].remedy == f"Delete {copy / 'written' / 'c'} and continue with `resume=True`."
     shutil.rmtree(copy / "written" / "c")
     mended = dovetail.generate(sdof, copy, samples=65, resume=True)
     np.testing.assert_array_equal(mended.amplitude[:], sound.amplitude[:])

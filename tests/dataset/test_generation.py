@@ -152,7 +152,7 @@ def test_nothing_to_sample_and_no_samples(sdof, tmp_path):
     description["joints"]["mount"]["parameters"] = {"k": {"value": 1e6}, "c": {"value": 10}}
     with pytest.raises(DatasetError) as error:
         dovetail.generate(dovetail.load(description), tmp_path / "data.zarr")
-    assert found(error) == "no joint parameter is sought: nothing to sample."
+    assert found(error) == "there are no parameters to sample."
     with pytest.raises(DatasetError, match="0 samples were asked for"):
         dovetail.generate(sdof, tmp_path / "data.zarr", samples=0)
     assert list(tmp_path.iterdir()) == []

@@ -85,7 +85,7 @@ CHANGES = {
     cut_table: r"do not belong together|begun with samples 250|have the shape \(250, 2\) and its FRFs \(300, 600\)",
     cut_columns: r"do not belong together|have the shape \(300, 1\) and its FRFs \(300, 600\)",
     cut_frfs: r"do not belong together|have the shape \(300, 2\) and its FRFs \(300, 599\)",
-    another_description: "its description is not the one that its fingerprint was taken of.",
+    another_description: "its description does not match its fingerprint.",
     rows_in_another_order: "its FRFs are not those that the assembly gives now",
     a_few_foreign_frfs: "its FRFs are not those that the assembly gives now",
 }

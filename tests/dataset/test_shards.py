@@ -134,7 +134,7 @@ def test_samples_that_nobody_computed_are_named_up_to_the_last_one(assembly, tmp
 
 @pytest.mark.parametrize("count", [1, 3, 7])
 def test_a_shard_that_was_killed_goes_on(assembly, whole, tmp_path, count):
-    """It is killed by SIGKILL while its first chunk is being written, with another one to go."""
+    """SIGKILL ends it while it writes the first of two chunks."""
     description, path = tmp_path / "block.yaml", tmp_path / "shard1.zarr"
     description.write_text(assembly.description.text)
     script = f"""
@@ -159,12 +159,12 @@ dovetail.generate({str(description)!r}, {str(path)!r}, samples={SAMPLES}, shard=
 def test_shards_of_another_plan_are_refused(assembly, tmp_path):
     first = dovetail.generate(assembly, tmp_path / "a.zarr", samples=SAMPLES, shard=(1, 2))
     dovetail.generate(assembly, tmp_path / "b.zarr", samples=SAMPLES, shard=(2, 2), seed=9)
-    with pytest.raises(DatasetError, match="it has another seed, parameters"):
+    with pytest.raises(DatasetError, match="its seed, parameters differ"):
         dovetail.merge_datasets([first.path, tmp_path / "b.zarr"], tmp_path / "data.zarr")
     description = json.loads(assembly.description.text)
     description["frequency"]["stop"] = 900.0
     dovetail.generate(dovetail.load(description), tmp_path / "c.zarr", samples=SAMPLES, shard=(2, 2))
-    with pytest.raises(DatasetError, match="it has another description"):
+    with pytest.raises(DatasetError, match="its description differ"):
         dovetail.merge_datasets([first.path, tmp_path / "c.zarr"], tmp_path / "data.zarr")
     with pytest.raises(DatasetError, match="this path is taken"):
         dovetail.merge_datasets([first.path], tmp_path / "b.zarr")

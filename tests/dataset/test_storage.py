@@ -37,7 +37,7 @@ def test_a_complex_dataset_holds_the_accelerance_and_says_so(sdof, both):
     assert phased.amplitude.dtype == np.float32
     np.testing.assert_allclose(phased.amplitude[:], amplitude.amplitude[:], rtol=1e-6)
     np.testing.assert_array_equal(phased.amplitude[-1], phased.amplitude[199])
-    with pytest.raises(DatasetError, match="it holds amplitudes, without phases"):
+    with pytest.raises(DatasetError, match="it contains amplitudes without phases"):
         _ = amplitude.accelerance
 
 

@@ -125,25 +125,25 @@ def test_the_path_is_taken_from_the_file_that_names_it(registry, sound, tmp_path
 
 def test_a_cycle_of_two(message):
     assert message("extends: other.yaml", other="# back\nextends: test.yaml") == (
-        "other.yaml:2:10  extends\n  'test.yaml' extends itself in the end."
+        "other.yaml:2:10  extends\n  'test.yaml' extends itself in a circle."
     )
 
 
 def test_an_endless_chain(message):
     files = {f"f{index}": f"extends: f{index + 1}.yaml" for index in range(40)}
     assert message("extends: f0.yaml", **files) == (
-        "f14.yaml:1:10  extends\n  'f15.yaml' is the end of a chain of more than 16 files."
+        "f14.yaml:1:10  extends\n  'f15.yaml' is in a chain of more than 16 files."
     )
 
 
 def test_faults_met_before_a_missing_file_are_not_lost(message):
     assert message("name: a\nname: b\nextends: none.yaml") == (
         "test.yaml:2:1  name\n"
-        "  the key 'name' stands here a second time; the first is in line 1.\n"
+        "  the key 'name' is repeated; it is first used in line 1.\n"
         "  Remove one of them.\n"
         "test.yaml:3:10  extends\n"
         "  there is no file 'none.yaml'.\n"
-        "  The path is taken from the file that names it."
+        "  The path is relative to the file that names it."
     )
 
 

@@ -58,14 +58,14 @@ def test_an_empty_dict(faults):
 @pytest.mark.parametrize(
     ("value", "found"),
     [
-        (object(), "an object of the type 'object' cannot stand in a description.\n"
+        (object(), "an object of the type 'object' is not allowed in a description.\n"
                    "  Accepted: a dict, a list, a text, a number, true or false"),
-        (1j, "an object of the type 'complex' cannot stand in a description.\n"
+        (1j, "an object of the type 'complex' is not allowed in a description.\n"
              "  Accepted: a dict, a list, a text, a number, true or false"),
         (float("nan"), "nan is not a finite number."),
         (10**400, "this is too large a whole number."),
-        ("a\x1b[2Jb", "the character U+001B cannot stand in a description."),
-        ("\ud800", "the character U+D800 cannot stand in a description."),
+        ("a\x1b[2Jb", "the character U+001B is not allowed in a description."),
+        ("\ud800", "the character U+D800 is not allowed in a description."),
     ],
 )  # fmt: skip
 def test_values_that_no_description_holds(value, found, document, faults):

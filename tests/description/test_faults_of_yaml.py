@@ -9,7 +9,7 @@ CASES = {
         {"name: test": "name: test: 2"},
         "test.yaml:2:11\n  this is not YAML: a ':' is not allowed here; an indentation or a quote is wrong.",
     ),
-    "tab": ({"  samples": "\tsamples"}, "test.yaml:25:1\n  this is not YAML: a tab stands where YAML wants spaces."),
+    "tab": ({"  samples": "\tsamples"}, "test.yaml:25:1\n  this is not YAML: a tab is not an indentation; use spaces."),
     "unclosed_list": (
         {"[0 mm, 10 mm]}": "[0 mm, 10 mm}"},
         "test.yaml:19:44\n  this is not YAML: expected ',' or ']', but got '}'.",
@@ -29,7 +29,7 @@ CASES = {
     "key_twice": (
         {"    parameters:": "    model: clamp\n    parameters:"},
         "test.yaml:20:5  joints.collet.model\n"
-        "  the key 'model' stands here a second time; the first is in line 16.\n"
+        "  the key 'model' is repeated; it is first used in line 16.\n"
         "  Remove one of them.",
     ),
     "key_is_a_number": (
@@ -50,7 +50,7 @@ CASES = {
     "local_tag": (
         {"young: 200 GPa": "young: !pa 200"},
         "test.yaml:11:23  substructures.holder.material.young\n"
-        "  the tag '!pa' is not allowed here; a description holds plain values.\n"
+        "  the tag '!pa' is not allowed here; a description has only plain values.\n"
         "  Remove it.  Accepted: !!str, !!int, !!float, !!bool, !!null, !!map, !!seq",
     ),
     "core_tag_of_another_type": (
@@ -76,7 +76,7 @@ CASES = {
     ),
     "alias_inside_itself": (
         {"[26 mm, 40 mm]": "&r [26 mm, *r]"},
-        "test.yaml:21:30  joints.collet.parameters.Dc.range[1]\n  the alias '*r' stands inside what it names.",
+        "test.yaml:21:30  joints.collet.parameters.Dc.range[1]\n  the alias '*r' is inside its own anchor.",
     ),
     "directive": (
         {"dovetail: 1": "%YAML 1.1\n---\ndovetail: 1"},
@@ -88,7 +88,7 @@ CASES = {
     ),
     "extends_nothing": (
         {"name: test": "extends: bsae.yaml"},
-        "test.yaml:2:10  extends\n  there is no file 'bsae.yaml'.\n  The path is taken from the file that names it.",
+        "test.yaml:2:10  extends\n  there is no file 'bsae.yaml'.\n  The path is relative to the file that names it.",
     ),
     "extends_a_number": (
         {"name: test": "extends: 5"},
@@ -96,7 +96,7 @@ CASES = {
     ),
     "extends_itself": (
         {"name: test": "extends: ./test.yaml"},
-        "test.yaml:2:10  extends\n  'test.yaml' extends itself in the end.",
+        "test.yaml:2:10  extends\n  'test.yaml' extends itself in a circle.",
     ),
     "merge_key": (
         {"      Dc:": "      <<:"},
@@ -106,9 +106,9 @@ CASES = {
     ),
     "control_character": (
         {"name: test": 'name: "te\\x07st"'},
-        "test.yaml:2:7  name\n  the character U+0007 cannot stand in a description.",
+        "test.yaml:2:7  name\n  the character U+0007 is not allowed in a description.",
     ),
-    "nul": ({"name: test": "name: te\0st"}, "test.yaml:2:9\n  the character U+0000 cannot stand in a description."),
+    "nul": ({"name: test": "name: te\0st"}, "test.yaml:2:9\n  the character U+0000 is not allowed in a description."),
     "key_is_empty": (
         {"      Dc:": "      :"},
         "test.yaml:21:7  joints.collet.parameters\n  the key is an empty value.\n  Accepted: a text",
@@ -123,7 +123,7 @@ CASES = {
     ),
     "surrogate": (
         {"name: test": 'name: "\\ud800"'},
-        "test.yaml:2:7  name\n  the character U+D800 cannot stand in a description.",
+        "test.yaml:2:7  name\n  the character U+D800 is not allowed in a description.",
     ),
 }
 

@@ -27,11 +27,11 @@ EXACT = {
     ),
     "list": (
         b"- 1\n",
-        "test.yaml:1:1\n  the file holds a list.\n  Accepted: a description; measured files stand behind it",
+        "test.yaml:1:1\n  the file contains a list.\n  Accepted: a description; measured files come after it",
     ),
     "scalar": (
         b"hello",
-        "test.yaml:1:1\n  the file holds 'hello'.\n  Accepted: a description; measured files stand behind it",
+        "test.yaml:1:1\n  the file contains 'hello'.\n  Accepted: a description; measured files come after it",
     ),
     "not_utf8": (
         b"dovetail: 1\nname: caf\xe9\n",
@@ -41,7 +41,7 @@ EXACT = {
         "dovetail: 1".encode("utf-16"),
         "test.yaml:1:1\n  the byte 0xff is not UTF-8.\n  Save the file as UTF-8.",
     ),
-    "nul": (b"dovetail: 1\nname: \0\n", "test.yaml:2:7\n  the character U+0000 cannot stand in a description."),
+    "nul": (b"dovetail: 1\nname: \0\n", "test.yaml:2:7\n  the character U+0000 is not allowed in a description."),
     "two_megabytes": (
         b"a: " + b"x" * 2_000_000,
         f"test.yaml\n  the file has 2000003 bytes; a description has {LARGEST_FILE} at most.",

@@ -196,11 +196,11 @@ class NoConfig:
         (joint(Config=NoConfig), "Pad.Config does not derive from dovetail.ComponentConfig."),
         (
             joint(Config=create_model("Config", __base__=ComponentConfig, connect=(float, 1.0))),
-            "Pad.Config has the option 'connect', a key that descriptions use themselves; call it otherwise.",
+            "Pad.Config has the option 'connect', which is a key of descriptions; choose another name.",
         ),
         (
             joint(Config=create_model("Config", __base__=ComponentConfig, model=(str, "soft"))),
-            "Pad.Config has the option 'model', a key that descriptions use themselves; call it otherwise.",
+            "Pad.Config has the option 'model', which is a key of descriptions; choose another name.",
         ),
         (
             joint(interface_versions=(2, 3)),

@@ -16,9 +16,9 @@ def couple(tt: Receptance, ti: Receptance, it: Receptance, ii: Receptance, other
     Parameters
     ----------
     tt, ti, it, ii : (n_freq, n_t, n_t), (n_freq, n_t, n_i), (n_freq, n_i, n_t), (n_freq, n_i, n_i) complex arrays
-        Of the part alone.
+        Receptances of the uncoupled part.
     other : (n_freq, n_i, n_i) complex array
-        Of the other part at the interface.
+        Receptance of the other part at the interface.
 
     Returns
     -------
@@ -29,16 +29,16 @@ def couple(tt: Receptance, ti: Receptance, it: Receptance, ii: Receptance, other
 
 
 def decouple(whole: Receptance, tt: Receptance, ti: Receptance, it: Receptance, ii: Receptance) -> Receptance:
-    """Return the receptance of the unknown part at the interface from those of the whole and of the known part.
+    """Return the receptance of the unknown part at the interface from those of the coupled parts and of the known part.
 
     This is inverse RCSA, Eq. 18 of Processes 14 (2026) 1875, doi:10.3390/pr14121875.
 
     Parameters
     ----------
     whole : (n_freq, n_t, n_t) complex array
-        Of the whole at the points t of the known part.
+        Receptance of the coupled parts at the points t of the known part.
     tt, ti, it, ii : complex arrays
-        Of the known part alone, as in `couple`; n_t must equal n_i.
+        Receptances of the uncoupled known part, as in `couple`; n_t must equal n_i.
 
     Returns
     -------

@@ -64,14 +64,14 @@ class ReceptanceMatrix:
         Raises
         ------
         MeasurementError
-            The lines extend beyond the known ones, or these are too far apart to interpolate a receptance on the
-            diagonal.
+            The lines extend beyond the known ones, or the spacing of the known lines is too wide to interpolate a
+            receptance on the diagonal.
         """
         lines, numbers = np.unique(frequency, return_inverse=True)
         values = np.empty((len(lines), *self.values.shape[1:]), dtype=np.complex128)
         for row, column in np.ndindex(*self.values.shape[1:]):
             frf = Frf(self.frequency, self.values[:, row, column], "receptance", label=self.note or "receptance matrix")
-            check = row == column  # elsewhere the FRF of DOFs that hardly move together may be nothing but noise
+            check = row == column  # off the diagonal an FRF may be mere noise
             values[:, row, column] = on_grid(frf, lines, check_spacing=check).values
         return values[numbers]
 
@@ -109,7 +109,7 @@ def read_receptance(path: str | os.PathLike[str]) -> ReceptanceMatrix:
         arrays = {name: entry.load() for name, entry in entries.items() if entry.is_small}
     except (MeasurementError, KeyError, TypeError):
         accepted = "an archive (.npz) as 'dovetail spindle' writes it"
-        raise MeasurementError(Fault(str(file), "this is no receptance matrix.", accepted)) from None
+        raise MeasurementError(Fault(str(file), "this is not a receptance matrix.", accepted)) from None
     check_receptance_units(file, arrays | {"frequency": frequency, "receptance": values})
     try:
         matrix = ReceptanceMatrix(frequency, values, note or file.name)
@@ -122,7 +122,7 @@ def read_receptance(path: str | os.PathLike[str]) -> ReceptanceMatrix:
 
 
 def check_receptance_units(path: str | os.PathLike[str], arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Check that an archive with a receptance matrix states nothing but SI units.
+    """Check that an archive with a receptance matrix has SI units only.
 
     Parameters
     ----------
@@ -143,8 +143,8 @@ def check_receptance_units(path: str | os.PathLike[str], arrays: Mapping[str, ND
     where = other[0].where if other else str(path)
     if other or meaning.factor != 1.0 or meaning.quantity not in (None, "receptance"):
         unit = other[0].text if other else meaning.unit or meaning.quantity
-        problem = f"the archive states '{unit}', and its receptances are read in SI units."
+        problem = f"the archive has the unit '{unit}', but receptances are read in SI units."
         accepted = "m/N, rad/N, m/(N m), rad/(N m)"
-        raise MeasurementError(Fault(where, problem, accepted, "Convert the values, and leave the unit out."))
+        raise MeasurementError(Fault(where, problem, accepted, "Convert the values, and remove the unit."))
     if meaning.axis_factor not in (None, 1.0):
         raise MeasurementError(Fault(where, "the frequencies of a receptance matrix are read in Hz.", "Hz"))

@@ -62,7 +62,7 @@ def generate(
         Continue a dataset that was interrupted. Complete chunks are not computed again, and the result is bit for bit
         that of an uninterrupted run. Missing or truncated chunks are computed again.
     shard : (int, int)
-        Number of a part, from 1, and number of parts: of the same samples only the chunks of this part are computed.
+        Number of a part, from 1, and number of parts; only the chunks of this part are computed.
         `merge_datasets` joins the parts, also from different machines, to the dataset that a single run makes.
     scheduler : str, optional
         Address of a Dask scheduler, such as ``tcp://host:8786``, whose workers compute the FRFs. They are written here.
@@ -77,8 +77,8 @@ def generate(
     ------
     DatasetError
         The path exists; there is no such shard; the dataset to resume was begun with another description, seed,
-        storage, interpolation or number of samples, or with models whose code has changed; another process is at it; or
-        the disk has no room for it or cannot be written, after which the dataset can be resumed.
+        storage, interpolation or number of samples, or with models whose code has changed; another process is writing
+        it; or the disk is full or cannot be written, after which the dataset can be resumed.
     """
     assembly = as_assembly(assembly)
     settings = assembly.description.identification
@@ -89,7 +89,7 @@ def generate(
         interpolation,
     )
     if not assembly.parameters:
-        raise DatasetError(Fault(assembly.description.source, "no joint parameter is sought: nothing to sample."))
+        raise DatasetError(Fault(assembly.description.source, "there are no parameters to sample."))
     if plan.samples < 1:
         raise DatasetError(f"{plan.samples} samples were asked for; at least 1 is needed.")
     check_sample_count(assembly, plan.samples)
@@ -116,14 +116,14 @@ def generate(
     except FileError as error:
         raise DatasetError(*error.faults) from None
     except OSError as error:
-        remedy = "Make room for it and go on with `resume=True`."
+        remedy = "Make room for it and continue with `resume=True`."
         raise DatasetError(Fault(str(folder), f"it cannot be written: {error}.", remedy=remedy)) from error
     return Dataset(folder)
 
 
 @dataclass(frozen=True)
 class _Plan:
-    """Settings with which a dataset is begun, and with which it must be resumed."""
+    """Settings of a dataset, which must be the same when it is resumed."""
 
     samples: int
     seed: int
@@ -136,7 +136,7 @@ class _Plan:
         return cls(len(dataset), dataset.seed, dataset.storage, interpolation)
 
     def bytes(self, assembly: Assembly) -> int:
-        """Return the room that the numbers take on the disk."""
+        """Return the disk space of the arrays."""
         lines = len(assembly.description.responses) * len(assembly.frequency)
         return self.samples * (np.dtype(ARRAYS[self.storage][1]).itemsize * lines + 8 * len(assembly.parameters))
 
@@ -205,9 +205,9 @@ def _fill(folder: Path, assembly: Assembly, shard: tuple[int, int], scheduler: s
     compute = Assembly.accelerance_amplitude if dataset.storage == "amplitude" else complex_accelerance
     chunk, samples = frfs.chunks[0], len(parameters)
     complete = dataset.amplitude.complete_chunks()
-    of_shard = range(shard[0] - 1, len(complete), shard[1])
-    missing = [index for index in of_shard if not complete[index]]
-    size = sum(min(chunk, samples - index * chunk) for index in of_shard)
+    chunk_numbers = range(shard[0] - 1, len(complete), shard[1])
+    missing = [index for index in chunk_numbers if not complete[index]]
+    size = sum(min(chunk, samples - index * chunk) for index in chunk_numbers)
     done = size - sum(min(chunk, samples - index * chunk) for index in missing)
     progress("generate", done, size)
 
@@ -216,8 +216,8 @@ def _fill(folder: Path, assembly: Assembly, shard: tuple[int, int], scheduler: s
         flags[index] = 1
 
     work, blocks = partial(compute, assembly), (parameters[index * chunk : (index + 1) * chunk] for index in missing)
-    here = ((number, work(block)) for number, block in enumerate(blocks))
-    computed = here if scheduler is None else on_cluster(work, blocks, scheduler)
+    local = ((number, work(block)) for number, block in enumerate(blocks))
+    computed = local if scheduler is None else on_cluster(work, blocks, scheduler)
     with closing(computed), ThreadPoolExecutor(max_workers=1) as writer:
         pending: Future[None] | None = None
         for number, values in computed:

@@ -1,4 +1,4 @@
-"""One dataset of its shards, which were generated apart: their chunks are taken as they are."""
+"""Merging the shards of a dataset into one; their chunks are linked or copied unchanged."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ def merge_datasets(shards: Sequence[str | os.PathLike[str]], path: str | os.Path
     Parameters
     ----------
     shards : sequence of paths
-        Folders of `generate` with a `shard` of one and the same plan, in any order, which together have all chunks;
-        chunks that several have are taken from the first.
+        Folders of `generate` with a `shard` of the same dataset, in any order, that together have all chunks. A
+        chunk in several shards is taken from the first.
     path : path
         Folder of the new dataset. On the same file system its chunks are links to those of the shards, and nothing is
         copied; shards and dataset can then be moved or deleted on their own.
@@ -32,12 +32,12 @@ def merge_datasets(shards: Sequence[str | os.PathLike[str]], path: str | os.Path
     Returns
     -------
     Dataset
-        Bit for bit the one that is generated in one go.
+        Bit for bit the dataset of a single run.
 
     Raises
     ------
     DatasetError
-        The shards are not of one plan, lack chunks, or are damaged; `path` is taken, or cannot be written.
+        The shards belong to different datasets, lack chunks, or are damaged; `path` exists, or cannot be written.
     """
     if not shards:
         raise DatasetError(Fault("shards", "there are none.", "one folder or more"))
@@ -45,7 +45,7 @@ def merge_datasets(shards: Sequence[str | os.PathLike[str]], path: str | os.Path
     if target.exists():
         raise DatasetError(Fault(str(target), "this path is taken.", remedy="Choose another name."))
     for part in datasets[1:]:
-        _check_same_plan(datasets[0], part)
+        _check_same_dataset(datasets[0], part)
     sources = _sources(datasets)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -58,7 +58,7 @@ def merge_datasets(shards: Sequence[str | os.PathLike[str]], path: str | os.Path
     return Dataset(target)
 
 
-def _check_same_plan(first: Dataset, other: Dataset) -> None:
+def _check_same_dataset(first: Dataset, other: Dataset) -> None:
     differing = [
         "description" if key == "fingerprint" else key
         for key in dict.fromkeys((*first.attributes, *other.attributes))
@@ -67,8 +67,8 @@ def _check_same_plan(first: Dataset, other: Dataset) -> None:
     if not np.array_equal(first.parameters, other.parameters):
         differing.append("parameters")
     if differing:
-        problem = f"it is no shard of the same dataset as '{first.path}': it has another {listing(differing)}."
-        raise DatasetError(Fault(str(other.path), problem, remedy="Generate all shards by one and the same command."))
+        problem = f"it is not a shard of the same dataset as '{first.path}': its {listing(differing)} differ."
+        raise DatasetError(Fault(str(other.path), problem, remedy="Generate all shards with the same command."))
 
 
 def _sources(datasets: Sequence[Dataset]) -> list[Dataset]:
@@ -77,7 +77,7 @@ def _sources(datasets: Sequence[Dataset]) -> list[Dataset]:
     missing = np.flatnonzero(~complete.any(axis=0))
     if len(missing):
         for part in datasets:
-            part.amplitude.check_chunks(missing)  # a damaged file is named before samples that nobody computed
+            part.amplitude.check_chunks(missing)  # a damaged file is reported before missing samples
         rows, samples = datasets[0].amplitude.chunks[0], len(datasets[0])
         listed = [f"{chunk * rows} to {min((chunk + 1) * rows, samples) - 1}" for chunk in missing[:_MOST_LISTED]]
         more = f", and {len(missing) - _MOST_LISTED} further blocks" if len(missing) > _MOST_LISTED else ""
@@ -87,7 +87,7 @@ def _sources(datasets: Sequence[Dataset]) -> list[Dataset]:
 
 
 def _assemble(folder: Path, first: Dataset, sources: Sequence[Dataset]) -> None:
-    """Put the dataset together: all of the first shard but its chunks and flags, and each of these of its source."""
+    """Assemble the dataset: chunks and flags from their sources, everything else from the first shard."""
     array = ARRAYS[first.storage][0]
     kept = shutil.ignore_patterns("*.partial")
     for name in ("parameters", "frequency"):
@@ -103,7 +103,7 @@ def _assemble(folder: Path, first: Dataset, sources: Sequence[Dataset]) -> None:
 
 
 def _link(source: Path, target: Path) -> None:
-    """Make a file another name of an existing one, or a copy where that cannot be."""
+    """Hard-link a file, or copy it if the file system cannot link."""
     try:
         os.link(source, target, follow_symlinks=False)
     except OSError:

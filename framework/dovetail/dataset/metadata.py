@@ -1,7 +1,7 @@
-"""What a dataset says of its arrays, read before any of them is opened.
+"""The metadata of a dataset's arrays, checked before any of them is opened.
 
-Zarr calls whatever codec the metadata name, and reserves whatever length they state. A codec may unpickle. So only the
-metadata that `generate` writes are accepted: format 3, plain chunks with or without a checksum, of stated sizes.
+Zarr calls any codec that the metadata name, and allocates any length that they give. A codec may unpickle. So only the
+metadata that `generate` writes are accepted: format 3, plain chunks with or without a checksum, of limited size.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ LARGEST_ARRAY = 500_000_000
 _LARGEST_METADATA = 16_000_000
 """Bytes; the attributes of the group hold the description."""
 _CODECS = ([["bytes"], ["bytes", "crc32c"]], "bytes, crc32c")
-_REMEDY = "Generate the dataset anew, or take it from a copy."
+_REMEDY = "Generate the dataset again, or restore a copy."
 _ATTRIBUTES: dict[str, type] = {"name": str, "description": str, "fingerprint": str, "seed": int}
-"""What is needed of the group's attributes."""
+"""Required attributes of the group."""
 
 
 def check_attributes(folder: Path, attributes: Mapping[str, Any]) -> None:
-    """Make sure that a dataset says what it was made from.
+    """Check that a dataset describes its origin.
 
     Raises
     ------
@@ -44,7 +44,7 @@ def check_attributes(folder: Path, attributes: Mapping[str, Any]) -> None:
 
 
 def check_metadata(folder: Path, array: str, dtype: str) -> None:
-    """Make sure that a dataset has the arrays of `generate`, in fitting shapes and in no other codecs.
+    """Check that a dataset has the arrays of `generate`, with consistent shapes and permitted codecs.
 
     Parameters
     ----------
@@ -61,12 +61,12 @@ def check_metadata(folder: Path, array: str, dtype: str) -> None:
     (samples, _), (lines,), (rows, width), (flags,) = (tuple(held["shape"]) for held in arrays.values())
     chunk = arrays[array]["chunk_grid"]["configuration"]["chunk_shape"]
     if rows != samples or not lines or width % lines or chunk[1] != width or flags != -(-rows // chunk[0]):
-        problem = f"its arrays do not belong together: {samples} parameter vectors, {rows} FRFs of {width} values, "
+        problem = f"its arrays are inconsistent: {samples} parameter vectors, {rows} FRFs of {width} values, "
         raise DatasetError(Fault(str(folder), f"{problem}{lines} frequencies, {flags} flags.", remedy=_REMEDY))
 
 
 def read_metadata(folder: Path, kind: str) -> dict[str, Any]:
-    """Return what a group or an array says of itself.
+    """Return the metadata of a group or an array.
 
     Raises
     ------
@@ -86,7 +86,7 @@ def read_metadata(folder: Path, kind: str) -> dict[str, Any]:
 
 
 def _checked(folder: Path, dtype: str, axes: int, *, whole: bool) -> dict[str, Any]:
-    """Return the metadata of an array, and look at its chunks where it will be read whole."""
+    """Return the checked metadata of an array; `whole` if it will be read at once."""
     metadata = read_metadata(folder, "array")
     try:
         shape, grid = metadata["shape"], metadata["chunk_grid"]
@@ -106,7 +106,7 @@ def _checked(folder: Path, dtype: str, axes: int, *, whole: bool) -> dict[str, A
         raise DatasetError(Fault(str(folder), f"its codecs are {names}.", _CODECS[1], _REMEDY))
     if not all(plain):
         raise DatasetError(
-            Fault(str(folder), f"this is no array of {dtype} as 'dovetail generate' writes it.", "", _REMEDY)
+            Fault(str(folder), f"this is not an array of {dtype} as 'dovetail generate' writes it.", "", _REMEDY)
         )
     size = np.dtype(dtype).itemsize
     if size * math.prod(chunk) > _LARGEST_CHUNK or (whole and size * math.prod(shape) > LARGEST_ARRAY):

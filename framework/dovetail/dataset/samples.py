@@ -19,9 +19,9 @@ from dovetail.plain_text import html_table
 FORMAT = 1
 
 _PROBES = 64
-"""FRFs that are computed again before a training; a tenth of a second for the reference assembly."""
+"""Number of FRFs that are computed again before a training; 0.1 s for the reference assembly."""
 _SLACK = 1e-9
-"""Of a range's larger end, by which a parameter may be outside: rounding of logarithms."""
+"""Tolerance of the ranges, relative to their larger end, for the rounding of logarithms."""
 
 
 class Dataset:
@@ -100,8 +100,8 @@ class Dataset:
             Only amplitudes are stored.
         """
         if self.storage != "complex":
-            remedy = "Generate it anew with `storage='complex'`."
-            raise DatasetError(Fault(str(self.path), "it holds amplitudes, without phases.", remedy=remedy))
+            remedy = "Generate it again with `storage='complex'`."
+            raise DatasetError(Fault(str(self.path), "it contains amplitudes without phases.", remedy=remedy))
         return StoredFrfs(self.path, self._frfs, self._written)
 
     @property
@@ -115,7 +115,7 @@ class Dataset:
         return int(self.attributes["seed"])
 
     def require(self, assembly: Assembly) -> None:
-        """Check that the dataset is complete, and whole against the description of this assembly.
+        """Check that the dataset is complete and was made from the description of this assembly.
 
         Raises
         ------
@@ -127,7 +127,7 @@ class Dataset:
                     str(self.path),
                     f"it was made from another description ('{self.attributes['name']}') than '{assembly.name}': "
                     "frequencies, substructures, joints or response differ.",
-                    remedy="Generate it anew, or take the description that it holds.",
+                    remedy="Generate it again, or use the description inside it.",
                 )
             )
         if not self.complete:
@@ -137,7 +137,7 @@ class Dataset:
         self.require_same_frfs(assembly, _PROBES)
 
     def _require_own_description(self, assembly: Assembly) -> None:
-        """Check shapes, frequencies, parameters and fingerprint against the description, which is the assembly's."""
+        """Check shapes, frequencies, parameters and fingerprint against the assembly's description."""
         lines = len(assembly.description.responses) * len(assembly.frequency)
         shape = len(self), len(assembly.parameters)
         problem = ""
@@ -146,7 +146,7 @@ class Dataset:
         elif not np.array_equal(self.frequency, assembly.frequency):
             problem = "its frequencies are not those of its description"
         elif not self._has_own_fingerprint():
-            problem = "its description is not the one that its fingerprint was taken of"
+            problem = "its description does not match its fingerprint"
         else:
             lower = np.array([parameter.lower for parameter in assembly.parameters])
             upper = np.array([parameter.upper for parameter in assembly.parameters])
@@ -160,7 +160,7 @@ class Dataset:
                     f"the first in row {row + 1}: {first.name} = {self.parameters[row, column]:g} {first.unit}"
                 )
         if problem:
-            raise DatasetError(Fault(str(self.path), f"{problem}.", remedy="Generate it anew, or take it from a copy."))
+            raise DatasetError(Fault(str(self.path), f"{problem}.", remedy="Generate it again, or restore a copy."))
 
     def _has_own_fingerprint(self) -> bool:
         try:
@@ -169,14 +169,14 @@ class Dataset:
             return False
 
     def require_same_frfs(self, assembly: Assembly, probes: int = 3) -> None:
-        """Check that the dataset is what its description says, and that an assembly of it still computes the same FRFs.
+        """Check that the dataset matches its description, and that the assembly still gives the same FRFs.
 
-        Of those that are written, `probes` from the first to the last are computed again.
+        Of the stored FRFs, `probes` from the first to the last are computed again.
 
         Raises
         ------
         DatasetError
-            They differ: the code of a model has changed; or frequencies, parameters or shapes are not those described.
+            The FRFs differ because the code of a model has changed; or frequencies, parameters or shapes do not match.
         """
         self._require_own_description(assembly)
         chunk = self.amplitude.chunks[0]
@@ -191,6 +191,6 @@ class Dataset:
                 Fault(
                     str(self.path),
                     f"{problem} (they differ by up to {100 * difference:.2g} %): the code of a model has changed.",
-                    remedy=f"Generate it anew, or go back to what made it ({maker} and its plugins).",
+                    remedy=f"Generate it again, or use the version that made it ({maker} and its plugins).",
                 )
             )

@@ -39,7 +39,7 @@ def latin_hypercube(assembly: Assembly, samples: int, seed: int | Sequence[int])
 
 
 def check_sample_count(assembly: Assembly, samples: int) -> None:
-    """Make sure that a dataset may have so many samples.
+    """Check that a dataset may have this many samples.
 
     Raises
     ------

@@ -13,13 +13,13 @@ from dovetail.dataset.metadata import chunk_bytes
 from dovetail.errors import DatasetError, Fault
 
 Storage = Literal["amplitude", "complex"]
-"""What is stored of each accelerance: its amplitude (float32), or amplitude and phase (complex64)."""
+"""Stored form of each accelerance: amplitude (float32), or amplitude and phase (complex64)."""
 
 ARRAYS: dict[Storage, tuple[str, str]] = {
     "amplitude": ("amplitude", "float32"),
     "complex": ("accelerance", "complex64"),
 }
-"""Name and type of the array that holds the FRFs."""
+"""Name and type of the array of FRFs."""
 
 READING_ERRORS = (OSError, ValueError, RuntimeError, TypeError, ArithmeticError, LookupError, AttributeError)
 """What Zarr raises for damaged files, and for metadata that contradict each other."""
@@ -109,11 +109,11 @@ class StoredFrfs:
                 problem = "its generation was interrupted before these samples."
                 raise DatasetError(Fault(str(self._folder), problem, remedy="Finish it with `resume=True`."))
             if not file.is_file():
-                raise self._fault(chunk, "it is missing", "Go on with `resume=True`: it is computed anew.")
+                raise self._fault(chunk, "it is missing", "Continue with `resume=True` to compute it again.")
             size = file.stat().st_size
             if size != expected:
                 damage = f"it has {size} bytes instead of {expected}"
-                raise self._fault(chunk, damage, "Go on with `resume=True`: it is computed anew.")
+                raise self._fault(chunk, damage, "Continue with `resume=True` to compute it again.")
 
     def _raise_damage(self, chunks: range) -> None:
         """Raise an error that names the chunk which cannot be read."""
@@ -121,7 +121,7 @@ class StoredFrfs:
             try:
                 self._array[chunk * self.chunks[0]]
             except READING_ERRORS as error:
-                remedy = "Delete this file and go on with `resume=True`: it is computed anew."
+                remedy = "Delete this file and continue with `resume=True` to compute it again."
                 raise self._fault(chunk, f"its content is damaged ({error})", remedy) from error
 
     def _fault(self, chunk: int, damage: str, remedy: str) -> DatasetError:
@@ -140,7 +140,7 @@ def read_array(folder: Path, group: Any, name: str) -> NDArray[Any]:
     """
     array = group[name]
     where = str(folder / name)
-    remedy = "Generate the dataset anew, or take it from a copy."
+    remedy = "Generate the dataset again, or restore a copy."
     if array.nchunks_initialized != array.nchunks:
         missing = array.nchunks - array.nchunks_initialized
         raise DatasetError(Fault(where, f"{missing} of its {array.nchunks} chunks are missing.", remedy=remedy))
@@ -163,13 +163,13 @@ def read_flags(folder: Path, group: Any, name: str) -> NDArray[np.bool_]:
         _check_lengths(folder / name, group[name])
         return np.asarray(group[name][:], dtype=np.bool_)
     except READING_ERRORS as error:
-        remedy = f"Delete {folder / name / 'c'} and go on with `resume=True`."
+        remedy = f"Delete {folder / name / 'c'} and continue with `resume=True`."
         raise DatasetError(Fault(str(folder / name), f"it is damaged ({error}).", remedy=remedy)) from error
 
 
 def _check_lengths(folder: Path, array: Any) -> None:
-    """Raise a ValueError where a chunk is a device, or has another length than its array says, before it is read."""
+    """Raise a ValueError if a chunk is a device, or its length contradicts the metadata, before it is read."""
     expected = chunk_bytes(array.metadata.to_dict())
     for file in (folder / "c").rglob("*"):
         if not file.is_dir() and not (file.is_file() and file.stat().st_size == expected):
-            raise ValueError(f"the chunk {file.relative_to(folder)} is no file of {expected} bytes")
+            raise ValueError(f"the chunk {file.relative_to(folder)} is not a file of {expected} bytes")

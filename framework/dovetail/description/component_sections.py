@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from dovetail.documents.extends import settle_alternatives
+from dovetail.documents.extends import resolve_alternatives
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.tree import Mark, Path, Scalar, format_value, replace_item, replace_value
 from dovetail.documents.validation import validate

@@ -13,7 +13,7 @@ from dovetail.documents.yaml_reader import read_yaml
 from dovetail.errors import DescriptionError
 
 Alternatives: TypeAlias = Sequence[Sequence[str]]
-"""Keys of a section of which only those of one group may be stated."""
+"""Groups of keys of a section, of which only one group may be used."""
 
 LONGEST_CHAIN = 16
 _EXTENDS = "extends"
@@ -51,20 +51,20 @@ def read_source(source: str | os.PathLike[str] | Mapping[str, object], faults: F
     seen = [os.path.realpath(file)] if file else []
     while (base := _base(chain[-1], file, faults)) is not None:
         if os.path.realpath(base) in seen or len(chain) == LONGEST_CHAIN:
-            raise _endless(chain, base, os.path.realpath(base) in seen, faults)
+            raise _cyclic_or_long(chain, base, os.path.realpath(base) in seen, faults)
         _check_exists(chain[-1], base, faults)
         file = base
         seen.append(os.path.realpath(file))
-        of_base = FaultList()
-        item = read_yaml(file, len(chain), of_base)
+        base_faults = FaultList()
+        item = read_yaml(file, len(chain), base_faults)
         if not {*_FORMATS, _EXTENDS} & item.entries.keys():
-            raise _no_description(chain[-1], base, faults)
-        faults.take(of_base)
+            raise _not_a_description(chain[-1], base, faults)
+        faults.extend(base_faults)
         chain.append(item)
     merged = chain.pop()
     while chain:
         merged = _merge(merged, chain.pop(), ())
-    merged = _settled(merged, ())  # also of a document that extends none
+    merged = _resolve(merged, ())  # also if nothing is extended
     return name, Item(merged.mark, {key: entry for key, entry in merged.entries.items() if key != _EXTENDS})
 
 
@@ -81,23 +81,23 @@ def _base(item: Item, file: str, faults: FaultList) -> str | None:
     return os.path.normpath(os.path.join(os.path.dirname(file), base))
 
 
-def _endless(chain: list[Item], base: str, cyclic: bool, faults: FaultList) -> DescriptionError:
+def _cyclic_or_long(chain: list[Item], base: str, cyclic: bool, faults: FaultList) -> DescriptionError:
     mark = chain[-1].entries[_EXTENDS].item.mark
-    reason = "extends itself in the end." if cyclic else f"is the end of a chain of more than {LONGEST_CHAIN} files."
+    reason = "extends itself in a circle." if cyclic else f"is in a chain of more than {LONGEST_CHAIN} files."
     faults.add_at(mark, (_EXTENDS,), f"'{base}' {reason}")
     return faults.error()
 
 
-def _no_description(item: Item, base: str, faults: FaultList) -> DescriptionError:
-    """Return an error that says nothing of what is in the file: it may be any file of the user's."""
-    faults.add_at(item.entries[_EXTENDS].item.mark, (_EXTENDS,), f"'{base}' is no description.")
+def _not_a_description(item: Item, base: str, faults: FaultList) -> DescriptionError:
+    """Return an error that does not show the content of the file, which may be any file of the user."""
+    faults.add_at(item.entries[_EXTENDS].item.mark, (_EXTENDS,), f"'{base}' is not a description.")
     return faults.error()
 
 
 def _check_exists(item: Item, base: str, faults: FaultList) -> None:
     if not os.path.exists(base):
         problem = f"there is no file '{base}'."
-        remedy = "The path is taken from the file that names it."
+        remedy = "The path is relative to the file that names it."
         faults.add_at(item.entries[_EXTENDS].item.mark, (_EXTENDS,), problem, remedy=remedy)
         raise faults.error()
 
@@ -105,24 +105,26 @@ def _check_exists(item: Item, base: str, faults: FaultList) -> None:
 def _merge(base: Item, over: Item, path: Path) -> Item:
     """Override `base` by `over`: sections key by key, any other value as a whole.
 
-    A section that names another model describes another component, so nothing of the old one is kept.
+    A section with another model describes another component, so it replaces the old one.
     """
     if not (base.is_mapping and over.is_mapping) or _names_another_model(base, over):
         return over
-    displaced = _displaced_keys(base, over)
-    entries = {key: entry for key, entry in base.entries.items() if key not in displaced}
+    replaced = _replaced_keys(base, over)
+    entries = {key: entry for key, entry in base.entries.items() if key not in replaced}
     for key, entry in over.entries.items():
         old = entries.get(key)
         item = entry.item if old is None else _merge(old.item, entry.item, (*path, key))
         entries[key] = Entry(entry.key, item)
-    if {*entries} <= _OF_PARAMETERS and any(entries[key].item.value is not None for key in _KNOWN if key in entries):
+    if {*entries} <= _PARAMETER_KEYS and any(
+        entries[key].item.value is not None for key in _VALUE_KEYS if key in entries
+    ):
         entries = {key: entry for key, entry in entries.items() if entry.item.value is not None}
-    return _settled(Item(over.mark, entries), path)
+    return _resolve(Item(over.mark, entries), path)
 
 
-_KNOWN = {"value": (), "about": ("sd", "scale"), "same_as": ("ratio",), "range": ("scale",)}
-"""What may be known of a parameter, each with the keys beside it; one displaces the others."""
-_OF_PARAMETERS = {key for kind, beside in _KNOWN.items() for key in (kind, *beside)}
+_VALUE_KEYS = {"value": (), "about": ("sd", "scale"), "same_as": ("ratio",), "range": ("scale",)}
+"""Ways to specify a parameter, each with its additional keys; one replaces the others."""
+_PARAMETER_KEYS = {key for kind, additional in _VALUE_KEYS.items() for key in (kind, *additional)}
 _ALTERNATIVES: Mapping[Path, Alternatives] = {
     (): (("response",), ("responses",)),
     ("frequency",): (("step",), ("lines",)),
@@ -130,7 +132,7 @@ _ALTERNATIVES: Mapping[Path, Alternatives] = {
 }
 """Alternative keys by the path of their section; `*` is any key."""
 _CHAIN = "calibration"
-"""Key of what is known of a measurement chain, in a response or, for all of them, at the top."""
+"""Key of the section of a measurement chain: in a response or, for all responses, at the top level."""
 
 
 def _names_another_model(base: Item, over: Item) -> bool:
@@ -138,17 +140,17 @@ def _names_another_model(base: Item, over: Item) -> bool:
     return old is not None and new is not None and old.item.value != new.item.value
 
 
-def _displaced_keys(base: Item, over: Item) -> set[str]:
-    """Return the keys of the base that contradict what `over` says to be known of a parameter."""
-    if not {*base.entries, *over.entries} <= _OF_PARAMETERS:
+def _replaced_keys(base: Item, over: Item) -> set[str]:
+    """Return the keys of the base that contradict the specification of a parameter in `over`."""
+    if not {*base.entries, *over.entries} <= _PARAMETER_KEYS:
         return set()
-    kept = [kind for kind in _KNOWN if kind in base.entries and {*over.entries} <= {*_KNOWN[kind]}]
-    stated = (kind for kind in _KNOWN if kind in over.entries and over.entries[kind].item.value is not None)
-    kind = next(stated, (*kept, "range")[0])
-    return {*base.entries} - {*over.entries, kind, *_KNOWN[kind]}
+    kept = [kind for kind in _VALUE_KEYS if kind in base.entries and {*over.entries} <= {*_VALUE_KEYS[kind]}]
+    given = (kind for kind in _VALUE_KEYS if kind in over.entries and over.entries[kind].item.value is not None)
+    kind = next(given, (*kept, "range")[0])
+    return {*base.entries} - {*over.entries, kind, *_VALUE_KEYS[kind]}
 
 
-def settle_alternatives(section: Item, alternatives: Alternatives) -> Item:
+def resolve_alternatives(section: Item, alternatives: Alternatives) -> Item:
     """Return a section without the keys of a base that contradict those of the document that extends it.
 
     Parameters
@@ -156,12 +158,12 @@ def settle_alternatives(section: Item, alternatives: Alternatives) -> Item:
     section : Item
         A mapping, merged from documents.
     alternatives : sequence of sequences of str
-        Groups of keys, of which only one may be stated. An empty value says that a key is not stated.
+        Groups of keys, of which only one may be used. A key with an empty value does not count.
 
     Returns
     -------
     Item
-        With one group, or with all those that the same document states.
+        With one group, or with all groups in the same document.
     """
     entries = section.entries
     empty = {key for group in alternatives for key in group if key in entries and entries[key].item.value is None}
@@ -176,16 +178,16 @@ def settle_alternatives(section: Item, alternatives: Alternatives) -> Item:
     return Item(section.mark, {key: entry for key, entry in entries.items() if key not in dropped})
 
 
-def _settled(section: Item, path: Path) -> Item:
-    """Return a section whose path has alternative keys without those that are displaced."""
+def _resolve(section: Item, path: Path) -> Item:
+    """Return a section whose path has alternative keys without those that are replaced."""
     for pattern, alternatives in _ALTERNATIVES.items():
         if len(pattern) == len(path) and all(step in ("*", key) for step, key in zip(pattern, path, strict=True)):
-            section = settle_alternatives(section, alternatives)
-    return _settled_chains(section) if path == () else section
+            section = resolve_alternatives(section, alternatives)
+    return _resolve_chains(section) if path == () else section
 
 
-def _settled_chains(root: Item) -> Item:
-    """Return a description in which a response's chain and that of all responses do not contradict each other."""
+def _resolve_chains(root: Item) -> Item:
+    """Return a description without contradictions between the chain of a response and that of all responses."""
     several = root.at(("responses",))
     count = len(several.value) if several is not None and isinstance(several.value, tuple) else 0
     shared: Path = (_CHAIN,)
@@ -202,5 +204,5 @@ def _settled_chains(root: Item) -> Item:
 
 
 def _rank(section: Item, key: str) -> int:
-    """Return the number of the document that states a key; -1 if none does."""
+    """Return the rank of the document with a key; -1 if none has it."""
     return section.entries[key].key.rank if key in section.entries else -1

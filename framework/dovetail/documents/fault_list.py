@@ -14,7 +14,7 @@ class FaultList:
 
     Notes
     -----
-    A value that cannot be read is reported once. What later checks say of it is dropped.
+    A value that cannot be read is reported once; later faults at the same place are dropped.
     """
 
     def __init__(self) -> None:
@@ -22,9 +22,9 @@ class FaultList:
         self._faults: list[tuple[Mark, Fault]] = []
         self._garbled: set[Path] = set()
         self.files_in: str | None = None
-        """The folder in which all files that the document names must lie; anywhere by default."""
+        """Folder that must contain all files named by the document; any folder by default."""
         self.files: dict[Path, str] = {}
-        """The files that it names, by the places where it does."""
+        """Files named by the document, by their paths in it."""
 
     def __len__(self) -> int:
         return len(self._faults)
@@ -57,14 +57,14 @@ class FaultList:
         if len(self._faults) == MOST_FAULTS:
             raise self.error()
 
-    def take(self, others: FaultList) -> None:
-        """Take over the faults of another list."""
+    def extend(self, others: FaultList) -> None:
+        """Add the faults of another list."""
         self._garbled |= others._garbled
         for mark, fault in others._faults:
             self._faults.append((mark, fault))
 
     def add_garbled(self, mark: Mark, path: Path, problem: str, accepted: str = "", remedy: str = "") -> None:
-        """Report a value that cannot be read, and drop all later faults of it."""
+        """Report a value that cannot be read, and drop all later faults at its place."""
         self._garbled.add(path)
         self.add_at(mark, path, problem, accepted, remedy)
 

@@ -60,7 +60,7 @@ class _Reader:
             return value
         if isinstance(value, str):
             if match := UNPRINTABLE.search(value):
-                problem = f"the character U+{ord(match.group()):04X} cannot stand in a description."
+                problem = f"the character U+{ord(match.group()):04X} is not allowed in a description."
                 self._faults.add_garbled(mark, path, problem)
             return str(value)
         if isinstance(value, Integral):
@@ -72,6 +72,6 @@ class _Reader:
             if not math.isfinite(value):
                 self._faults.add_garbled(mark, path, f"{float(value)!r} is not a finite number.")
             return float(value)
-        problem = f"an object of the type '{type(value).__name__}' cannot stand in a description."
+        problem = f"an object of the type '{type(value).__name__}' is not allowed in a description."
         self._faults.add_garbled(mark, path, problem, "a dict, a list, a text, a number, true or false")
         return None

@@ -61,7 +61,7 @@ class Item:
         return isinstance(self.value, Mapping)
 
     def steps(self, path: Path) -> Iterator[tuple[Mark, Item]]:
-        """Walk along `path` as far as it exists; give the position of each key or list element, and its item."""
+        """Yield the position and the item of each step along `path`, as far as it exists."""
         item = self
         for step in path:
             if isinstance(item.value, Mapping) and isinstance(step, str) and step in item.value:
@@ -82,9 +82,9 @@ class Item:
 
 def replace_value(item: Item, path: Path, value: Scalar) -> Item:
     """Return the tree with another value at a path, which must exist."""
-    there = item.at(path)
-    assert there is not None
-    return replace_item(item, path, Item(there.mark, value))
+    old = item.at(path)
+    assert old is not None
+    return replace_item(item, path, Item(old.mark, value))
 
 
 def replace_item(item: Item, path: Path, replacement: Item) -> Item:

@@ -91,18 +91,18 @@ def validate(
     return None
 
 
-def check_format(faults: FaultList, key: str, version: int, unstated: str) -> None:
-    """Report if a document does not say, under a key, that its format has this version."""
+def check_format(faults: FaultList, key: str, version: int, missing: str) -> None:
+    """Report a fault unless the document has this format version under `key`; `missing` is the problem without one."""
     item = faults.root.at((key,))
     if item is None:
-        faults.add((key,), unstated, remedy=f"Begin it with '{key}: {version}'.")
+        faults.add((key,), missing, remedy=f"Begin it with '{key}: {version}'.")
     elif item.value != version or isinstance(item.value, bool):
         problem = f"{format_value(plain_values(item))} is not a format that this version of dovetail reads."
         faults.add((key,), problem, str(version))
 
 
 def number_unit(model: type[BaseModel], path: Path) -> str | None:
-    """Return the unit of an option inside a section of a model, ``"1"`` without one; None if it is no float."""
+    """Return the unit of an option inside a section of a model, ``"1"`` without one; None if it is not a float."""
     last = max((index for index, step in enumerate(path) if isinstance(step, str)), default=-1)
     if last < 0:
         return None
@@ -114,7 +114,7 @@ def number_unit(model: type[BaseModel], path: Path) -> str | None:
 
 
 def _is_float(annotation: Any) -> bool:
-    """Return whether a float is allowed there, and no section."""
+    """Return whether the annotation allows a float, and no section."""
     if isinstance(annotation, type):
         return annotation is float
     origin = get_origin(annotation)
@@ -125,7 +125,7 @@ def _is_float(annotation: Any) -> bool:
 
 @dataclass(frozen=True)
 class _Translation:
-    """Turns pydantic's errors in a section into faults; its fields are as in `validate`."""
+    """Converts pydantic's errors in a section to faults; its fields are as in `validate`."""
 
     model: type[BaseModel]
     path: Path
@@ -135,7 +135,7 @@ class _Translation:
     item: Item | None
 
     def report(self, error: ValidationError) -> None:
-        """Add one fault for each value, although each alternative of its type gives an error of its own."""
+        """Add one fault for each value, although pydantic reports each alternative of its type separately."""
         by_path: dict[Path, list[Any]] = {}
         for detail in error.errors(include_url=False):
             by_path.setdefault(self._data_path(detail), []).append(detail)
@@ -146,11 +146,11 @@ class _Translation:
         for path, details in by_path.items():
             if details[0]["type"] == "missing" and path not in misspelt:
                 self._missing(path)
-            elif details[0]["type"] not in ("missing", "extra_forbidden") and not _follows(path, details, by_path):
+            elif details[0]["type"] not in ("missing", "extra_forbidden") and not _is_implied(path, details, by_path):
                 self._unfit(path, details)
 
     def _data_path(self, detail: Any) -> Path:
-        """Return the steps of the error's location that lead through the data; the others name alternatives."""
+        """Return the error's path in the data, without the steps that name alternatives of a type."""
         path: Path = ()
         *steps, last = detail["loc"] or [None]
         for step in [*steps, last]:
@@ -204,7 +204,7 @@ class _Translation:
         return f"'{format_path(path)}' of {self.owner}" if path else self.owner
 
 
-def _follows(path: Path, details: list[Any], by_path: Collection[Path]) -> bool:
+def _is_implied(path: Path, details: list[Any], by_path: Collection[Path]) -> bool:
     """Return whether a list is too short only because its elements were refused."""
     beneath = any(other[: len(path)] == path and len(other) > len(path) for other in by_path)
     return beneath and details[0]["type"] in ("too_short", "too_long")
@@ -227,7 +227,7 @@ def _explain(detail: Any, value: str, item: Item | None) -> tuple[str, str, str]
         return f"{value} has characters that are not allowed here.", f"texts that match {context['pattern']}", ""
     message = str(context["error"]) if kind in ("value_error", "assertion_error") else str(detail["msg"])
     if kind not in ("value_error", "assertion_error", "unit"):
-        message = f"{value} cannot stand here: {message}"
+        message = f"{value} is not accepted: {message}"
     return message if message.endswith((".", "!", "?")) else f"{message}.", "", ""
 
 

@@ -22,7 +22,7 @@ from dovetail.errors import DescriptionError
 LARGEST_FILE = 256 * 1024
 """Bytes."""
 LARGEST_TREE = 50_000
-"""Values; what an alias repeats is counted each time."""
+"""Number of values; those behind an alias are counted each time."""
 MOST_LEVELS = 32
 LARGEST_WHOLE = 2**63 - 1
 
@@ -36,11 +36,11 @@ _TRUTH = {"true": True, "True": True, "TRUE": True, "false": False, "False": Fal
 _CORE = "tag:yaml.org,2002:"
 _SCALAR_TAGS = {f"{_CORE}{name}": name for name in ("int", "float", "bool", "null")}
 _CORE_TAGS = "!!str, !!int, !!float, !!bool, !!null, !!map, !!seq"
-_IN_OTHER_WORDS = (
-    (r"found character '\\t' that cannot start any token", "a tab stands where YAML wants spaces"),
+_REWORDED = (
+    (r"found character '\\t' that cannot start any token", "a tab is not an indentation; use spaces"),
     (r"mapping values are not allowed here", "a ':' is not allowed here; an indentation or a quote is wrong"),
     (r"found character '(.)' that cannot start any token", r"a text that begins with '\1' must be in quotes"),
-    (r"could not find expected ':'", "a ':' with a space behind it is missing"),
+    (r"could not find expected ':'", "a ':' with a space after it is missing"),
     (r"(.*)'<stream end>'", r"\1the end of the file"),
 )
 _AFTER_ANCHOR = "\0 \t\r\n\x85\u2028\u2029,[]{}"
@@ -105,7 +105,7 @@ def _decode(data: bytes, file: str, rank: int, faults: FaultList) -> str:
         raise faults.error() from None
     if match := UNPRINTABLE.search(text):
         mark = _mark_after(text[: match.start()], file, rank)
-        faults.add_at(mark, (), f"the character U+{ord(match.group()):04X} cannot stand in a description.")
+        faults.add_at(mark, (), f"the character U+{ord(match.group()):04X} is not allowed in a description.")
         raise faults.error()
     return text
 
@@ -125,12 +125,12 @@ class _Loader(yaml.SafeLoader):  # type: ignore[misc]
             super().scan_to_next_token()
 
     def scan_anchor(self, token: type[yaml.Token]) -> yaml.Token:
-        """Read the name of an anchor or an alias, which may hold any letter and sign but blanks and brackets."""
+        """Read the name of an anchor or an alias: any characters except blanks and brackets."""
         length = 1
         while self.peek(length) not in _AFTER_ANCHOR:
             length += 1
         if length == 1:
-            return super().scan_anchor(token)  # which says what is wrong
+            return super().scan_anchor(token)  # raises the parser's error
         start, name = self.get_mark(), self.prefix(length)[1:]
         self.forward(length)
         return token(name, start, self.get_mark())
@@ -163,12 +163,12 @@ class _Composer:
             raise self._fatal(self._last, "the file is empty.", "a description, which begins with 'dovetail: 1'")
         if event.version not in (None, (1, 2)):
             version = ".".join(str(number) for number in event.version)
-            mark = replace(self._last, line=event.end_mark.line + 1)  # of the '---' behind the directive
+            mark = replace(self._last, line=event.end_mark.line + 1)  # of the '---' after the directive
             raise self._fatal(mark, f"the file asks for YAML {version}.", "YAML 1.2")
         root, _ = self._node(next(self._events), (), 1)
         if not root.is_mapping:
-            held = "no description" if self._rank else format_value(root.value)  # of another file no line is printed
-            raise self._fatal(root.mark, f"the file holds {held}.", "a description; measured files stand behind it")
+            content = "no description" if self._rank else format_value(root.value)  # do not show an extended file
+            raise self._fatal(root.mark, f"the file contains {content}.", "a description; measured files come after it")
         next(self._events)
         if not isinstance(next(self._events), yaml.StreamEndEvent):
             raise self._fatal(self._last, "a second document begins here.", "one document in a file")
@@ -185,7 +185,7 @@ class _Composer:
             problem = (error.problem or "it cannot be parsed").strip()
             if problem == "found unexpected end of stream" and error.context_mark:
                 mark, problem = self._mark(error.context_mark), "the quote that opens here is not closed"
-            for pattern, words in _IN_OTHER_WORDS:
+            for pattern, words in _REWORDED:
                 problem = re.sub(f"^{pattern}$", words, problem)
             raise self._fatal(mark, f"this is not YAML: {problem}.") from None
         except (ValueError, ArithmeticError, LookupError):
@@ -229,7 +229,7 @@ class _Composer:
             raise self._fatal(mark, f"the alias '*{anchor}' has no anchor '&{anchor}' before it.", path=path)
         target = self._anchors[anchor]
         if target is None:
-            raise self._fatal(mark, f"the alias '*{anchor}' stands inside what it names.", path=path)
+            raise self._fatal(mark, f"the alias '*{anchor}' is inside its own anchor.", path=path)
         item, height, size = target
         self._grow(size, mark)
         if level + height - 1 > MOST_LEVELS:
@@ -251,7 +251,7 @@ class _Composer:
             height = max(height, below)
             if name in entries:
                 line = entries[name].key.line
-                problem = f"the key '{name}' stands here a second time; the first is in line {line}."
+                problem = f"the key '{name}' is repeated; it is first used in line {line}."
                 self._faults.add_at(key_mark, (*path, name), problem, remedy="Remove one of them.")
             elif name is not None:
                 entries[name] = Entry(key_mark, item)
@@ -273,13 +273,13 @@ class _Composer:
 
     def _refuse_tag(self, tag: str, mark: Mark, path: Path) -> None:
         short = f"!!{tag.removeprefix(_CORE)}" if tag.startswith(_CORE) else tag
-        problem = f"the tag {format_value(short)} is not allowed here; a description holds plain values."
+        problem = f"the tag {format_value(short)} is not allowed here; a description has only plain values."
         self._faults.add_garbled(mark, path, problem, _CORE_TAGS, "Remove it.")
 
     def _scalar(self, event: Any, mark: Mark, path: Path) -> Scalar:
         tag, text = event.tag, event.value
         if match := UNPRINTABLE.search(text):
-            problem = f"the character U+{ord(match.group()):04X} cannot stand in a description."
+            problem = f"the character U+{ord(match.group()):04X} is not allowed in a description."
             self._faults.add_garbled(mark, path, problem)
             return UNPRINTABLE.sub("?", text)
         if tag in ("!", f"{_CORE}str") or (tag is None and event.style):

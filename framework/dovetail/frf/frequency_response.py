@@ -21,12 +21,12 @@ _PER_TIME: dict[str, str] = {"receptance": "", "mobility": " s", "accelerance": 
 LOW_COHERENCE = 0.9
 """Coherence below which two FRFs visibly differ: an amplitude by a factor of 2, or a phase by 37 degrees."""
 _WINDOW, _SHORTEST = 200, 3
-"""The coherence is averaged over this part of the lines, and over no fewer than `_SHORTEST` of them: a band that is
-narrower cannot be seen."""
+"""The coherence is averaged over 1/`_WINDOW` of the lines, and over at least `_SHORTEST` of them. A narrower band is
+not reported."""
 HIGHEST_FREQUENCY = 1e12
-"""Hz; far above any structure's, and its square times a stiffness is still a number."""
+"""Hz; far above the frequencies of any structure. Its square times a stiffness is finite."""
 LARGEST_VALUE = 1e100
-"""In SI; the squares and products of values up to it are still numbers. One over it is the least largest value."""
+"""In SI; the squares and products of values up to it are finite. The largest of an FRF must exceed its inverse."""
 MOST_AVERAGES = 1_000_000
 _CORRECT = "Correct the unit or the columns, or remove these lines."
 
@@ -40,7 +40,7 @@ def unit_of(quantity: Quantity, *, rotation: bool = False, moment: bool | None =
     rotation : bool
         Of a rotation instead of a displacement.
     moment : bool, optional
-        By a moment instead of a force; by default as `rotation`.
+        Per moment instead of force; by default as `rotation`.
     """
     below = ("N m" if (rotation if moment is None else moment) else "N") + _PER_TIME[quantity]
     return f"{'rad' if rotation else 'm'}/{f'({below})' if ' ' in below else below}"
@@ -72,7 +72,7 @@ def _frozen(values: ArrayLike, dtype: type[np.generic]) -> NDArray[np.generic]:
 def check_size(
     arrays: Mapping[str, NDArray[np.generic] | None], factor: float, averages: int | None, locate: Callable[[int], str]
 ) -> None:
-    """Check that the values of an FRF can be computed with.
+    """Check that the values of an FRF are within the range that computations can handle.
 
     Parameters
     ----------
@@ -134,12 +134,12 @@ class Frf:
     rotation : bool
         True for a rotation per moment, False for a displacement per force.
     moment : bool, optional
-        Where it is otherwise: False for a rotation per force, True for a displacement per moment.
+        True for an excitation by a moment, False by a force; by default as `rotation`.
     response, force : str
         Names of the DOFs where the motion was measured and where the force acted, such as ``"5+x"``; empty if
         unknown.
     origin : str
-        How many rows the table had from which it was read, and what each column was taken for.
+        Number of rows of the table it was read from, and the meaning of each column.
 
     Raises
     ------
@@ -240,7 +240,7 @@ class Frf:
 
     @property
     def kind(self) -> str:
-        """In words, such as ``"displacement per force"``."""
+        """The kind of FRF, such as ``"displacement per force"``."""
         return f"{'rotation' if self.rotation else 'displacement'} per {'moment' if self.by_moment else 'force'}"
 
     @property

@@ -1,4 +1,4 @@
-"""Resonance peaks of FRFs, and which of two FRFs belong together."""
+"""Resonance peaks of FRFs, and the pairs of measured and modelled peaks."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ class Settings:
     """Tuning constants of the peaks."""
 
     prominence: float = 6.0
-    """dB by which a peak stands out on either side: then it has half-power lines."""
+    """dB by which a peak rises above the lines on either side, so that it has half-power lines."""
     floor: float = 60.0
-    """Standard deviations of the noise, over the prominence in dB, below which amplitudes are not distinguished: 10 at
-    6 dB. At such a floor the noise of thousands of lines reaches half the prominence."""
+    """Floor of the amplitude: this many standard deviations of the noise, divided by the prominence in dB (10 at 6 dB).
+    At such a floor the noise of thousands of lines reaches half the prominence."""
     skewness: float = 0.25
-    """Part of the width between the highest line and the parabola's vertex, beyond which other modes skew the peak."""
+    """Distance between the highest line and the parabola's vertex, over the width, above which a peak is skewed."""
     points_per_line: int = 50
-    """At which the quartic of a skewed peak is evaluated: far finer than noise allows to place it."""
+    """Points per line at which the quartic of a skewed peak is evaluated."""
     closeness: float = 0.15
     """Relative distance within which two frequencies can belong to the same mode."""
     lines: int = 400
-    """Of which the noise is taken to be the same, since it grows or falls with the frequency: far more than a peak has,
-    where peaks are so narrow that their second differences are no noise."""
+    """Lines over which the noise is taken as constant; it varies with frequency. A narrow peak, whose second
+    differences are not noise, has far fewer."""
 
 
 _SETTINGS = Settings()
@@ -44,8 +44,8 @@ def resonance_peaks(frf: Frf, prominence: float = _SETTINGS.prominence) -> NDArr
     ----------
     frf : Frf
     prominence : float
-        dB by which a peak must stand out of what surrounds it on either side; a smaller one finds the low peaks of
-        modes that the joint damps.
+        dB by which a peak must rise above the lines on either side. A smaller value finds the low peaks of modes that
+        the joint damps.
 
     Returns
     -------
@@ -73,7 +73,7 @@ def resonance_peaks(frf: Frf, prominence: float = _SETTINGS.prominence) -> NDArr
 def counterpart(
     frequency: float, among: NDArray[np.float64], others: NDArray[np.float64], closeness: float = _SETTINGS.closeness
 ) -> float | None:
-    """Return the frequency in `others` that belongs to one in `among`: each is the other's nearest, and they are close.
+    """Return the frequency in `others` that matches one in `among`: each is the other's nearest, and they are close.
 
     Parameters
     ----------
@@ -97,9 +97,7 @@ def counterpart(
 
 @dataclass(frozen=True, eq=False)
 class PairedPeaks:
-    """The resonance peaks of a measured FRF and of a model's on the same lines, and which of them belong together.
-
-    Whatever says that a resonance has a counterpart, or has none, takes it from here.
+    """The resonance peaks of a measured FRF and of the model's FRF on the same lines, in pairs where they match.
 
     Parameters
     ----------
@@ -116,12 +114,12 @@ class PairedPeaks:
         return PairedPeaks(resonance_peaks(measured), resonance_peaks(modelled))
 
     def measured_for(self, peak: float) -> float | None:
-        """Return the measured peak that belongs to one of the model; None if it has no counterpart."""
+        """Return the measured counterpart of a peak of the model, or None."""
         return counterpart(peak, self.modelled, self.measured)
 
     @property
     def unpaired(self) -> NDArray[np.float64]:
-        """The measured peaks [Hz] that belong to none of the model's."""
+        """The measured peaks [Hz] without a counterpart."""
         paired = {self.measured_for(peak) for peak in self.modelled.tolist()}
         return np.array([peak for peak in self.measured.tolist() if peak not in paired])
 
@@ -152,7 +150,7 @@ class PeakPair:
 
     @property
     def clear_distance(self) -> float:
-        """The same less the spacing of lines, within which a peak is not placed."""
+        """The distance minus the line spacing, which limits how exactly a peak is located; at least 0."""
         return max(0.0, abs(self.modelled - self.measured) - self.line_spacing) / self.measured
 
     @property
@@ -162,7 +160,7 @@ class PeakPair:
 
 
 def pair_peaks(measured: Frf, modelled: Frf) -> tuple[list[PeakPair], int]:
-    """Return the peaks of two FRFs on the same lines that belong together, and the number of other measured peaks."""
+    """Return the pairs of matching peaks of two FRFs on the same lines, and the number of other measured peaks."""
     peaks, others = resonance_peaks(measured), resonance_peaks(modelled)
     spacing = float(np.median(np.diff(measured.frequency))) if len(measured.frequency) > 1 else 0.0
     candidates = [(peak, counterpart(peak, peaks, others)) for peak in peaks.tolist()]

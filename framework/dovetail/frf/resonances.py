@@ -74,7 +74,7 @@ class Resonances:
         return np.concatenate([near * step / np.maximum(1.0, np.abs(step)) for near, step in pairs], axis=1)
 
     def pole_shift_remainder(self, change: float) -> NDArray[np.complex128]:
-        """Return the change of the FRFs (n, n_lines) by a relative change of each pole beyond `pole_shift`."""
+        """Return the nonlinear part (n, n_lines) of the change of the FRFs by a relative change of each pole."""
         return self._moved(np.full(len(self.poles), change)) - self.pole_shift(change)
 
     @property
@@ -108,15 +108,15 @@ def fit_resonances(frfs: Sequence[Frf], values: Sequence[NDArray[np.complex128]]
     Returns
     -------
     Resonances
-        Without poles if the FRFs have no resonance; then all is background.
+        Without poles if the FRFs have no resonance.
 
     Notes
     -----
     The poles are those of a rational function fitted to a mixture of the FRFs with the same frequencies (AAA:
     Nakatsukasa, Sete and Trefethen, The AAA algorithm for rational approximation, 2018). Poles from FRFs with different
     frequencies are the same resonance if their distance is less than a quarter of its width. The residues follow by
-    linear least squares. Both are fitted to mobilities, in which resonances far apart are most alike in height, so that
-    the result does not depend on the quantity.
+    linear least squares. Both are fitted to mobilities, in which distant resonances have similar heights, so that the
+    result does not depend on the quantity.
     """
     axes = [frf.frequency for frf in frfs]
     derivatives = [conversion(frf.frequency, "mobility", frf.quantity) for frf in frfs]
@@ -146,8 +146,8 @@ def _common_poles(
     poles = np.empty(0, dtype=np.complex128)
     for frequency, frfs in groups.values():
         candidates = _poles(frequency, frfs)
-        apart = np.abs(candidates[:, np.newaxis] - poles) > _SETTINGS.same_pole * candidates.imag[:, np.newaxis]
-        poles = np.concatenate([poles, candidates[apart.all(axis=1)]])
+        is_new = np.abs(candidates[:, np.newaxis] - poles) > _SETTINGS.same_pole * candidates.imag[:, np.newaxis]
+        poles = np.concatenate([poles, candidates[is_new.all(axis=1)]])
     return np.sort_complex(poles)
 
 

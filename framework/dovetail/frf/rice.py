@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from scipy.special import i0e, i1e
 
 _CLEAR = 1e4
-"""Argument of Bessel's functions above which their asymptotic series are exact to double precision."""
+"""Argument of the Bessel functions above which their asymptotic series are exact to double precision."""
 _LEVELS = np.linspace(0.0, 1.0, 1001)
-"""Parts of a mean square that are noise, for which the scatter of amplitudes is tabled."""
+"""Shares of noise in a mean square, for which the scatter of amplitudes is tabulated."""
 
 
 def rice_mean(
@@ -61,7 +61,7 @@ def rice_negative_log_density(
 def noise_in_scatter(scatter: NDArray[np.float64], mean_square: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return E|noise|^2 (n,) of complex values whose amplitudes have a variance and a mean square (n,).
 
-    Far above the noise it is twice that variance; noise alone has 1 / (1 - pi / 4) times as much.
+    For amplitudes far above the noise it is twice their variance, for pure noise 1 / (1 - pi / 4) times.
     """
     return mean_square * np.interp(
         scatter / np.maximum(mean_square, np.finfo(float).tiny), _scatter_of(_LEVELS), _LEVELS
@@ -69,7 +69,7 @@ def noise_in_scatter(scatter: NDArray[np.float64], mean_square: NDArray[np.float
 
 
 def _scatter_of(levels: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the variances of amplitudes with a mean square of 1, of which a part (n,) is noise."""
+    """Return the variances of amplitudes with a mean square of 1 and these shares (n,) of noise."""
     noise = np.maximum(levels, 1e-3)
     variance = 1.0 - rice_mean(np.sqrt(1.0 - noise), noise)[0] ** 2
     return np.where(levels < noise, levels / 2.0, variance)

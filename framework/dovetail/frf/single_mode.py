@@ -9,10 +9,10 @@ from scipy.optimize import least_squares
 from dovetail.frf.frequency_response import Frf, conversion
 
 _POWERS = -2.0, 0.0, 2.0, 4.0
-"""Of the frequency, in the receptance that resonances outside the band add: a free body below, and the first terms of
-the series of those above."""
+"""Powers of the frequency in the receptance of resonances outside the band: a free body for those below, and the first
+terms of a series for those above."""
 UNKNOWNS = 12
-"""Of a modal fit: frequency, damping, height, phase and four complex numbers of the background."""
+"""Number of unknowns of a modal fit: frequency, damping, height, phase and four complex numbers of the background."""
 _FREQUENCIES = 0.5, 2.0
 """Natural frequencies over the first and the last line, between which a resonance may lie."""
 _RATIOS = 1e-7, 0.9
@@ -39,8 +39,8 @@ class SingleMode:
         In the quantity of the FRF.
     background_error : float
         Root mean square of its standard deviation.
-    other : float
-        What is left beyond the noise, relative to the amplitude.
+    misfit : float
+        Root mean square of the residual that noise does not explain, relative to the amplitude.
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class SingleMode:
         self.features = np.array([*logarithms, np.log(size), np.angle(height)])
         self.background = np.asarray((coefficients[2::2] + 1j * coefficients[3::2]) @ self._shapes)
         excess = (self.cost - freedom) / max(1, len(residuals)) * 2.0 * self._deviation**2
-        self.other = float(np.sqrt(max(0.0, excess.mean()) / np.mean(np.abs(self._values) ** 2)))
+        self.misfit = float(np.sqrt(max(0.0, excess.mean()) / np.mean(np.abs(self._values) ** 2)))
         self._set_uncertainty(logarithms, height, max(1.0, self.cost / max(1, freedom)))
 
     @property
@@ -90,23 +90,23 @@ class SingleMode:
 
     def _set_uncertainty(self, logs: NDArray[np.float64], height: complex, factor: float) -> None:
         columns, step = self._columns(logs), 1e-6 * np.diag([np.exp(logs[1]), 1.0])
-        of_height = columns[:, :2] @ np.array([height.real, height.imag])
+        scaled = columns[:, :2] @ np.array([height.real, height.imag])
         ahead = [self._columns(logs + one)[:, :2] @ np.array([height.real, height.imag]) for one in step]
-        along = [(there - of_height) / one.max() for there, one in zip(ahead, step, strict=True)]
+        along = [(shifted - scaled) / one.max() for shifted, one in zip(ahead, step, strict=True)]
         turned = columns[:, :2] @ np.array([-height.imag, height.real])
-        jacobian = np.column_stack([*along, of_height, turned, columns[:, 2:]])
+        jacobian = np.column_stack([*along, scaled, turned, columns[:, 2:]])
         sizes = np.maximum(np.linalg.norm(jacobian, axis=0), np.finfo(float).tiny)
         covariance = factor * np.linalg.pinv((jacobian / sizes).T @ (jacobian / sizes), hermitian=True)
         covariance /= np.outer(sizes, sizes)
-        of_other = self.other * np.array([np.exp(logs[1]), 1.0, 1.0, 1.0])  # a misfit turns and moves a resonance too
-        self.covariance = covariance[:4, :4] + np.diag(of_other**2)
-        of_background = covariance[4::2, 4::2] + covariance[5::2, 5::2]
-        variances = np.einsum("kf,kl,lf->f", self._shapes.real, of_background, self._shapes.real)
+        misfit = self.misfit * np.array([np.exp(logs[1]), 1.0, 1.0, 1.0])  # a misfit turns and moves a resonance too
+        self.covariance = covariance[:4, :4] + np.diag(misfit**2)
+        background = covariance[4::2, 4::2] + covariance[5::2, 5::2]
+        variances = np.einsum("kf,kl,lf->f", self._shapes.real, background, self._shapes.real)
         self.background_error = float(np.sqrt(variances.mean()))
 
 
 def background_shapes(frf: Frf) -> NDArray[np.complex128]:
-    """Return what resonances outside the band add to an FRF (4, n_freq): powers of the frequency in its receptance.
+    """Return the contributions (4, n_freq) of resonances outside the band: powers of the frequency in the receptance.
 
     They are orthogonal, and their root mean square is the median amplitude of the FRF.
     """

@@ -28,8 +28,8 @@ class ComponentConfig(BaseModel):
     Attributes
     ----------
     alternatives : tuple of tuples of tuples of str
-        Class attribute: choices, each of groups of keys of which only one may be stated, such as
-        ``((("file",), ("mass", "stiffness")),)``. A description that states one displaces the others of a description
+        Class attribute: choices, each of groups of keys of which only one may be given, such as
+        ``((("file",), ("mass", "stiffness")),)``. A description that gives one replaces the others of a description
         that it extends.
     """
 

@@ -25,7 +25,7 @@ class FeatureContext:
         Names of the joint's parameters, one for each target.
     accelerance : callable or None
         Returns the training FRFs (n_samples, n_responses n_freq) with their phases, complex64 [m/(N s^2)], in the order
-        of the features; None if the dataset holds only amplitudes, or if each epoch draws other samples.
+        of the features; None if the dataset holds only amplitudes, or if each epoch draws new samples.
     seconds : float or None
         Time [s] after which a regressor should stop with its best result so far; None for no limit.
     """

@@ -101,20 +101,20 @@ def differences(
     step = np.maximum(SETTINGS.step * np.abs(at), SETTINGS.least_step * width)
     step = np.minimum(step, SETTINGS.greatest_step * width)
 
-    def taken(pairs: NDArray[np.intp], factor: float) -> tuple[NDArray[Any], NDArray[np.float64]]:
-        shortened, here = factor * step[pairs], column[pairs]
-        inside = (lower[here] <= at[pairs]) & (at[pairs] <= upper[here])
-        forward = inside & (at[pairs] - 2.0 * shortened < lower[here])
-        backward = inside & ~forward & (at[pairs] + 2.0 * shortened > upper[here])
+    def shortened(pairs: NDArray[np.intp], factor: float) -> tuple[NDArray[Any], NDArray[np.float64]]:
+        size, varied = factor * step[pairs], column[pairs]
+        inside = (lower[varied] <= at[pairs]) & (at[pairs] <= upper[varied])
+        forward = inside & (at[pairs] - 2.0 * size < lower[varied])
+        backward = inside & ~forward & (at[pairs] + 2.0 * size > upper[varied])
         kind = np.where(forward, 1, np.where(backward, 2, 0))
-        return _difference(function, vectors[pairs], here, shortened, kind)
+        return _difference(function, vectors[pairs], varied, size, kind)
 
-    derivatives, disagreement = taken(np.arange(len(column)), 1.0)
+    derivatives, disagreement = shortened(np.arange(len(column)), 1.0)
     for factor in SETTINGS.shorter:
         pairs = np.flatnonzero(disagreement > SETTINGS.kink)
         if not len(pairs):
             break
-        shorter, remaining = taken(pairs, factor)
+        shorter, remaining = shortened(pairs, factor)
         better = remaining < SETTINGS.better * disagreement[pairs]
         derivatives[pairs[better]], disagreement[pairs[better]] = shorter[better], remaining[better]
     return derivatives.reshape(len(columns), len(theta), *derivatives.shape[1:])
@@ -158,7 +158,7 @@ def _weighted_sum(weights: NDArray[np.float64], values: NDArray[Any]) -> NDArray
 
 @dataclass(frozen=True, eq=False)
 class _Entries:
-    """The entries of M, K, C and D that are differentiated; the others, the majority, have always been zero so far.
+    """The entries of M, K, C and D that are differentiated; all others have been zero so far.
 
     Parameters
     ----------
@@ -205,11 +205,11 @@ class Differentiation:
             entries = self._entries
             differences = self._differences(theta, self._nonlinear, entries)
             deviating = self._deviates(theta, entries)
-            of_deviating = self._differences(theta[deviating], list(self._slopes), entries) if deviating.any() else {}
+            corrections = self._differences(theta[deviating], list(self._slopes), entries) if deviating.any() else {}
             if self._entries is entries:
                 break
         derivatives = {**self._constant_derivatives(len(theta)), **self._spread(differences, entries)}
-        for column, derivative in self._spread(of_deviating, entries).items():
+        for column, derivative in self._spread(corrections, entries).items():
             whole = np.broadcast_to(self._slopes[column], (4, len(theta), self._size, self._size)).copy()
             whole[:, deviating] = np.stack([derivative.M, derivative.K, derivative.C, derivative.D])
             derivatives[column] = StructuralMatrices(*whole)
@@ -250,12 +250,12 @@ class Differentiation:
             start = theta[block].copy()
             start[:, linear] = self._lower[linear]
             if self._nonlinear:
-                there, here = self._values(np.concatenate([theta[block], start]), entries).reshape(2, len(start), -1)
+                values, base = self._values(np.concatenate([theta[block], start]), entries).reshape(2, len(start), -1)
             else:
-                there, here = self._values(theta[block], entries), self._values_at_lower_ends(entries)
+                values, base = self._values(theta[block], entries), self._values_at_lower_ends(entries)
             change = (theta[block] - start)[:, linear] @ entries.slopes
-            limit = SETTINGS.rounding * np.maximum(np.abs(here), np.abs(there))
-            deviating[block] = np.any(np.abs(there - here - change) > limit, axis=1)
+            limit = SETTINGS.rounding * np.maximum(np.abs(base), np.abs(values))
+            deviating[block] = np.any(np.abs(values - base - change) > limit, axis=1)
         return deviating
 
     def _values_at_lower_ends(self, entries: _Entries) -> NDArray[np.float64]:

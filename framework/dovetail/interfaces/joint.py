@@ -117,7 +117,7 @@ class Parameter:
         return part
 
     def normal_residual(self, fraction: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the distance of fractions from the middle, in deviations of a normal prior, and its derivative."""
+        """Return the standard normal residual of fractions under a normal prior, and its derivative."""
         deviations = scipy.special.ndtri(_TAIL + np.asarray(fraction, dtype=np.float64) * (1.0 - 2.0 * _TAIL))
         density = np.exp(-(deviations**2) / 2.0) / np.sqrt(2.0 * np.pi)
         return deviations, (1.0 - 2.0 * _TAIL) / density
@@ -152,7 +152,7 @@ class Port:
         Number of nodes of the substructure to which it attaches.
     positions : tuple of float, optional
         Where these nodes lie in the joint's own model [m], increasing, from any origin; give them if the matrices
-        depend on the distances of the nodes. A description whose nodes lie otherwise is refused.
+        depend on the distances of the nodes. A description whose nodes are at other distances is refused.
 
     Raises
     ------
@@ -186,14 +186,14 @@ class Port:
 
 @dataclass(frozen=True, eq=False)
 class Omission:
-    """A stiffness that a joint's model leaves out.
+    """A stiffness that a joint's model omits.
 
     Parameters
     ----------
     problem : str
-        What is left out, as a sentence.
+        A sentence on what the model omits.
     stiffness : (d, d) array or None
-        The most that it can be, over the local DOFs of the joint's ports [N/m, N, N m]; None if that is not known.
+        Its upper limit, over the local DOFs of the joint's ports [N/m, N, N m]; None if unknown.
     """
 
     problem: str
@@ -239,9 +239,9 @@ class JointModel(Component):
 
     @property
     def facing_ports(self) -> tuple[tuple[str, str], ...]:
-        """Pairs of ports whose nodes face each other in order, the first the first, and so on.
+        """Pairs of ports whose nodes face each other in order, the first facing the first, and so on.
 
-        A description in which the nodes of such a pair are spaced otherwise, or run the other way, is refused. By
+        A description in which the nodes of such a pair have other spacings, or the reverse order, is refused. By
         default, two ports with the same number of nodes; override it with ``()`` if their nodes do not face.
         """
         if len(self.ports) != 2 or self.ports[0].nodes != self.ports[1].nodes:
@@ -255,7 +255,7 @@ class JointModel(Component):
         By default, the DOFs of two ports with the same number of nodes, in order.
         """
         if len(self.ports) != 2 or self.ports[0].nodes != self.ports[1].nodes:
-            raise NotImplementedError(f"joint model '{self.name}' does not say which of its DOFs meet.")
+            raise NotImplementedError(f"joint model '{self.name}' does not define its contact_dofs.")
         half = len(DIRECTIONS) * self.ports[0].nodes
         return tuple((dof, half + dof) for dof in range(half))
 
@@ -264,7 +264,7 @@ class JointModel(Component):
         substructures: Sequence[SubstructureModel],  # noqa: ARG002
         nodes: Sequence[Sequence[int]],  # noqa: ARG002
     ) -> Omission | None:
-        """Return a stiffness that the model leaves out between these parts, or None, the default.
+        """Return a stiffness between these parts that the model omits, or None, the default.
 
         ``dovetail check`` shows how much it would change the natural frequencies.
 
@@ -273,12 +273,12 @@ class JointModel(Component):
         substructures : sequence of SubstructureModel
             The part at each port, in the order of the ports.
         nodes : sequence of sequences of int
-            Its nodes there.
+            The nodes of that part to which the port attaches.
         """
         return None
 
     def range_objections(self, lower: Mapping[str, float], upper: Mapping[str, float]) -> Mapping[str, str]:
-        """Return objections to ranges that hold impossible values.
+        """Return objections to ranges that contain impossible values.
 
         A description with objections is refused. By default, a parameter whose default range is not negative must not
         be negative in a description either. Override this to relate parameters to each other, or to allow more.
@@ -291,7 +291,7 @@ class JointModel(Component):
         Returns
         -------
         mapping of str to str
-            A sentence that says what is wrong with a range, by the name of the parameter.
+            A sentence about what is wrong with a range, by the name of the parameter.
         """
         objections = {}
         for parameter in self.parameters:
@@ -299,7 +299,7 @@ class JointModel(Component):
             if parameter.lower >= 0 > lower[name]:
                 ends = dict.fromkeys(f"{end:g}" for end in (lower[name], upper[name]))
                 unit = "" if parameter.unit == "1" else f" {parameter.unit}"
-                objections[name] = f"{name} must not be negative, but is {' to '.join(ends)}{unit} here."
+                objections[name] = f"{name} must not be negative, but the description has {' to '.join(ends)}{unit}."
         return objections
 
     @abstractmethod
@@ -320,8 +320,8 @@ class JointModel(Component):
     def matrices_jacobian(self, theta: NDArray[np.float64]) -> Sequence[StructuralMatrices]:
         """Return the derivatives of `matrices` by each parameter.
 
-        A joint need not override it. If the matrices are linear in a parameter over its whole range, whatever the
-        other parameters are, the derivative is exact. Otherwise it is a difference of fourth order, with an error of
+        A joint need not override it. If the matrices are linear in a parameter over its whole range, for any values
+        of the others, the derivative is exact. Otherwise it is a difference of fourth order, with an error of
         about 1e-12 of the entry over the parameter; it is one-sided at the ends of a range and, at a kink such as a
         stop, on the side where the parameter lies.
 

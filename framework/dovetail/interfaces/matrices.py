@@ -17,7 +17,7 @@ DIRECTIONS = ("x", "rz")
 
 
 def refuse_complex(name: str, values: Any) -> None:
-    """Raise a ValueError for a complex matrix M, K, C or D: its imaginary part would be lost.
+    """Raise a ValueError for a complex matrix M, K, C or D, whose imaginary part would be lost.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def refuse_complex(name: str, values: Any) -> None:
 
 @contextmanager
 def refusing_complex_values() -> Iterator[None]:
-    """Raise an error if a component writes complex values into real matrices, which would lose their imaginary part."""
+    """Raise an error if a component writes complex values into real matrices, which would drop the imaginary part."""
     with warnings.catch_warnings():
         warnings.simplefilter("error", np.exceptions.ComplexWarning)
         yield

@@ -9,7 +9,7 @@ from pydantic import BaseModel
 
 
 def option_schema(config: type[BaseModel]) -> dict[str, Any]:
-    """Return the JSON Schema of a Config, with the descriptions of its options as far as there are any.
+    """Return the JSON Schema of a Config, with the descriptions of its options, if it has any.
 
     Parameters
     ----------

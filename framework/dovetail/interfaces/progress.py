@@ -37,7 +37,7 @@ def progress_reporter(progress: Progress | bool | None) -> Iterator[Progress]:
 
 @contextmanager
 def logged(name: str, step: str) -> Iterator[None]:
-    """Log the begin of a step as DEBUG and its duration as INFO; `name` is that of the module."""
+    """Log the start of a step as DEBUG and its duration as INFO, under the module's `name`."""
     logger, began = logging.getLogger(name), time.perf_counter()
     logger.debug("%s ...", step)
     yield

@@ -1,4 +1,4 @@
-"""The contract of a reducer, which makes a few features of many FRF lines."""
+"""The contract of a reducer, which reduces many FRF lines to a few features."""
 
 from __future__ import annotations
 

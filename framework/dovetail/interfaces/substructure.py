@@ -47,7 +47,7 @@ class SubstructureModel(Component):
 
     @property
     def held(self) -> bool:
-        """True for a part that is supported from outside the assembly, which resists its rigid-body motion."""
+        """True for a part supported from outside the assembly, whose rigid-body motion is resisted."""
         return False
 
     def refined(self, factor: int) -> SubstructureModel | None:  # noqa: ARG002
@@ -55,7 +55,7 @@ class SubstructureModel(Component):
         return None
 
     def doubts(self, frequency: float) -> Sequence[str]:  # noqa: ARG002
-        """Return sentences about what looks wrong with this part up to a frequency [Hz]; by default none."""
+        """Return warnings about this part for frequencies up to `frequency` [Hz]; by default none."""
         return ()
 
     @property
@@ -88,7 +88,7 @@ class SubstructureModel(Component):
     def batched_matrices(self, options: Mapping[str, NDArray[np.float64]]) -> StructuralMatrices | None:  # noqa: ARG002
         """Return the matrices for many values of some options, or None, the default.
 
-        It is called if a description seeks options of the part. Without it the part is constructed again for each
+        It is called if options of the part are to be identified. Without it the part is constructed again for each
         value, which gives the same result and takes longer.
 
         Parameters
@@ -121,7 +121,7 @@ class SubstructureModel(Component):
         """
         matrices = self.matrices()
         if matrices is None:
-            problem = f"'{self.name}' has no matrices, so it has to give its own receptance."
+            problem = f"'{self.name}' has no matrices, so it must override 'receptance'."
             raise PluginError(Fault(f"substructure model '{self.name}'", problem))
         ports = np.asarray(dofs, dtype=np.intp)
         lines = np.asarray(frequency, dtype=np.float64)
@@ -139,7 +139,7 @@ class SubstructureModel(Component):
         return np.stack(receptance)
 
     def dof_label(self, dof: int) -> str:
-        """Return the position and direction of a DOF in words."""
+        """Return a label with the position and direction of a DOF."""
         node = self.nodes[dof // len(DIRECTIONS)]
         return f"{node.position * 1e3:g} mm {DIRECTIONS[dof % len(DIRECTIONS)]}"
 

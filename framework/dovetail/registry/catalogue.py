@@ -1,4 +1,4 @@
-"""The components at hand, from entry points and single files; a broken plugin affects no other."""
+"""The registry of components from entry points and plugin files; a broken plugin affects no other."""
 
 from __future__ import annotations
 
@@ -44,13 +44,13 @@ class Offer:
 
     @property
     def qualified_name(self) -> str:
-        """The name after that of its package or file, which distinguishes it from others of the same name."""
+        """The name prefixed with its package or file, such as ``"dovetail-frf:collet"``."""
         package = Path(self.source).stem if self.source.endswith(".py") else self.source.partition(" ")[0]
         return f"{package}:{self.component.name}"
 
 
 def create_with_defaults(offer: Offer) -> Component:
-    """Return a component without options.
+    """Create a component with the defaults of its options.
 
     Raises
     ------
@@ -61,21 +61,21 @@ def create_with_defaults(offer: Offer) -> Component:
     fields = offer.component.Config.model_fields.items()
     if missing := [field.alias or name for name, field in fields if field.is_required()]:
         needed = listing(missing)
-        remedy = f"A description states it: identification: {{method: {{model: {offer.component.name}, ...}}}}."
+        remedy = f"Give it in a description: identification: {{method: {{model: {offer.component.name}, ...}}}}."
         remedy = remedy if offer.component.kind == "method" else "Its author must give it a default."
-        raise PluginError(Fault(label, f"it cannot be made without the option {needed}.", remedy=remedy))
-    with contained(label, "it cannot be made: "):
+        raise PluginError(Fault(label, f"it needs the option {needed}.", remedy=remedy))
+    with contained(label, "it cannot be created: "):
         return offer.component()
 
 
 class Registry:
-    """The components at hand, by kind and name.
+    """The available components, by kind and name.
 
     Notes
     -----
-    A plugin that fails to load is listed in `failures` and affects no other, whatever it raises except Ctrl-C. Of a
-    name that two plugins offer for one kind, each is used as ``package:name``. `slow` has the seconds of imports that
-    keep every command waiting. Of each default the first plugin that gives it counts.
+    A plugin that fails to load is listed in `failures` and affects no other. If two plugins offer
+    the same name for one kind, each is used as ``package:name``. `slow` maps plugins to the seconds of their import, if
+    these delay every command. A default comes from the first plugin that gives it.
     """
 
     def __init__(self) -> None:
@@ -88,25 +88,25 @@ class Registry:
 
     @property
     def defaults(self) -> Mapping[str, Any]:
-        """Defaults for what a user does not state, as plain values, by key.
+        """Defaults for sections that a user omits, as plain values, by key.
 
         A name that several plugins offer is qualified with the package of the plugin that gives the default.
         """
         return MappingProxyType({key: self._qualified(key, value) for key, value in self._defaults.items()})
 
     def _qualified(self, key: str, value: Any) -> Any:
-        """Return a default with the packages of models whose names are offered more than once."""
+        """Return a default in which models with ambiguous names are prefixed with their package."""
         if not isinstance(value, Mapping):
             parts = [str(name).partition("+") for name in value]
-            return [self._name_of("reducer", name, (key, "")) + sign + addition for name, sign, addition in parts]
+            return [self._full_name("reducer", name, (key, "")) + sign + addition for name, sign, addition in parts]
         sections = dict(value)
         for option, section in value.items():
             if option in KINDS and isinstance(section, Mapping) and "model" in section:
-                sections[option] = {**section, "model": self._name_of(option, section["model"], (key, option))}
+                sections[option] = {**section, "model": self._full_name(option, section["model"], (key, option))}
         return sections
 
-    def _name_of(self, kind: Kind, name: str, default: tuple[str, str]) -> str:
-        """Return the name of a model in a default, with its package if others offer it too."""
+    def _full_name(self, kind: Kind, name: str, default: tuple[str, str]) -> str:
+        """Return the name of a model in a default, prefixed with its package if others offer the same name."""
         offers = self._offers.get((kind, name), [])
         own = [offer.qualified_name for offer in offers if offer.source == self._givers[default]]
         return own[0] if own and len(offers) > 1 else name
@@ -127,7 +127,7 @@ class Registry:
         return tuple(sorted(usable, key=lambda offer: offer.component.name))
 
     def readers(self) -> dict[str, list[Offer]]:
-        """Return the offers of file readers by the suffix of the files that they may read, also those of one name."""
+        """Return the offers of file readers by the suffix of their files, including readers with the same name."""
         by_suffix: dict[str, list[Offer]] = {}
         for (kind, _), offers in self._offers.items():
             for offer in offers if kind == FrfReader.kind else ():
@@ -147,7 +147,7 @@ class Registry:
         PluginError
             No plugin offers it, or more than one.
         """
-        offers = self._of_name(kind, name)
+        offers = self._matching(kind, name)
         if len(offers) == 1:
             return offers[0]
         if offers:
@@ -156,8 +156,8 @@ class Registry:
             raise PluginError(Fault("", problem, remedy=remedy))
         raise PluginError(self.unknown(kind, name))
 
-    def _of_name(self, kind: Kind, name: str) -> list[Offer]:
-        """Return the offers of a name, or of one with its package before it."""
+    def _matching(self, kind: Kind, name: str) -> list[Offer]:
+        """Return the offers with a name, which may be prefixed with a package."""
         offers = self._offers.get((kind, name.rpartition(":")[2]), [])
         return [offer for offer in offers if name in (offer.component.name, offer.qualified_name)]
 
@@ -172,7 +172,7 @@ class Registry:
         return create_with_defaults(self.find(kind, name))
 
     def source_of(self, component: type[Component]) -> str:
-        """Return who offers a component class; an empty text if nobody does."""
+        """Return the source of a component class; an empty text if it is not registered."""
         offers = self._offers.get((component.kind, component.name), [])
         return next((offer.source for offer in offers if offer.component is component), "")
 
@@ -185,7 +185,7 @@ class Registry:
         return Fault("", f"'{name}' is not a {kind} model.", listing(self.names(kind), 30), remedy)
 
     def named(self, name: str) -> tuple[Offer, ...]:
-        """Return the offers of this name of any kind.
+        """Return the offers with this name, of all kinds.
 
         Raises
         ------
@@ -195,8 +195,8 @@ class Registry:
         return tuple(self.find(kind, name) for kind in self.kinds_of(name))
 
     def kinds_of(self, name: str) -> tuple[Kind, ...]:
-        """Return the kinds of which there is a model of this name."""
-        return tuple(kind for kind in KINDS if self._of_name(kind, name))
+        """Return the kinds that have a model of this name."""
+        return tuple(kind for kind in KINDS if self._matching(kind, name))
 
     def load_entry_points(self) -> None:
         """Load every installed plugin; a broken one is added to `failures`."""
@@ -287,7 +287,7 @@ def _contributions_of(plugin: ModuleType | object, source: str) -> tuple[list[ty
 
 @cache
 def installed_components() -> Registry:
-    """Return the registry of all installed components, which is made once."""
+    """Return the registry of all installed components, which is created once."""
     registry = Registry()
     registry.load_entry_points()
     return registry

@@ -23,9 +23,9 @@ _CONTRACTS = (SubstructureModel, JointModel, Reducer, Regressor, FrfReader, Iden
 
 
 def reason_against(component: Any) -> str:
-    """Return why what a hook returned cannot be used, or an empty text; it may raise when it is examined."""
+    """Return why an object that a hook returned cannot be used, or an empty text; examining it may raise."""
     try:
-        with contained("", "a class that it offers cannot be looked at: "):
+        with contained("", "a class that it offers cannot be examined: "):
             return _why_unusable(component)
     except PluginError as error:
         return error.faults[0].problem
@@ -49,26 +49,26 @@ def _why_unusable(component: Any) -> str:
     if not isinstance(component.Config, type) or not issubclass(component.Config, ComponentConfig):
         return f"{label}.Config does not derive from dovetail.ComponentConfig."
     if issubclass(component, FrfReader) and not _are_suffixes(getattr(component, "suffixes", None)):
-        return f"{label} has no 'suffixes' such as ('.abc',), in small letters."
+        return f"{label} has no 'suffixes' such as ('.abc',), in lower case."
     if issubclass(component, IdentificationMethod) and component.name in TAKEN_NAMES:
-        return f"{label} has the name '{component.name}', which Dovetail's own method has; call it otherwise."
+        return f"{label} has the name '{component.name}', which is one of Dovetail's methods; choose another name."
     contract = next(contract for contract in _CONTRACTS if issubclass(component, contract))
     if component.kind != contract.kind:
-        return f"{label} has the kind {component.kind!r}; leave it as {contract.__name__} has it, '{contract.kind}'."
+        return f"{label} has the kind {component.kind!r}; do not override '{contract.kind}' of {contract.__name__}."
     return _unfit_option(component, f"{label}.Config")
 
 
 def _unfit_option(component: Any, label: str) -> str:
-    """Return why the options of a component cannot be stated, or an empty text."""
+    """Return why the options of a component cannot be used, or an empty text."""
     fields = {field.alias or name: field for name, field in component.Config.model_fields.items()}
     keys = {"model", "connect"} if issubclass(component, JointModel) else {"model"}
     if taken := sorted(fields.keys() & keys):
-        return f"{label} has the option '{taken[0]}', a key that descriptions use themselves; call it otherwise."
+        return f"{label} has the option '{taken[0]}', which is a key of descriptions; choose another name."
     if issubclass(component, IdentificationMethod) and (taken := sorted(fields.keys() & TAKEN_OPTIONS)):
-        return f"{label} has the option '{taken[0]}', which 'identify' takes itself; call it otherwise."
+        return f"{label} has the option '{taken[0]}', which is a parameter of 'identify'; choose another name."
     required = [name for name, field in fields.items() if field.is_required()]
     if issubclass(component, FrfReader) and required:
-        return f"{label} has no default for '{required[0]}', and nobody can state the options of a reader."
+        return f"{label} has no default for '{required[0]}', but the options of a reader cannot be set."
     return ""
 
 

@@ -36,11 +36,11 @@ class HookSpecification:
     @staticmethod
     @_hookspec
     def dovetail_defaults() -> Mapping[str, Any]:  # type: ignore[empty-body]
-        """Return the defaults for what a user does not state; the plugins that ship with Dovetail give all of them.
+        """Return the defaults for sections that a user omits; Dovetail's own plugins provide all of them.
 
         Returns
         -------
         mapping
-            Plain values. ``identification``: sections of a description, of which those that it lacks are taken.
+            Plain values. ``identification``: sections that are used if a description lacks them.
             ``robustness`` and ``compare``: the methods that these commands try.
         """

@@ -194,9 +194,7 @@ def check_contact_dofs_are_pairs(specimen: JointSpecimen) -> None:
     try:
         pairs = specimen.component.contact_dofs
     except NotImplementedError as error:
-        raise NotApplicable(
-            "the joint does not say which of its DOFs meet, and so cannot be taken as rigid."
-        ) from error
+        raise NotApplicable("the joint does not define its contact_dofs, and so cannot be taken as rigid.") from error
     for pair in pairs:
         whole = isinstance(pair, tuple) and len(pair) == 2 and all(isinstance(dof, (int, np.integer)) for dof in pair)
         if not whole or not all(0 <= dof < size for dof in pair) or pair[0] == pair[1]:

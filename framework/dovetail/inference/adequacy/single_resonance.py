@@ -170,7 +170,7 @@ def _modal_fits(
 
 def _explain(modal: Sequence[SingleMode]) -> bool:
     """Return whether modal fits leave little, and have their resonance within the band."""
-    return all(one.other <= _SETTINGS.unexplained and one.is_within_band for one in modal)
+    return all(one.misfit <= _SETTINGS.unexplained and one.is_within_band for one in modal)
 
 
 def _errors_that_parameters_leave(
@@ -235,7 +235,7 @@ def _separated(
         beside_parameters,
         phase=phase,
         background=_if_certain(added, added_error),
-        other=_rms([mode.other for mode in measured]),
+        other=_rms([mode.misfit for mode in measured]),
     )
     chain = max(_SETTINGS.gain, turned) if np.isfinite(phase) else 0.0
     known = replace(size, **dict.fromkeys(size.unknown, 0.0))
