@@ -62,7 +62,7 @@ def test_a_damaged_chunk_is_one_block_on_the_terminal(run, bench, tmp_path):
     done = run("train", bench.description, "--data", folder, "-o", tmp_path / "model", code=1)
     said = " ".join(done.stderr.split())
     assert "this chunk holds samples 0 to 99, and it has 1000 bytes instead of 240004." in said
-    assert "Go on with --resume: it is computed anew." in said
+    assert "Continue with --resume to compute it again." in said
     assert "Traceback" not in done.stderr
     assert not (tmp_path / "model").exists()
 
@@ -158,7 +158,7 @@ def test_train_looks_at_the_place_before_it_works(run, bench, tmp_path, monkeypa
     taken = tmp_path / "mine"
     taken.mkdir()
     (taken / "notes.txt").write_text("mine")
-    assert "something else than a model is there" in run("train", bench.description, "-o", taken, code=1).stderr
+    assert "this path exists and is not a model" in run("train", bench.description, "-o", taken, code=1).stderr
     assert (taken / "notes.txt").read_text() == "mine"
 
 

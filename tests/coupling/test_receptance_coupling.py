@@ -176,7 +176,7 @@ def test_the_file_gives_back_every_digit(flange_file, parts):
 def test_what_is_no_receptance_matrix_is_refused(content, tmp_path):
     file = tmp_path / "x.npz"
     file.write_bytes(content)
-    with pytest.raises(MeasurementError, match="this is no receptance matrix"):
+    with pytest.raises(MeasurementError, match="this is not a receptance matrix"):
         dovetail.read_receptance(file)
     file.write_bytes(b"")
     with pytest.raises(FileError, match="the file is empty"):

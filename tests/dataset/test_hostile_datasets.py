@@ -84,8 +84,8 @@ HARM = {
     flags: "it is damaged (the chunk c/0 is no file of 1 bytes)",
     another_type: "no array of float32",
     big_endian: "no array of float64",
-    fewer_lines: "do not belong together",
-    other_width: "do not belong together",
+    fewer_lines: "are inconsistent",
+    other_width: "are inconsistent",
 }
 
 

@@ -162,12 +162,12 @@ def test_a_negative_range_is_refused_with_its_line(load):
     with pytest.raises(dovetail.DovetailError) as error:
         load("0", "0", NEGATIVE)
     assert str(error.value).endswith(
-        "padded.yaml:12:7  joints.mount.parameters.k\n  k must not be negative, but is -100000 to 1e+06 N/m here."
+        "padded.yaml:12:7  joints.mount.parameters.k\n  k must not be negative, but is -100000 to 1e+06 N/m."
     )
 
 
 def test_a_negative_value_is_refused_with_its_line(load):
-    with pytest.raises(dovetail.DovetailError, match=r"yaml:12:7 .*\n  k must not be negative, but is -3 N/m here\."):
+    with pytest.raises(dovetail.DovetailError, match=r"yaml:12:7 .*\n  k must not be negative, but is -3 N/m\."):
         load("0", "0", DESCRIPTION.replace("{range: [1e5, 1e6]}", "-3 N/m"))
 
 
@@ -200,8 +200,8 @@ def test_objections_that_are_none(load, body, said):
             "the inner diameter dc may be 26 mm where the outer diameter Dc is 26 mm",
         ),
         ({"dc": {"value": "35 mm"}, "Dc": {"value": "30 mm"}}, "dc may be 35 mm where the outer diameter Dc is 30 mm"),
-        ({"mn1": {"range": [-0.1, 0.2]}}, "mn1 must not be negative, but is -0.1 to 0.2 kg here."),
-        ({"kt_tc": {"value": "-1 N/m"}}, "kt_tc must not be negative, but is -1 N/m here."),
+        ({"mn1": {"range": [-0.1, 0.2]}}, "mn1 must not be negative, but is -0.1 to 0.2 kg."),
+        ({"kt_tc": {"value": "-1 N/m"}}, "kt_tc must not be negative, but is -1 N/m."),
     ],
 )
 def test_a_collet_that_cannot_be_is_refused(assemblies, tmp_path, edits, said):

@@ -43,7 +43,7 @@ CASES = {
     "tag": (
         {"name: test": "name: !!python/object/apply:os.system ['true']"},
         "test.yaml:2:7  name\n"
-        "  the tag '!!python/object/apply:os.system' is not allowed here; a description holds plain "
+        "  the tag '!!python/object/apply:os.system' is not allowed here; a description has only plain "
         "values.\n"
         "  Remove it.  Accepted: !!str, !!int, !!float, !!bool, !!null, !!map, !!seq",
     ),

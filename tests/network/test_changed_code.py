@@ -121,7 +121,7 @@ def test_a_model_of_other_code_is_not_loaded(assembly, plugin, tmp_path):
     with pytest.raises(BundleError) as error:
         dovetail.load_model(tmp_path / "model", plugins=[plugin])
     (fault,) = error.value.faults
-    assert fault.problem.startswith("the assembly gives other FRFs now than when the model was trained")
+    assert fault.problem.startswith("the assembly has other FRFs than when the model was trained")
     assert "joint spring (spring.py)" in fault.remedy
 
 

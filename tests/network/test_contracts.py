@@ -135,7 +135,7 @@ def test_a_regressor_s_shape(train, answer):
         ("list", "it returned list.", "it returned list."),
         ("complex", "it returned an array of complex128.", "it returned an array of complex128."),
         ("nothing", "its fit returned NoneType.", "its fit returned NoneType."),
-        ("nan", "it returned features that are not finite.", "its answers to the test FRFs are not finite."),
+        ("nan", "it returned features that are not finite.", "its predictions for the test FRFs are not finite."),
     ],
 )
 def test_no_finite_numbers(train, answer, of_reducer, of_regressor):

@@ -145,7 +145,7 @@ def test_of_several_frfs_one_is_chosen_by_its_number(folder, sdof):
     with pytest.raises(MeasurementError, match="holds 2 FRFs") as error:
         dovetail.train(described(folder, sdof, {"like": "several.uff"}))
     assert error.value.faults[0].where.startswith("identification.augmentation.like  ")
-    assert error.value.faults[0].remedy == "Say which by 'like_index', from 1."
+    assert error.value.faults[0].remedy == "Choose one with 'like_index', from 1."
     (noise,) = measured_noises(dovetail.load(described(folder, sdof, {"like": "several.uff", "like_index": 3})))
     assert noise is not None
 

@@ -157,11 +157,11 @@ def archive(**arrays):
 
 
 HOSTILE = {
-    "no frequency": (archive(frequency=None), "this is no receptance matrix"),
-    "no receptance": (archive(receptance=None), "this is no receptance matrix"),
-    "words": (archive(frequency=np.array(["a"] * len(FREQUENCY))), "this is no receptance matrix"),
-    "complex axis": (archive(frequency=FREQUENCY + 0j), "this is no receptance matrix"),
-    "objects": (archive(receptance=np.array([{}], dtype=object)), "this is no receptance matrix"),
+    "no frequency": (archive(frequency=None), "this is not a receptance matrix"),
+    "no receptance": (archive(receptance=None), "this is not a receptance matrix"),
+    "words": (archive(frequency=np.array(["a"] * len(FREQUENCY))), "this is not a receptance matrix"),
+    "complex axis": (archive(frequency=FREQUENCY + 0j), "this is not a receptance matrix"),
+    "objects": (archive(receptance=np.array([{}], dtype=object)), "this is not a receptance matrix"),
     "shape": (archive(receptance=np.ones((3, 2, 2), complex)), "does not fit"),
     "one FRF": (archive(receptance=np.ones(len(FREQUENCY), complex)), "does not fit"),
     "nan": (archive(receptance=np.full((len(FREQUENCY), 2, 2), np.nan)), "not finite"),
@@ -187,7 +187,7 @@ def test_hostile_files_are_refused_with_their_name(case, tmp_path):
 def test_damaged_files_are_refused_with_their_name(content, tmp_path):
     file = tmp_path / "end.npz"
     file.write_bytes(content)
-    problem = "this is no receptance matrix" if content else "the file is empty"
+    problem = "this is not a receptance matrix" if content else "the file is empty"
     with pytest.raises(DescriptionError, match=problem) as caught:
         coupled({"model": "measured", "file": str(file)})
     assert str(file) in str(caught.value)

@@ -149,7 +149,7 @@ def test_the_context_reaches_a_fit_by_epochs():
 
 def test_an_epoch_that_is_gone_is_not_given_again():
     dovetail.train(block(regressor={"model": "line_of_epochs"}), robust=True)
-    with pytest.raises(PluginError, match="fresh samples are not kept"):
+    with pytest.raises(PluginError, match="earlier samples are not kept"):
         dovetail.train(block(regressor={"model": "line_of_epochs"}), fresh=True)
 
 

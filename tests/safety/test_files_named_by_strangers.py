@@ -98,7 +98,7 @@ def test_a_file_of_a_model_is_the_one_it_was(trained: Path, tmp_path: Path) -> N
     moved = shutil.copytree(trained / "model", tmp_path / "model")
     [file] = (moved / "files").iterdir()
     file.write_bytes(file.read_bytes() + b"\0")
-    with pytest.raises(BundleError, match="the file is not the one that its name says"):
+    with pytest.raises(BundleError, match="the content of the file does not match its name"):
         load_model(moved)
 
 

@@ -299,7 +299,7 @@ class JointModel(Component):
             if parameter.lower >= 0 > lower[name]:
                 ends = dict.fromkeys(f"{end:g}" for end in (lower[name], upper[name]))
                 unit = "" if parameter.unit == "1" else f" {parameter.unit}"
-                objections[name] = f"{name} must not be negative, but the description has {' to '.join(ends)}{unit}."
+                objections[name] = f"{name} must not be negative, but is {' to '.join(ends)}{unit}."
         return objections
 
     @abstractmethod

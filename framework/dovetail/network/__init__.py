@@ -1,1 +1,1 @@
-"""The trained network: features, reducer, regressor, its training, its bundle, and what is unlike its training."""
+"""The trained network: features, reducer, regressor, its training, its bundle, and warnings of unusual measurements."""

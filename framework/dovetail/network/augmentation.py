@@ -1,7 +1,7 @@
 """Noise and variability on training FRFs, so that the network learns what a measurement looks like.
 
-`Augmentation` makes a noisy FRF of a clean one, `NoisyFeatures` the features of all training FRFs for an epoch;
-`ReducedEpochs` and `FreshEpochs` are what the regressor is trained with.
+`Augmentation` adds noise to clean FRFs. `NoisyFeatures` computes the features of all training FRFs for an epoch.
+`ReducedEpochs` and `FreshEpochs` are the training data of the regressor.
 """
 
 from __future__ import annotations
@@ -28,24 +28,24 @@ from dovetail.parallel import cores
 from dovetail.problem.random_error import MeasuredNoise
 
 TRAINING_TOLERANCE = 1e-7
-"""Estimated relative error of FRFs that are interpolated for a training alone: features have single precision."""
+"""Estimated relative error of interpolated FRFs in training; features have single precision."""
 
 _CHOICE_STREAM = 4
-"""Keeps the choice among samples apart from other random numbers of the same seed."""
+"""Separates the choice among samples from other random numbers with the same seed."""
 
 _LIKE = "identification.augmentation.like"
 
 _MOST_BYTES = 1e9
-"""Of the features that are kept to be drawn again."""
+"""Memory [bytes] of the features that are kept to be drawn again."""
 
 _NOISE_DECADES = 3.0
-"""By which the level of additive noise varies, below its greatest value: from a bad measurement to a good one."""
+"""Decades of the level of additive noise below its largest value: from poor to good measurements."""
 
 _NOISE_STREAM, _SAMPLE_STREAM = 2, 3
-"""Keep the random numbers of the noise and of fresh samples apart from those of the split, which has the same seed."""
+"""Separate the random numbers of the noise and of fresh samples from those of the split, which has the same seed."""
 
 _ROWS = 512
-"""FRFs to which noise is added at a time, with a generator each: epochs are the same on any number of cores."""
+"""FRFs in a block, each with its own generator, so that epochs are the same on any number of cores."""
 
 
 def measured_noises(assembly: Assembly) -> list[MeasuredNoise | None]:
@@ -54,7 +54,8 @@ def measured_noises(assembly: Assembly) -> list[MeasuredNoise | None]:
     Raises
     ------
     MeasurementError, FileError
-        A file is not one FRF, or not within the band; or there are neither one of them nor as many as responses.
+        A file does not contain exactly one FRF, or lies outside the band; or the number of files is neither 1 nor the
+        number of responses.
     """
     settings, count = assembly.description.identification.augmentation, len(assembly.description.responses)
     if settings is None or not settings.like:
@@ -70,14 +71,14 @@ def measured_noises(assembly: Assembly) -> list[MeasuredNoise | None]:
         noises = [MeasuredNoise.of(frf, assembly.frequency) for frf in frfs]
     except (MeasurementError, FileError) as error:
         fault = error.faults[0]
-        remedy = "Say which by 'like_index', from 1." if "one is wanted" in fault.problem else fault.remedy
+        remedy = "Choose one with 'like_index', from 1." if "one is wanted" in fault.problem else fault.remedy
         raise type(error)(Fault(f"{_LIKE}  {fault.where}", fault.problem, fault.accepted, remedy)) from None
     return [*noises] if len(noises) == count else [noises[0]] * count
 
 
 @dataclass(frozen=True, eq=False)
 class Augmentation:
-    """Makes noisy FRFs of clean ones, with other random numbers each time.
+    """Adds noise to clean FRFs, with new random numbers in each call.
 
     Parameters
     ----------
@@ -123,7 +124,7 @@ class Augmentation:
         if self.measured is not None:
             level = 10.0 ** (self.settings.like_decades * (generator.random(rows) - 0.5))
             self.measured.add(amplitude, level.astype(np.float32), generator)
-        self._spoil_lines(amplitude, generator)
+        self._disturb_lines(amplitude, generator)
         return np.abs(amplitude, out=amplitude)
 
     def _add_sensor_mass(self, accelerance: NDArray[np.number], generator: np.random.Generator) -> NDArray[np.float32]:
@@ -178,7 +179,7 @@ class Augmentation:
         level[generator.random((rows, 1)) < self.settings.clean] = 0.0
         return (level * self.deviation).astype(np.float32)
 
-    def _spoil_lines(self, amplitude: NDArray[np.float32], generator: np.random.Generator) -> None:
+    def _disturb_lines(self, amplitude: NDArray[np.float32], generator: np.random.Generator) -> None:
         if self.settings.bad_lines > 0:
             share = self.settings.bad_lines * generator.random((len(amplitude), 1))
             bad = generator.random(amplitude.shape, dtype=np.float32) < share
@@ -192,9 +193,9 @@ class NoisyFeatures:
     Parameters
     ----------
     assembly : Assembly
-        Its description's `augmentation` states the noise, and its seed determines every epoch.
+        Its description's `augmentation` specifies the noise, and its seed determines every epoch.
     clean : (n_samples, n_responses n_freq) float32 or complex64 array
-        Accelerance without noise, amplitudes or with phases, all responses side by side. Fresh samples replace them.
+        Accelerance without noise, amplitudes or with phases, all responses concatenated. Fresh samples replace them.
     theta : (n_samples, n_params) array
         SI.
     augmentations : sequence of Augmentation
@@ -208,12 +209,12 @@ class NoisyFeatures:
 
     @classmethod
     def from_samples(cls, assembly: Assembly, clean: NDArray[np.number], theta: NDArray[np.float64]) -> Self:
-        """Take the unit of the noise, the standard deviation of each response's amplitudes, from the training samples.
+        """Scale the noise by the standard deviation of each response's amplitudes in the training samples.
 
         Raises
         ------
         DatasetError
-            A remaining mass is asked for, which needs phases, but `clean` has none and samples are not drawn afresh.
+            A remaining mass needs phases, but `clean` has none and the samples are not fresh.
         MeasurementError, FileError
             As in `measured_noises`.
         """
@@ -225,7 +226,7 @@ class NoisyFeatures:
             for response, measured in zip(responses, measured_noises(assembly), strict=True)
         ]
         if augmentations[0].needs_phase and not settings.fresh and not np.iscomplexobj(clean):
-            problem = "the mass left at the drive point needs the phase of each FRF, and the dataset holds amplitudes."
+            problem = "the remaining mass at the drive point needs phases, but the dataset has only amplitudes."
             remedy = "Generate it with `storage='complex'`, or set 'fresh: true', or 'mass: 0'."
             raise DatasetError(Fault("identification.augmentation", problem, remedy=remedy))
         return cls(assembly, clean, theta, augmentations)
@@ -247,7 +248,7 @@ class NoisyFeatures:
 
     @property
     def copies(self) -> int:
-        """Number of different epochs if each is costly to reduce."""
+        """Number of different epochs if the reduction is slow."""
         return self.augmentations[0].settings.copies
 
     def __call__(self, epoch: int, count: int | None = None) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
@@ -255,13 +256,13 @@ class NoisyFeatures:
 
         There are `count` fresh samples, by default as many as training samples.
         """
-        return self._made(epoch, count, log10p1)
+        return self._noisy_epoch(epoch, count, log10p1)
 
     def amplitudes(self, epoch: int, count: int) -> Pair:
         """Return amplitudes (n_samples, n_responses n_freq) [m/(N s^2)] of fresh samples, and their parameters."""
-        return self._made(epoch, count, np.positive)
+        return self._noisy_epoch(epoch, count, np.positive)
 
-    def _made(
+    def _noisy_epoch(
         self, epoch: int, count: int | None, write: Callable[..., object]
     ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
         """Return noisy amplitudes, transformed by `write`, and the parameters."""
@@ -291,7 +292,7 @@ class NoisyFeatures:
 
     @cached_property
     def _source(self) -> Assembly:
-        """Computes fresh samples."""
+        """The assembly that computes fresh samples."""
         return self.assembly.interpolated(TRAINING_TOLERANCE)
 
 
@@ -304,7 +305,7 @@ def with_noise(
 
 
 def _deviation(accelerance: NDArray[np.number]) -> float:
-    """Return the standard deviation of all amplitudes, without a second copy of them where they are stored as such."""
+    """Return the standard deviation of all amplitudes, without copying them if they are stored as amplitudes."""
     amplitude = np.abs(accelerance) if np.iscomplexobj(accelerance) else accelerance
     return float(np.std(amplitude, dtype=np.float64))
 
@@ -321,7 +322,7 @@ class ReducedEpochs:
     Notes
     -----
     If the reduced features of `copies` epochs take no more memory than the FRFs of one, so many epochs are stored and
-    used in turn. Otherwise each epoch is made when it is needed.
+    used in turn. Otherwise each epoch is computed when it is needed.
     """
 
     noisy: NoisyFeatures
@@ -341,19 +342,19 @@ class ReducedEpochs:
 
 
 class FreshEpochs:
-    """FRFs of new samples, made when an epoch is asked for: a training uses all cores, and both would wait.
+    """FRFs of new samples, computed on demand, because training and computation both use all cores.
 
-    Each epoch after the first replaces one of `reuse` segments of the rows. The rows of the others are drawn from all
-    samples that their place has had, so that the first epoch's rows, of which a regressor holds some back for its
-    validation, are at their own place or nowhere.
+    Each epoch after the first replaces one of `reuse` segments of the rows. The rows of the other segments are drawn
+    from all samples that these rows have had. A row of the first epoch therefore never moves to another row, and a
+    regressor may reserve some rows for validation.
 
     Parameters
     ----------
     noisy : NoisyFeatures
-        Of fresh samples.
+        Draws fresh samples.
     reduction : Reduction
     first : Pair
-        Of the first epoch.
+        Features and targets of the first epoch.
     """
 
     def __init__(self, noisy: NoisyFeatures, reduction: Reduction, first: Pair) -> None:
@@ -366,10 +367,10 @@ class FreshEpochs:
         self._epoch = 0
 
     def __call__(self, epoch: int) -> Pair:
-        """Return features and targets of an epoch: the last one that was asked for, or a later one."""
+        """Return features and targets of an epoch, which must not precede the last requested one."""
         if epoch < self._epoch:
-            problem = f"fit_epochs asked for the epoch {epoch} after {self._epoch}, and fresh samples are not kept."
-            raise PluginError(Fault("", problem, remedy="Ask for epochs in their order."))
+            problem = f"fit_epochs requested the epoch {epoch} after {self._epoch}, but earlier samples are not kept."
+            raise PluginError(Fault("", problem, remedy="Request epochs in order."))
         while self._epoch < epoch:
             number = self._epoch % len(self._segments)
             self._epoch += 1
@@ -382,7 +383,7 @@ class FreshEpochs:
 
 
 def _draw(kept: deque[Pair], generator: np.random.Generator) -> Pair:
-    """Draw for each row one of the samples that its place has had."""
+    """Draw for each row one of the samples that it has had."""
     features, targets = kept[0][0].copy(), kept[0][1].copy()
     chosen = generator.integers(len(kept), size=len(features))
     for number in range(1, len(kept)):

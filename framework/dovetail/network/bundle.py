@@ -45,7 +45,7 @@ from dovetail.registry import PluginPaths
 FILES = "files"
 """Folder of the files that the description names, each under its SHA-256."""
 _CHECK_FRACTIONS = (0.3, 0.5, 0.7)
-"""Of the parameters' ranges: FRFs there and their predictions are in a bundle, to be compared after loading."""
+"""Fractions of the parameters' ranges at which FRFs and predictions are stored, to be compared after loading."""
 
 _CHECK_TOLERANCE = 0.01
 """Part of a parameter's range by which those predictions may differ on another machine."""
@@ -53,16 +53,16 @@ _CHECK_TOLERANCE = 0.01
 
 @dataclass(frozen=True, eq=False)
 class TrainedNetwork:
-    """A trained network together with the assembly it was trained for.
+    """A trained network with the assembly it was trained for.
 
     Parameters
     ----------
     assembly : Assembly
     network : Network
     evaluation : Evaluation
-        How well it does on the test part of its dataset.
+        Its accuracy on the test part of its dataset.
     novelty : Novelty or None
-        What is usual for the FRFs that it was trained on; None with a model of an earlier version.
+        Statistics of its training FRFs; None for a model of an earlier version.
     """
 
     assembly: Assembly
@@ -72,7 +72,7 @@ class TrainedNetwork:
 
     @cached_property
     def known_noise(self) -> KnownNoise | None:
-        """The noise of its training; None if a measurement that gave it is no longer there."""
+        """The noise of its training; None if the file of a measured noise is missing."""
         with suppress(MeasurementError, FileError):
             return KnownNoise.from_description(self.assembly)
         return None
@@ -93,12 +93,12 @@ class TrainedNetwork:
         Raises
         ------
         MeasurementError
-            The shape is another, or values are negative or not finite.
+            The shape is wrong, or values are negative or not finite.
         """
         return self.network.predict(self._checked(amplitude))
 
     def predict_samples(self, amplitude: ArrayLike) -> NDArray[np.float64] | None:
-        """Predict how far parameters are known from the amplitude of one FRF's accelerance.
+        """Draw samples of the parameters from the amplitude of one FRF's accelerance.
 
         Parameters
         ----------
@@ -108,7 +108,7 @@ class TrainedNetwork:
         Returns
         -------
         (n_draws, n_params) array or None
-            SI values of equal weight; None where the regressor gives values alone.
+            SI values of equal weight; None if the regressor predicts values without a distribution.
 
         Raises
         ------
@@ -135,9 +135,9 @@ def write_bundle(trained: TrainedNetwork, path: str | Path) -> Path:
     Raises
     ------
     BundleError
-        Something else than a model is at `path`, or it cannot be written.
+        `path` is not a model, or cannot be written.
     PluginError
-        A component's state is more than arrays and plain values.
+        A component's state contains other objects than arrays and plain values.
     """
     from safetensors import SafetensorError
 
@@ -164,12 +164,12 @@ def read_bundle(path: str | Path, *, plugins: PluginPaths) -> TrainedNetwork:
         network = _network(assembly, states)
         novelty = Novelty.restore(states["novelty"]) if "novelty" in states else None
         differences = _prediction_differences(assembly, network, states["check"])
-    except (Exception, SystemExit) as error:  # a component may raise anything on a state that it did not write
+    except (Exception, SystemExit) as error:  # a component may raise anything on a foreign state
         reason = f"{type(error).__name__}: {error}"
         raise damaged(folder, f"the model cannot be rebuilt from its arrays ({reason}).") from error
     if not np.all(differences <= _CHECK_TOLERANCE):
         worst = float(np.max(differences))
-        problem = f"the model's answers differ from those it gave when it was trained, by {worst:.3g} of a range."
+        problem = f"the model's predictions differ from those after its training, by {worst:.3g} of a range."
         packages = ", ".join(f"{name} {version}" for name, version in manifest.packages.items())
         raise BundleError(Fault(str(folder), problem, remedy=f"It was trained with {packages}. {TRAIN_AGAIN}"))
     _check_frfs(folder, manifest, assembly, states["check"])
@@ -177,28 +177,28 @@ def read_bundle(path: str | Path, *, plugins: PluginPaths) -> TrainedNetwork:
 
 
 def _check_frfs(folder: Path, manifest: Manifest, assembly: Assembly, state: Mapping[str, Any]) -> None:
-    """Make sure that the assembly still has the FRFs that were in the bundle when it was written."""
+    """Check that the assembly still has the FRFs that are stored in the bundle."""
     fractions = _check_vectors(assembly)
     difference = largest_frf_difference(assembly, assembly.from_unit(fractions), state["amplitude"])
     if difference > FRF_TOLERANCE:
         sources = listing(f"{name} ({source})" for name, source in manifest.components.items())
         problem = (
-            "the assembly gives other FRFs now than when the model was trained (they differ by up to "
+            "the assembly has other FRFs than when the model was trained (they differ by up to "
             f"{100 * difference:.2g} %): the code of a component has changed."
         )
-        remedy = f"Train the model again, or go back to what it was made with: {sources}."
+        remedy = f"Train the model again, or use the versions that made it: {sources}."
         raise BundleError(Fault(str(folder), problem, remedy=remedy))
 
 
 def _check_vectors(assembly: Assembly) -> NDArray[np.float64]:
-    """Return the parameter vectors of the FRFs that a bundle carries, as fractions of the ranges."""
+    """Return the parameter vectors of the FRFs in a bundle, as fractions of the ranges."""
     return np.repeat(np.array(_CHECK_FRACTIONS)[:, np.newaxis], len(assembly.parameters), axis=1)
 
 
 def check_replaceable(target: Path) -> None:
-    """Raise BundleError if something else than a model is at `target`."""
+    """Raise BundleError if `target` exists and is not a model."""
     if target.exists() and not is_bundle(target) and not (target.is_dir() and not any(target.iterdir())):
-        problem = "something else than a model is there already."
+        problem = "this path exists and is not a model."
         raise BundleError(Fault(str(target), problem, remedy="Choose another folder."))
 
 
@@ -227,10 +227,10 @@ def _write(folder: Path, trained: TrainedNetwork, states: Mapping[Section, Compo
 
 
 def _packed_description(folder: Path, assembly: Assembly) -> str:
-    """Copy the files that a description names into the model, and return its text with their names there."""
+    """Copy the files of a description into the model, and return the description with their new names."""
     whole = json.loads(assembly.description.text)
     for (*steps, option), file in assembly.description.files.items():
-        section = reduce(lambda held, step: held[step], steps, whole)
+        section = reduce(lambda parent, step: parent[step], steps, whole)
         copy = folder / FILES / f"{file_hash(Path(file))}{Path(file).suffix.lower()}"
         copy.parent.mkdir(exist_ok=True)
         shutil.copyfile(file, copy)
@@ -257,12 +257,12 @@ def _states(trained: TrainedNetwork) -> dict[Section, ComponentState]:
 
 
 def _plugin_state(fitted: FittedReducer | FittedRegressor, recipe: Reducer | Regressor) -> ComponentState:
-    """Return the state of what a plugin fitted, from which it can be restored.
+    """Return the state of a plugin's fitted object, after checking that it can be restored.
 
     Raises
     ------
     PluginError
-        `state` or `restore` fails, or the state is more than arrays and plain values by name.
+        `state` or `restore` fails, or the state contains other objects than arrays and plain values by name.
     """
     label = component_label(recipe)
     with plugin_errors(fitted, label):
@@ -273,7 +273,7 @@ def _plugin_state(fitted: FittedReducer | FittedRegressor, recipe: Reducer | Reg
             raise PluginError(Fault(label, problem, "a dict from names to arrays and plain values"))
         arrays, values = _split_state(label, state)
         if "__metadata__" in arrays:
-            raise PluginError(Fault(label, "'__metadata__' is no name that a state can have.", "another name"))
+            raise PluginError(Fault(label, "a state cannot contain the name '__metadata__'.", "another name"))
         for name, value in values.items():
             if isinstance(value, float) and not math.isfinite(value):
                 raise PluginError(Fault(label, f"'{name}' of its state is {value}.", "a finite number, or an array"))
@@ -292,7 +292,7 @@ def _check_state(trained: TrainedNetwork) -> ComponentState:
 
 
 def _split_state(where: str, state: ComponentState) -> tuple[dict[str, NDArray[np.generic]], dict[str, PlainValue]]:
-    """Split a state into arrays and plain values, and refuse anything else, which is reported at `where`."""
+    """Split a state into arrays and plain values, and refuse anything else, with a fault at `where`."""
     arrays: dict[str, NDArray[np.generic]] = {}
     values: dict[str, PlainValue] = {}
     for name, value in state.items():
@@ -302,7 +302,7 @@ def _split_state(where: str, state: ComponentState) -> tuple[dict[str, NDArray[n
             values[name] = value
         else:
             kind = f"an array of {value.dtype}" if isinstance(value, np.ndarray) else type(value).__name__
-            problem = f"'{name}' is {kind}, which a bundle cannot hold."
+            problem = f"'{name}' is {kind}, which a bundle cannot store."
             accepted = "arrays of numbers, int, float, str and bool"
             raise PluginError(Fault(where, problem, accepted))
     return arrays, values
@@ -331,12 +331,12 @@ def _read_state(folder: Path, manifest: Manifest, section: Section) -> dict[str,
         raise damaged(file, "this file of the model is missing.")
     try:
         if file_hash(file) != manifest.files[section].sha256:
-            raise damaged(file, "the file is not the one the manifest describes.")
+            raise damaged(file, "the file does not match the manifest.")
         arrays = load_file(file)
     except (OSError, SafetensorError, ValueError, TypeError, KeyError) as error:
         raise damaged(file, f"the file cannot be read: {error}.") from None
     if _shapes(arrays) != manifest.files[section].arrays:
-        raise damaged(file, "its arrays have other shapes than the manifest says.")
+        raise damaged(file, "its arrays have other shapes than in the manifest.")
     return {**arrays, **manifest.values[section]}
 
 
@@ -350,9 +350,9 @@ def _assembly(folder: Path, manifest: Manifest, plugins: PluginPaths) -> Assembl
         raise damaged(file, "its description is not a JSON object.")
     if "extends" in description:
         raise damaged(file, "its description refers to a file outside the model.")
-    for held in (folder / FILES).glob("*"):
-        if not held.is_file() or file_hash(held) != held.stem:
-            raise damaged(held, "the file is not the one that its name says.")
+    for copy in (folder / FILES).glob("*"):
+        if not copy.is_file() or file_hash(copy) != copy.stem:
+            raise damaged(copy, "the content of the file does not match its name.")
     try:
         assembly = load(description, plugins=plugins, files_in=folder)
     except DescriptionError as error:
@@ -384,9 +384,9 @@ def _network(assembly: Assembly, states: Mapping[Section, Mapping[str, Any]]) ->
 
 
 def _prediction_differences(assembly: Assembly, network: Network, state: Mapping[str, Any]) -> NDArray[np.float64]:
-    """Return how far predictions are from those when the bundle was written, in fractions of the ranges."""
+    """Return the differences of predictions from the stored ones, in fractions of the ranges."""
     amplitude, theta = state["amplitude"], state["theta"]
     shape = len(_CHECK_FRACTIONS), len(assembly.description.responses) * len(assembly.frequency)
     if amplitude.shape != shape or theta.shape != (len(amplitude), len(assembly.parameters)):
-        raise ValueError(f"answers of the shape {theta.shape} to FRFs of the shape {amplitude.shape}")
+        raise ValueError(f"predictions of the shape {theta.shape} for FRFs of the shape {amplitude.shape}")
     return np.abs(assembly.to_unit(network.predict(amplitude)) - assembly.to_unit(theta))

@@ -1,9 +1,9 @@
-"""Correction of a network's answer by the assembly's FRF and Jacobian there.
+"""Correction of a network's estimate by the assembly's FRF and Jacobian at the estimate.
 
-A network sees an FRF through a few features, which blur its details. The assembly's own FRF at the network's answer can
-be compared with the measured one line by line, and its Jacobian shows which parameters reduce the difference. A single
-Gauss-Newton step is not reliable, since resonances move by more than their widths. So steps are taken with several
-degrees of caution, and a second regressor learns from many examples how far to trust each of them.
+A network sees an FRF through a few features, which blur its details. The assembly's FRF at the estimate can be compared
+with the measured one line by line, and its Jacobian shows which parameters reduce the difference. A single Gauss-Newton
+step is not reliable, since resonances move by more than their widths. So steps are computed with several degrees of
+caution, and a second regressor learns from many examples how far to trust each of them.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from dovetail.parallel import cores, one_blas_thread
 from dovetail.problem.random_error import FOURTH_DIFFERENCE
 
 _CAUTIONS = (0.03, 0.3, 3.0, 30.0)
-"""Degrees of caution: the factor of the answer's variance at a line that is added to the random error there. For an
-average of several lines it is divided by their number."""
+"""Degrees of caution: factors of the estimate's variance that is added to the random error of a line. For an average
+of several lines the factor is divided by their number."""
 _EDGE = 2.3
-"""Largest normal quantile at which the model is linearised: beyond, at the ends of a range, it hardly changes."""
+"""Largest normal quantile at which the model is linearised; closer to the ends of a range it hardly changes."""
 _FARTHEST = 5.0
-"""Normal quantile of a draw at the very end of a range."""
+"""Normal quantile of a draw at the end of a range."""
 _MOST_DEVIATIONS = 30.0
-"""Largest whitened residual; larger ones are cut."""
+"""Limit of the whitened residuals."""
 _NEIGHBOURS = 64
 """Lines over which the variance of the noise is averaged."""
 _LEAST_VARIANCE, _LEAST_AMPLITUDE = 1e-8, 1e-30
@@ -44,13 +44,13 @@ _LEAST_VARIANCE, _LEAST_AMPLITUDE = 1e-8, 1e-30
 _ROWS = 64
 """FRFs whose Jacobians are in memory at a time, on each core."""
 _STEPS, _FEWEST_LINES, _LARGEST_SMOOTHING = (4, 2), 250, 0.01
-"""Steps of the lines that are kept; the first is taken that leaves enough lines, and with which a parabola fitted to as
-many lines on either side deviates by no more than this from three of four peaks, in logarithms."""
+"""Candidate steps between lines. The first is used that keeps enough lines and with which the smoothing, a parabola
+through as many lines on either side, changes three of four peaks by no more than this, in logarithms."""
 _TRIALS = 100
-"""FRFs on which this is tested."""
+"""Number of FRFs of this test."""
 _BANDS = (64, 16)
-"""Numbers of bands over which residuals are averaged, in addition to those line by line: averages depend on the
-parameters more nearly linearly than the flank of a resonance."""
+"""Numbers of bands over which residuals are averaged, in addition to single lines. Averages are closer to linear in
+the parameters than the flank of a resonance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,9 +62,9 @@ class GaussNewtonFeatures:
     assembly : Assembly
     targets : TargetScaling
     step : int
-        Every so many-th line is kept, after averaging over its neighbours, so that their information is not lost.
+        Every `step`-th line is used, averaged over its neighbours so that their information is kept.
     bands : tuple of int
-        Numbers of bands over which residuals are averaged, in addition to those line by line.
+        Numbers of bands over which residuals are averaged, in addition to single lines.
     """
 
     assembly: Assembly
@@ -79,11 +79,11 @@ class GaussNewtonFeatures:
         logarithms = _by_response(assembly.accelerance_amplitude(assembly.from_unit(fraction)), assembly)
         peaks, lines = scipy.signal.argrelmax(logarithms, axis=-1), logarithms.shape[-1]
 
-        def follows(step: int) -> bool:
+        def keeps_peaks(step: int) -> bool:
             smoothing = np.abs(_averaged(logarithms, step) - logarithms)[peaks]
             return not len(smoothing) or bool(np.quantile(smoothing, 0.75) <= _LARGEST_SMOOTHING)
 
-        step = next((step for step in _STEPS if lines >= step * _FEWEST_LINES and follows(step)), 1)
+        step = next((step for step in _STEPS if lines >= step * _FEWEST_LINES and keeps_peaks(step)), 1)
         return GaussNewtonFeatures(
             assembly, targets, step, tuple(bands for bands in _BANDS if 2 * bands * step <= lines)
         )
@@ -93,34 +93,34 @@ class GaussNewtonFeatures:
         return self.assembly.on(self.assembly.frequency[:: self.step])
 
     def __call__(self, amplitude: NDArray[np.floating], before: TargetDistribution) -> NDArray[np.float32]:
-        """Return the second regressor's features of FRFs and the answers so far.
+        """Return the second regressor's features of FRFs and the current estimates.
 
         Parameters
         ----------
         amplitude : (n_samples, n_responses n_freq) array
-            Of the accelerance [m/(N s^2)], all responses side by side.
+            Of the accelerance [m/(N s^2)], all responses concatenated.
         before : TargetDistribution
-            The answers so far.
+            The current estimates.
 
         Returns
         -------
         (n_samples, n_features) float32 array
             For single lines and each number of bands, and for each caution: the corrected parameters, the correction,
-            the remaining standard deviations and the residuals' mean square. Then the answer, its standard deviations
+            the remaining standard deviations and the residuals' mean square. Then the estimate, its standard deviations
             and the random error. Parameters are normal quantiles of the targets; deviations and squares are logarithms.
         """
         blocks = [slice(start, start + _ROWS) for start in range(0, len(amplitude), _ROWS)]
 
-        def of_block(rows: slice) -> NDArray[np.float32]:
-            return self._of_block(amplitude[rows], before.samples[rows])
+        def block_features(rows: slice) -> NDArray[np.float32]:
+            return self._block_features(amplitude[rows], before.samples[rows])
 
         if len(blocks) == 1:
-            return of_block(blocks[0])
+            return block_features(blocks[0])
         with one_blas_thread(), ThreadPoolExecutor(cores()) as pool:
-            first = of_block(blocks[0])  # which compiles what the others need
-            return np.concatenate([first, *pool.map(of_block, blocks[1:])])
+            first = block_features(blocks[0])  # compiles the kernels
+            return np.concatenate([first, *pool.map(block_features, blocks[1:])])
 
-    def _of_block(self, amplitude: NDArray[np.floating], samples: NDArray[np.float64]) -> NDArray[np.float32]:
+    def _block_features(self, amplitude: NDArray[np.floating], samples: NDArray[np.float64]) -> NDArray[np.float32]:
         means, factors = _gaussians(samples)
         at = np.clip(means, -_EDGE, _EDGE)
         modelled, jacobian = self._logarithms(at)
@@ -204,7 +204,7 @@ def _corrections(
 ) -> list[NDArray[np.float64]]:
     """Return the features of each caution.
 
-    `averaged` is the number of lines behind each residual. The answer is a Gaussian with these means (n, t), and with
+    `averaged` is the number of lines behind each residual. The estimate is a Gaussian with these means (n, t), and with
     Cholesky factors (n, t, t) of its covariance.
     """
     count, parameters = means.shape
@@ -241,7 +241,7 @@ class Correction:
     regressor: FittedRegressor
 
     def features(self, amplitude: NDArray[np.floating], before: TargetDistribution) -> NDArray[np.float32]:
-        """Return the scaled features of FRFs (n_samples, n_responses n_freq) and the answers so far."""
+        """Return the scaled features of FRFs (n_samples, n_responses n_freq) and the current estimates."""
         return self.feature_scaling.transform(self.gauss_newton(amplitude, before))
 
 
@@ -255,7 +255,7 @@ def correction_states(corrections: Sequence[Correction]) -> ComponentState:
             "scaling": correction.feature_scaling.state(),
             "regressor": correction.regressor.state(),
         }
-        state |= {f"{number}.{part}.{name}": value for part, of in parts.items() for name, value in of.items()}
+        state |= {f"{number}.{part}.{name}": value for part, values in parts.items() for name, value in values.items()}
     return state
 
 

@@ -1,7 +1,7 @@
-"""Whether the noise of a measurement is that of a network's training.
+"""Comparison of a measurement's noise with the noise of a network's training.
 
-Whatever its level, a network's intervals are right for noise as in its training only. FRFs of its own draws with such
-noise show how rough a measurement may be, and how far from the answer's FRF.
+A network's intervals are valid only for the kind of noise it was trained with. FRFs of posterior draws with training
+noise show how rough a measurement may be, and how far from the FRF of the estimate.
 """
 
 from __future__ import annotations
@@ -24,24 +24,25 @@ from dovetail.problem.random_error import FOURTH_DIFFERENCE
 
 @dataclass(frozen=True)
 class Settings:
-    """How noise is compared.
+    """Tuning constants of the comparison.
 
     The values were chosen on an oscillator, two masses and a beam on two springs (600 to 797 lines) with noise of up to
     1 %, and tested on the bolted lap beam (2451 lines) and the block of the tests.
     """
 
     draws: int = 32
-    """Of the network, with whose FRFs the measurement is compared; with 200, which take six times as long, as many."""
+    """Number of the network's draws that are compared with the measurement; 200 take six times as long and change
+    nothing."""
     excess: float = 1.25
-    """Ratio to the largest of them from which noise is no longer that of the training."""
+    """Ratio to the largest value of the draws above which the noise differs from that of the training."""
     bands: int = 8
-    """Parts of the frequency axis, in each of which the roughness is taken."""
+    """Number of bands in which the roughness is computed."""
     band_lines: int = 20
-    """Fewest lines of a band: the roughness of fewer scatters too much."""
+    """Smallest number of lines of a band, so that the roughness does not scatter too much."""
     least_noise: float = 1e-3
-    """Noise over the amplitude that matters to no network."""
+    """Noise-to-amplitude ratio that is negligible for every network."""
     scaling_frfs: int = 400
-    """FRFs from which the standard deviation is taken that is the unit of additive noise."""
+    """Number of FRFs for the standard deviation that scales the additive noise."""
     smoothed_lines: int = 5
     """Lines over which residuals are averaged, so that noise does not hide a bias."""
 
@@ -49,7 +50,7 @@ class Settings:
 _SETTINGS = Settings()
 
 _TOO_FAR = (
-    "The FRF of the network's answer is {:.1f} times as far from the measurement as from any training FRF: the "
+    "The FRF of the network's estimate is {:.1f} times as far from the measurement as from any training FRF: the "
     "measurement is smoothed, or has errors that the training FRFs do not have. The intervals may be too narrow: use "
     "the method 'posterior'."
 )
@@ -71,7 +72,7 @@ class KnownNoise:
 
     @classmethod
     def from_description(cls, assembly: Assembly) -> Self:
-        """Take it from the description of an assembly.
+        """Read the noise from the description of an assembly.
 
         Raises
         ------
@@ -89,7 +90,7 @@ class KnownNoise:
     def warnings(
         self, measured: Sequence[Frf], answer: NDArray[np.float64], draws: NDArray[np.float64]
     ) -> tuple[str, ...]:
-        """Return a warning if the network does not know the noise of measurements.
+        """Return a warning if the noise of the measurements differs from that of the training.
 
         Parameters
         ----------
@@ -98,7 +99,7 @@ class KnownNoise:
         answer : (n_params,) array
             SI.
         draws : (n, n_params) array
-            Of the network, SI; 32 are used, some of them again if there are fewer.
+            Posterior draws of the network, SI; 32 are used, repeated if there are fewer.
         """
         if len(self.assembly.frequency) < 2 * len(FOURTH_DIFFERENCE):
             return ()
@@ -114,24 +115,24 @@ class KnownNoise:
         return (_TOO_FAR.format(farther),) if farther > _SETTINGS.excess else ()
 
     def _noisy(self, theta: NDArray[np.float64]) -> NDArray[Any]:
-        """Return amplitudes of FRFs (n, n_responses n_freq) with noise as in the training, the same at each call."""
+        """Return amplitudes of FRFs (n, n_responses n_freq) with training noise, the same in each call."""
         needs_phase = any(noise.needs_phase for noise in self.augmentations)
         clean = accelerances(self.assembly, theta, phase=needs_phase)
         generator = np.random.default_rng(self.assembly.description.identification.seed)
         return with_noise(clean, self.augmentations, generator) if self.augmentations else clean
 
     def _features(self, amplitude: NDArray[Any]) -> NDArray[np.float64]:
-        """Return what a network sees, response by response (n, n_responses, n_freq)."""
+        """Return the network's features by response (n, n_responses, n_freq)."""
         rows = log10p1(amplitude).astype(np.float64)
         return rows.reshape(len(rows), len(self.assembly.description.responses), -1)
 
     def _too_noisy(self, ratio: float, measured: Frf, band: int, bands: int) -> str:
         low, high = np.array_split(measured.frequency, bands)[band][[0, -1]]
-        known = f"{ratio:.1f} times the largest in its training" if self.augmentations else "its training had none"
+        known = f"{ratio:.1f} times the largest in the training" if self.augmentations else "the training had none"
         return (
-            f"The network does not know such noise (from {low:.6g} to {high:.6g} Hz: {known}): the intervals may be "
-            "too narrow. Train with noise like this measurement's by 'augmentation: {like: FILE}', or with a higher "
-            "level; or use the method 'posterior'."
+            f"The noise differs from that of the network's training (from {low:.6g} to {high:.6g} Hz: {known}): the "
+            "intervals may be too narrow. Train with noise like this measurement's by 'augmentation: {like: FILE}', or "
+            "with a higher level; or use the method 'posterior'."
         )
 
 

@@ -1,4 +1,4 @@
-"""The manifest of a model bundle: what the bundle says about itself, checked before it is used."""
+"""The manifest of a model bundle: the description of a bundle, checked before use."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SECTIONS: tuple[Section, ...] = get_args(Section)
 
 
 _LARGEST_MANIFEST = 16 * 2**20
-"""Bytes; the manifest of a real model stays far below."""
+"""Bytes; far above the manifest of any real model."""
 
 PlainValue = bool | int | float | str
 
@@ -47,20 +47,20 @@ class Manifest(_Strict):
     Attributes
     ----------
     format, version
-        What kind of bundle this is; version 1 has no `novelty`, version 3 may lack it and has corrections.
+        Format and its version; version 1 has no `novelty`, version 3 has corrections and may lack `novelty`.
     description : str
         The assembly's description as JSON.
     parameters : tuple of str
         Names, in the order of the network's outputs.
     components, packages : dict of str to str
-        Who offers each component, and the versions the model was made with.
+        Source of each component, and versions of the packages at training.
     values : dict of str to dict
         Plain values of each section's state.
     files : dict of str to TensorFile
         Arrays of each section's state.
     evaluation : Evaluation
     sha256 : str or None
-        Of all other entries. It shows damage and changes made by hand, not those of somebody who rewrites it.
+        Hash of all other entries. It detects damage and manual changes, but not deliberate forgery.
     """
 
     format: Literal["dovetail-model"]
@@ -76,7 +76,7 @@ class Manifest(_Strict):
 
     @property
     def sections(self) -> tuple[Section, ...]:
-        """Those that a bundle of this version must have."""
+        """The sections that a bundle of this version must have."""
         has_novelty = self.version == 2 or (self.version == 3 and "novelty" in self.files)
         optional = {"novelty": has_novelty, "corrections": self.version == 3}
         return tuple(section for section in SECTIONS if optional.get(section, True))
@@ -89,7 +89,7 @@ def manifest_hash(manifest: Mapping[str, Any]) -> str:
 
 
 def is_bundle(folder: Path) -> bool:
-    """Return whether a folder says that it is a model bundle, sound or not."""
+    """Return whether a folder has the manifest of a model bundle, sound or damaged."""
     try:
         return _header(folder).get("format") == FORMAT
     except BundleError:

@@ -26,12 +26,12 @@ from dovetail.problem.random_error import random_error_variance
 
 @dataclass(frozen=True)
 class Settings:
-    """From what the statistics are learned, and how they are computed."""
+    """Data from which the statistics are learned, and tuning constants of their computation."""
 
     training_frfs: int = 600
     """Largest number of FRFs from which the principal components are taken: 25 for each component."""
     samples_per_held_out: int = 40
-    """Training samples for each held-out FRF, which costs the computation of seven FRFs and six answers."""
+    """Training samples for each held-out FRF, which costs the computation of seven FRFs and six predictions."""
     held_out_frfs: tuple[int, int] = (40, 400)
     """Smallest and largest number of held-out FRFs, from which the limits are taken."""
     exceeding: float = 1.0 / 400.0
@@ -57,12 +57,12 @@ class Settings:
 _SETTINGS = Settings()
 
 _NOISE_STREAM = 2
-"""Keeps the noise's random numbers apart from others of the same seed."""
+"""Separates the random numbers of the noise from others with the same seed."""
 
 _REASONS = (
-    "It is unlike every FRF that the network was trained on.",
-    "More of its lines are nearly as high as the highest than in any FRF that the network was trained on.",
-    "The FRF of the network's answer is further from it than is usual.",
+    "It differs from every FRF that the network was trained on.",
+    "More of its lines are close to the largest amplitude than in any FRF that the network was trained on.",
+    "The FRF of the network's estimate differs from it more than usual.",
 )
 
 
@@ -78,7 +78,7 @@ class PrincipalComponents:
     variance : (k,) array
         Of the training features along each.
     rest : (n_freq,) array
-        Variance of the part of other FRFs' features that the components do not represent.
+        Variance of the features of held-out FRFs that the components do not represent.
     """
 
     mean: NDArray[np.float64]
@@ -120,7 +120,7 @@ class PrincipalComponents:
 
 @dataclass(frozen=True, eq=False)
 class Novelty:
-    """The training FRFs of a network, and how large each statistic is for FRFs like them.
+    """The training FRFs of a network, and the limits of each statistic for similar FRFs.
 
     Parameters
     ----------
@@ -136,14 +136,14 @@ class Novelty:
     limits: NDArray[np.float64]
 
     def check(self, measured: Frf, reconstructed: NDArray[np.float64]) -> Adequacy:
-        """Judge whether a measurement is unlike all FRFs that the network was trained on.
+        """Judge whether a measurement differs from all FRFs that the network was trained on.
 
         Parameters
         ----------
         measured : Frf
             On the assembly's frequencies.
         reconstructed : (n_freq,) array
-            Amplitude of the accelerance that belongs to the network's answer.
+            Amplitude of the accelerance at the network's estimate.
         """
         statistics, noise_level, residuals = _statistics(self.basis, measured, reconstructed)
         level = np.log(np.clip(noise_level, self.levels[0], self.levels[-1]))
@@ -162,7 +162,7 @@ class Novelty:
 
     @classmethod
     def restore(cls, state: Mapping[str, Any]) -> Self:
-        """Return what `state` was taken from.
+        """Rebuild a `Novelty` from its `state`.
 
         Raises
         ------
@@ -174,7 +174,7 @@ class Novelty:
         shapes = {"mean": (width,), "components": (count, width), "variance": (count,), "rest": (width,)}
         shapes |= {"levels": (levels,), "limits": (levels, len(_REASONS))}
         if any(arrays[name].shape != shape for name, shape in shapes.items()) or not levels:
-            raise ValueError("arrays of unlike shapes")
+            raise ValueError("arrays of inconsistent shapes")
         if not all(np.isfinite(array).all() for array in arrays.values()):
             raise ValueError("values that are not finite")
         basis = PrincipalComponents(*(arrays[name] for name in _BASIS_ARRAYS))
@@ -198,8 +198,8 @@ def _statistics(
     Returns
     -------
     statistics : (3,) array
-        Mean squared distance from the principal components, over noise and what these leave; share of the lines that
-        are nearly as high as the highest; mean difference of the logarithms of measured and reconstructed amplitude.
+        Mean squared distance from the principal components, over noise and residual variance; share of the lines that
+        are close to the largest amplitude; mean difference of the logarithms of measured and reconstructed amplitude.
     noise_level : float
         Standard deviation of the noise, over that of the amplitudes.
     residuals : (n_freq,) array
@@ -226,7 +226,7 @@ def learn_novelty(
     samples: int,
     seed: int,
 ) -> Novelty:
-    """Learn how large the statistics are for FRFs like the training FRFs.
+    """Learn the limits of the statistics for FRFs like the training FRFs.
 
     Parameters
     ----------
@@ -234,18 +234,18 @@ def learn_novelty(
     network : Network
         Trained.
     amplitude : (n, n_freq) array
-        Training FRFs; 600 are enough for the principal components, and further ones for what these leave.
+        Training FRFs: 600 for the principal components, and further ones for the residual variance.
     held_out : (m, n_params) array
-        Joints that the network was not trained on, SI; the first are used, one for each 40 of `samples`.
+        Parameter vectors that the network was not trained on, SI; one for each 40 of `samples` is used, from the first.
     samples : int
-        Of the training.
+        Number of training samples.
     seed : int
     """
     least, most = _SETTINGS.held_out_frfs
     values = assembly.frf(held_out[: min(max(samples // _SETTINGS.samples_per_held_out, least), most)])
     quantity = assembly.description.response.quantity
     clean = [Frf(assembly.frequency, frf, quantity).to("accelerance") for frf in values]
-    others = amplitude[_SETTINGS.training_frfs :]  # so that the limits are not of the FRFs that gave `rest`
+    others = amplitude[_SETTINGS.training_frfs :]  # limits need FRFs other than those of `rest`
     others = others if len(others) >= len(clean) else np.stack([frf.amplitude for frf in clean])
     basis = PrincipalComponents.fit(amplitude[: _SETTINGS.training_frfs], others)
     near_maximum = _limit(np.array([_share_near_maximum(row) for row in amplitude.astype(np.float64)]))
@@ -253,26 +253,26 @@ def learn_novelty(
     levels, limits = [], []
     for level in _SETTINGS.noise_levels:
         noisy = [noisy_frf(frf, level, generator) for frf in clean]
-        answers = _answers(assembly, network, noisy)
-        compared = [_statistics(basis, frf, answer) for frf, answer in zip(noisy, answers, strict=True)]
+        predicted = _predicted_amplitudes(assembly, network, noisy)
+        compared = [_statistics(basis, frf, amplitude) for frf, amplitude in zip(noisy, predicted, strict=True)]
         statistics, noise_levels, _ = zip(*compared, strict=True)
         levels.append(float(np.median(noise_levels)))
         limits.append([_limit(column) for column in np.array(statistics).T])
     return Novelty(basis, np.maximum.accumulate(np.array(levels)), np.maximum(limits, [0.0, near_maximum, 0.0]))
 
 
-def _answers(assembly: Assembly, network: Network, measured: Sequence[Frf]) -> NDArray[np.float64]:
-    """Return the amplitudes (n, n_freq) of the accelerances that belong to a network's answers; 0 where it has none."""
+def _predicted_amplitudes(assembly: Assembly, network: Network, measured: Sequence[Frf]) -> NDArray[np.float64]:
+    """Return the amplitudes (n, n_freq) of the accelerances at a network's estimates; 0 where it has none."""
     predicted = network.predict(np.stack([frf.amplitude for frf in measured]))
-    finite = np.isfinite(predicted).all(axis=1)  # far from what it was trained on, the network may have no answer
-    answers = np.zeros((len(predicted), len(assembly.frequency)))
-    answers[finite] = assembly.accelerance_amplitude(predicted[finite]) if finite.any() else 0.0
-    answers[~np.isfinite(answers)] = 0.0
-    return answers
+    finite = np.isfinite(predicted).all(axis=1)  # far from its training data the network may have no finite estimate
+    amplitudes = np.zeros((len(predicted), len(assembly.frequency)))
+    amplitudes[finite] = assembly.accelerance_amplitude(predicted[finite]) if finite.any() else 0.0
+    amplitudes[~np.isfinite(amplitudes)] = 0.0
+    return amplitudes
 
 
 def _limit(values: NDArray[np.float64]) -> float:
-    """Return what one in 400 exceeds: the logarithms have an exponential tail; and no less than the largest value."""
+    """Return the value that one in 400 exceeds, from an exponential tail of the logarithms; at least the maximum."""
     logs = np.log(np.maximum(values, np.finfo(float).tiny))
     threshold = np.quantile(logs, 1.0 - _SETTINGS.tail)
     excess = float(np.mean(logs[logs >= threshold] - threshold))

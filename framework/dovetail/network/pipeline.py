@@ -30,7 +30,7 @@ Pair = tuple[NDArray[np.float32], NDArray[np.float64]]
 """Features (n, n_components) and targets (n, n_targets)."""
 
 FEWEST_DRAWS = 50
-"""Of a distribution, for an interval to have ends."""
+"""Smallest number of draws of a distribution, for the ends of an interval."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,14 +44,14 @@ class Network:
     regressor : FittedRegressor
     target_scaling : TargetScaling
     recipes : (Reducer, Regressor)
-        What the two were fitted by; errors name it.
+        The components that fitted the two, for messages.
     corrections : tuple of Correction
-        Of the regressor's answers, one after the other; the last one's regressor has the last word.
+        Applied to the regressor's predictions in turn; the last one gives the result.
 
     Raises
     ------
     PluginError
-        One of the two is not what its contract says.
+        One of the two violates its contract.
     """
 
     reducer: FittedReducer
@@ -74,7 +74,7 @@ class Network:
         Parameters
         ----------
         amplitude : (n_samples, n_responses n_freq) array
-            m/(N s^2), all responses side by side.
+            m/(N s^2), all responses concatenated.
 
         Returns
         -------
@@ -89,7 +89,7 @@ class Network:
         return np.concatenate([self._predict(amplitude[rows]) for rows in blocks(len(amplitude))])
 
     def _predict(self, amplitude: NDArray[np.floating]) -> NDArray[np.float64]:
-        regressor, features = self._last(amplitude)
+        regressor, features = self._final_regressor(amplitude)
         label = component_label(self.recipes[1])
         with plugin_errors(regressor, label):
             predicted = regressor.predict(features)
@@ -102,7 +102,7 @@ class Network:
         Parameters
         ----------
         amplitude : (n_responses n_freq,) array
-            m/(N s^2); of one FRF, all responses side by side.
+            m/(N s^2), one FRF, all responses concatenated.
 
         Returns
         -------
@@ -118,22 +118,24 @@ class Network:
         return None if distribution is None else self.target_scaling.inverse(distribution.samples[0])
 
     def predict_distribution(self, amplitude: NDArray[np.floating]) -> TargetDistribution | None:
-        """Return the distribution of the targets of FRFs (n_samples, n_responses n_freq); None without intervals.
+        """Return the distribution of the targets of FRFs (n_samples, n_responses n_freq), or None.
+
+        The regressor may predict values without a distribution.
 
         Raises
         ------
         PluginError
             As in `predict_samples`.
         """
-        return self._distribution(*self._last(amplitude))
+        return self._distribution(*self._final_regressor(amplitude))
 
-    def _last(self, amplitude: NDArray[np.floating]) -> tuple[FittedRegressor, NDArray[np.float32]]:
+    def _final_regressor(self, amplitude: NDArray[np.floating]) -> tuple[FittedRegressor, NDArray[np.float32]]:
         """Return the last regressor, after all corrections, and its features."""
         regressor, features = self.regressor, self._features(amplitude)
         for correction in self.corrections:
             distribution = self._distribution(regressor, features)
             if distribution is None:
-                raise PluginError(no_distribution(self.recipes[1]))
+                raise PluginError(missing_distribution(self.recipes[1]))
             regressor, features = correction.regressor, correction.features(amplitude, distribution)
         return regressor, features
 
@@ -164,10 +166,12 @@ class Network:
         return self.feature_scaling.transform(features)
 
 
-def no_distribution(recipe: Regressor) -> Fault:
+def missing_distribution(recipe: Regressor) -> Fault:
     """Return the fault of a regressor that is to be corrected but predicts values without a distribution."""
-    problem = f"the {component_label(recipe)} tells values alone, not how far they are known."
-    return Fault("identification.correction", problem, "one that tells it, such as mlp with 'uncertainty: gaussian'")
+    problem = f"the {component_label(recipe)} predicts values without their uncertainty."
+    return Fault(
+        "identification.correction", problem, "a regressor with uncertainty, such as mlp with 'uncertainty: gaussian'"
+    )
 
 
 def component_label(component: Component) -> str:
@@ -176,13 +180,13 @@ def component_label(component: Component) -> str:
 
 
 def check_rows(values: object, label: str, count: int, width: int | None) -> NDArray[Any]:
-    """Return what `transform` or `predict` returned, if it has a row for each FRF.
+    """Return the result of `transform` or `predict` after checking that it has a row for each FRF.
 
     Parameters
     ----------
     values : object
     label : str
-        Which component returned it.
+        Name of the component in messages.
     count : int
         Number of FRFs.
     width : int or None
@@ -195,7 +199,7 @@ def check_rows(values: object, label: str, count: int, width: int | None) -> NDA
     Raises
     ------
     PluginError
-        It is no array of numbers of that shape; NumPy would spread one of another shape over all columns.
+        It is not an array of numbers of that shape; NumPy would broadcast another shape over all columns.
     """
     if not isinstance(values, np.ndarray) or values.dtype.kind not in "fiu":
         kind = f"an array of {values.dtype}" if isinstance(values, np.ndarray) else type(values).__name__
@@ -208,7 +212,7 @@ def check_rows(values: object, label: str, count: int, width: int | None) -> NDA
 
 
 def check_contract(fitted: object, recipe: Component, contract: type, call: str = "fit") -> None:
-    """Make sure that `fit`, `restore` or another call returned what its contract says.
+    """Check that `fit`, `restore` or another call returned an object of its contract.
 
     Raises
     ------
@@ -246,12 +250,12 @@ def reduce_features(
 
 @dataclass(frozen=True, eq=False)
 class Reduction:
-    """How FRFs become what the regressor is trained with.
+    """The conversion of FRFs to the training data of the regressor.
 
     Parameters
     ----------
     name : str
-        The reducer's.
+        Name of the reducer.
     reducer : FittedReducer
     features : ZScore
     targets : TargetScaling

@@ -20,10 +20,10 @@ from dovetail.frf import Frf
 from dovetail.interfaces import Parameter, Progress
 
 _SPLIT_STREAM = 1
-"""Keeps the split's random numbers apart from those that sampled the dataset with the same seed."""
+"""Separates the random numbers of the split from those of the samples, which have the same seed."""
 
 _FEWEST_SAMPLES = 2
-"""In either part, for a spread to exist."""
+"""Smallest size of either part, for a standard deviation to exist."""
 
 BLOCK_ROWS = 2048
 """Rows handled at a time: 50,000 FRFs are never copied to double precision as a whole."""
@@ -36,7 +36,7 @@ def blocks(rows: int) -> Iterator[slice]:
 
 
 def accelerance_amplitudes(measured: Sequence[Frf]) -> NDArray[np.float64]:
-    """Return the accelerance's amplitudes of all responses side by side, as one row (1, n_responses n_freq)."""
+    """Return the accelerance's amplitudes of all responses, concatenated to one row (1, n_responses n_freq)."""
     return np.concatenate([frf.to("accelerance").amplitude for frf in measured])[np.newaxis]
 
 
@@ -104,12 +104,12 @@ class ZScore:
 
     @classmethod
     def restore(cls, state: Mapping[str, NDArray[np.generic]]) -> Self:
-        """Rebuild what `state` was taken from.
+        """Rebuild the object from its `state`.
 
         Raises
         ------
         ValueError
-            The arrays do not belong together.
+            The arrays are inconsistent.
         """
         mean, deviation = _doubles(state, "mean", "deviation")
         if not np.all(deviation > 0):
@@ -145,7 +145,7 @@ class TargetScaling:
         return (_on_scale(theta, self.logarithmic) - self.lower) / (self.upper - self.lower)
 
     def inverse(self, targets: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Map the regressor's answer (n_samples, n_params) to SI values."""
+        """Map the regressor's predictions (n_samples, n_params) to SI values."""
         theta = self.lower + np.asarray(targets, dtype=np.float64) * (self.upper - self.lower)
         with np.errstate(over="ignore"):
             theta[:, self.logarithmic] = np.exp(theta[:, self.logarithmic])
@@ -161,17 +161,17 @@ class TargetScaling:
 
     @classmethod
     def restore(cls, state: Mapping[str, NDArray[np.generic]]) -> Self:
-        """Rebuild what `state` was taken from.
+        """Rebuild the object from its `state`.
 
         Raises
         ------
         ValueError
-            The arrays do not belong together.
+            The arrays are inconsistent.
         """
         lower, upper = _doubles(state, "lower", "upper")
         logarithmic = np.asarray(state["logarithmic"], dtype=np.bool_)
         if logarithmic.shape != lower.shape or not np.all(upper > lower):
-            raise ValueError("the extremes of the targets do not belong together.")
+            raise ValueError("the extremes of the targets are inconsistent.")
         return cls(lower, upper, logarithmic)
 
 
@@ -217,13 +217,15 @@ def draw_test_samples(samples: int, test_fraction: float, seed: int) -> NDArray[
     return is_test
 
 
-def read_frfs(dataset: Dataset, wanted: NDArray[np.bool_], progress: Progress, *, phase: bool = False) -> NDArray[Any]:
-    """Read the FRFs of some samples, each into its final place.
+def read_frfs(
+    dataset: Dataset, selected: NDArray[np.bool_], progress: Progress, *, phase: bool = False
+) -> NDArray[Any]:
+    """Read the FRFs of some samples.
 
     Parameters
     ----------
     dataset : Dataset
-    wanted : (n_samples,) bool array
+    selected : (n_samples,) bool array
     progress : callable
     phase : bool
         Read them with their phases.
@@ -236,18 +238,16 @@ def read_frfs(dataset: Dataset, wanted: NDArray[np.bool_], progress: Progress, *
     Raises
     ------
     DatasetError
-        An FRF is not finite, a chunk is damaged, or phases are asked for and not stored.
+        An FRF is not finite, a chunk is damaged, or the phases are not stored.
     """
     stored, dtype = (dataset.accelerance, np.complex64) if phase else (dataset.amplitude, np.float32)
-    frfs = np.empty((np.count_nonzero(wanted), dataset.amplitude.shape[1]), dtype=dtype)
+    frfs = np.empty((np.count_nonzero(selected), dataset.amplitude.shape[1]), dtype=dtype)
     count = 0
     for rows in blocks(len(dataset)):
         block = np.asarray(stored[rows], dtype=dtype)
         if not np.isfinite(block).all():
-            raise DatasetError(
-                f"the dataset holds amplitudes that are not finite, in samples {rows.start}-{rows.stop}."
-            )
-        block = block[wanted[rows]]
+            raise DatasetError(f"the dataset has amplitudes that are not finite in samples {rows.start}-{rows.stop}.")
+        block = block[selected[rows]]
         frfs[count : count + len(block)] = block
         count += len(block)
         progress("features", rows.stop, len(dataset))

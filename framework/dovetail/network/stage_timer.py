@@ -1,4 +1,4 @@
-"""The time that each stage of a training takes, and what is left of a time limit."""
+"""The time of each stage of a training, and the remaining time if there is a limit."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 from dovetail.interfaces import logged
 
 _FIRST_SHARE, _LEAST_SHARE = 0.45, 0.1
-"""Of the regressors' time, which the first one takes if others correct it, and which each of these takes at least."""
+"""Shares of the regressors' time: for the first one if others correct it, and the least for each of these."""
 
 _FRF_SHARE = 0.75
-"""Of a correction's time, which its FRFs take at most."""
+"""Largest share of a correction's time for its FRFs."""
 
 
 @dataclass
@@ -23,9 +23,9 @@ class StageTimer:
     Parameters
     ----------
     module : str
-        In whose name they are logged.
+        Logger that reports them.
     limit : float, optional
-        Those that the regressors may take at most.
+        Time limit of the regressors [s].
     seconds : dict of str to float
         By the name of the stage.
     """
@@ -39,16 +39,16 @@ class StageTimer:
         """Seconds for a first regressor that others correct."""
         return None if self.limit is None else _FIRST_SHARE * self.limit
 
-    def share_of_the_rest(self, rounds: int) -> float | None:
-        """Return the seconds for the next of so many corrections."""
+    def remaining_share(self, rounds: int) -> float | None:
+        """Return the seconds for the next of `rounds` remaining corrections."""
         if self.limit is None:
             return None
         used = [seconds for name, seconds in self.seconds.items() if name == "regressor" or "correction" in name]
         return max((self.limit - sum(used)) / rounds, _LEAST_SHARE * self.limit)
 
-    def while_there_is_time(self, blocks: Iterable[slice], rounds: int) -> Iterator[slice]:
-        """Yield the blocks of FRFs for the next of so many corrections, the first and those for which there is time."""
-        limit, start = self.share_of_the_rest(rounds), time.perf_counter()
+    def blocks_in_time(self, blocks: Iterable[slice], rounds: int) -> Iterator[slice]:
+        """Yield the first block of FRFs for the next of `rounds` corrections, and further ones while time remains."""
+        limit, start = self.remaining_share(rounds), time.perf_counter()
         for done, block in enumerate(blocks):
             expected = (time.perf_counter() - start) * (done + 1) / max(done, 1)
             if limit is not None and done and expected > _FRF_SHARE * limit:

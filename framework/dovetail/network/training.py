@@ -46,7 +46,7 @@ from dovetail.network.pipeline import (
     Reduction,
     check_contract,
     component_label,
-    no_distribution,
+    missing_distribution,
     reduce_features,
 )
 from dovetail.network.preprocessing import (
@@ -61,12 +61,12 @@ from dovetail.network.stage_timer import StageTimer
 from dovetail.parallel import one_blas_thread
 
 _WORTH_FORECASTING = 10.0
-"""Seconds for the FRFs from which a training says beforehand how long it will take."""
+"""Computation time of the FRFs [s] above which a training forecasts its duration."""
 _CORRECTION_EPOCH = 2**31
-"""From which on epochs are those of the first correction, and twice it of the second, so that no FRF is used twice."""
+"""First epoch of the first correction, and half that of the second, so that no FRF is used twice."""
 _TRIAL_ROWS, _TRIAL_SECONDS = 256, 0.5
 _PILOT_SHARE, _PILOT_EPOCHS = 0.02, 3
-"""Of the samples, on which reducer and regressor are tried for that, and epochs of the regressor."""
+"""Share of the samples and number of epochs on which the forecast is based."""
 
 
 def train_network(
@@ -94,21 +94,21 @@ def train_network(
 
 
 def _seconds(assembly: Assembly, minutes: float | None) -> float | None:
-    """Return the time for the regressor.
+    """Return the time limit of the regressor [s].
 
     Raises
     ------
     ParameterError
-        It is not a positive time, or the regressor ignores it.
+        The time is not positive, or the regressor ignores it.
     """
     if minutes is None:
         return None
     if not 0.0 < minutes < np.inf:
-        raise ParameterError(Fault("minutes", f"{minutes:g} min is no time.", "more than 0"))
+        raise ParameterError(Fault("minutes", f"{minutes:g} min is not a positive time.", "more than 0"))
     regressor = assembly.description.identification.regressor
     augmented = assembly.description.identification.augmentation is not None
     if not takes_context(regressor.fit) or (augmented and not takes_context(regressor.fit_epochs)):
-        problem = f"the {component_label(regressor)} cannot be told how long to train."
+        problem = f"the {component_label(regressor)} has no time limit."
         raise ParameterError(Fault("minutes", problem, "a regressor whose 'fit' takes the context"))
     return 60.0 * minutes
 
@@ -119,7 +119,7 @@ def _check_correction(assembly: Assembly) -> None:
     Raises
     ------
     ParameterError
-        No fresh samples are drawn.
+        The training has no fresh samples.
     PluginError
         The regressor predicts values alone, or fails on a few random rows.
     """
@@ -127,7 +127,9 @@ def _check_correction(assembly: Assembly) -> None:
     if settings.correction is None:
         return
     if settings.augmentation is None or not settings.augmentation.fresh:
-        problem = "a correction is learnt from samples that the first regressor has not seen, and none are drawn."
+        problem = (
+            "a correction is trained on samples that the first regressor has not seen, but no fresh samples are drawn."
+        )
         remedy = "Set 'augmentation: {fresh: true}', or train with `fresh=True`."
         raise ParameterError(Fault("identification.correction", problem, remedy=remedy))
     generator, label = np.random.default_rng(settings.seed), component_label(settings.regressor)
@@ -139,20 +141,20 @@ def _check_correction(assembly: Assembly) -> None:
         fitted = fit_in_context(settings.regressor.fit, features, targets, context=context, seed=settings.seed)
         check_contract(fitted, settings.regressor, FittedRegressor)
         if fitted.predict_distribution(features) is None:
-            raise PluginError(no_distribution(settings.regressor))
+            raise PluginError(missing_distribution(settings.regressor))
 
 
 def _with_augmentation(assembly: Assembly, *, fresh: bool) -> Assembly:
     """Return the assembly with noise on its training FRFs, and with new ones in every epoch if `fresh`."""
-    stated = assembly.description.identification.augmentation
+    given = assembly.description.identification.augmentation
     changes = {"fresh": True} if fresh else {}
-    settings = (stated or AugmentationSection()).model_copy(update=changes)
+    settings = (given or AugmentationSection()).model_copy(update=changes)
     section = {"augmentation": settings.model_dump(exclude_unset=True)}
     return assembly.with_description(assembly.description.with_identification(section, augmentation=settings))
 
 
 def needs_phase(assembly: Assembly) -> bool:
-    """Return whether a remaining sensor mass is added to FRFs of the dataset, which takes their phases."""
+    """Return whether a remaining sensor mass is added to FRFs of the dataset, which requires their phases."""
     augmentation = assembly.description.identification.augmentation
     return augmentation is not None and augmentation.mass > 0 and not augmentation.fresh
 
@@ -182,10 +184,10 @@ def train_and_evaluate(
     ----------
     assembly : Assembly
     dataset : Dataset
-        Of this assembly.
+        Made from this assembly.
     progress : callable
     timer : optional
-        Of the stages.
+        Measures the stages.
 
     Raises
     ------
@@ -204,11 +206,11 @@ def train_and_evaluate(
     progress("evaluation", 0, 1)
     with timer.stage("evaluation"):
         predicted = network.predict(test := read_frfs(dataset, is_test, silent))
-        network.predict_distribution(test[:2])  # whatever is wrong with it shows here, not at the first measurement
+        network.predict_distribution(test[:2])  # so that faults show before the first measurement
         if not np.isfinite(predicted).all():
             label = component_label(settings.regressor)
             with plugin_errors(settings.regressor, label):
-                raise PluginError(Fault(label, "its answers to the test FRFs are not finite.", "finite numbers"))
+                raise PluginError(Fault(label, "its predictions for the test FRFs are not finite.", "finite numbers"))
     evaluation = Evaluation(
         parameters=parameter_metrics(assembly.parameters, theta[is_test], predicted),
         training_samples=int(np.count_nonzero(~is_test)),
@@ -259,7 +261,7 @@ def _fit_network(
     network = Network(reducer, feature_scaling, regressor, target_scaling, recipes)
     if settings.correction is None:
         return network
-    assert noisy is not None  # as _check_correction has it
+    assert noisy is not None  # checked by _check_correction
     for _ in range(settings.correction.rounds):
         correction = _fit_correction(assembly, noisy, network, context, timer, progress)
         network = replace(network, corrections=(*network.corrections, correction))
@@ -281,25 +283,25 @@ def _fit_correction(
     gauss_newton = GaussNewtonFeatures.for_assembly(assembly, network.target_scaling)
     name, features, targets = f"correction {before + 1} of {rounds}", [], []
     with timer.stage(f"FRFs of {name}"):
-        for block, rows in enumerate(timer.while_there_is_time(blocks(count), rounds - before)):
+        for block, rows in enumerate(timer.blocks_in_time(blocks(count), rounds - before)):
             epoch = (before + 1) * _CORRECTION_EPOCH + block
             amplitude, theta = noisy.amplitudes(epoch, rows.stop - rows.start)
             distribution = network.predict_distribution(amplitude)
-            assert distribution is not None  # as _check_correction has it
+            assert distribution is not None  # checked by _check_correction
             features.append(gauss_newton(amplitude, distribution))
             targets.append(network.target_scaling.transform(theta))
             progress(f"FRFs of {name}", rows.stop, count)
 
-    def of_correction(stage: str, done: int, total: int, note: str = "") -> None:  # noqa: ARG001
+    def report(stage: str, done: int, total: int, note: str = "") -> None:  # noqa: ARG001
         progress(name, done, total, note)
 
-    seconds = timer.share_of_the_rest(rounds - before)
+    seconds = timer.remaining_share(rounds - before)
     with timer.stage(name), plugin_errors(recipe, component_label(recipe)):
-        standardised, features = np.concatenate(features), []  # each takes 800 MB where there are 400,000
+        standardised, features = np.concatenate(features), []  # 800 MB each for 400,000 FRFs
         scaling = ZScore.fit(standardised)
         standardised = scaling.transform(standardised, out=standardised)
         context = replace(context, seconds=seconds)
-        named: dict[str, Any] = {"context": context, "seed": settings.seed, "progress": of_correction}
+        named: dict[str, Any] = {"context": context, "seed": settings.seed, "progress": report}
         regressor = fit_in_context(recipe.fit, standardised, np.concatenate(targets), **named)
         return Correction(gauss_newton, scaling, regressor)
 
@@ -342,11 +344,11 @@ def _forecast(
 ) -> str:
     """Forecast the times of reducer and regressor from those for a few of the samples, as a note for the progress.
 
-    It is empty if one of them fails on so few. If the regressor was given a time, the note states that one.
+    It is empty if one of them fails on so few samples. A time limit of the regressor replaces its forecast.
     """
     with suppress(Exception):
         count = max(round(_PILOT_SHARE * len(features)), 2)
-        sizes = count, count, 2 * count  # the first only loads and compiles what is needed
+        sizes = count, count, 2 * count  # the first only loads and compiles
         _, once, twice = (_pilot(assembly, features[:rows], theta[:rows], context) for rows in sizes)
         further = len(features) / count - 1.0
         reducer, regressor = once + further * np.maximum(twice - once, 0.0)
@@ -356,7 +358,7 @@ def _forecast(
 
 
 class _PilotOver(Exception):  # noqa: N818 - nothing is wrong
-    """Ends a regressor's training."""
+    """Ends the training of the pilot."""
 
 
 def _pilot(
