@@ -61,11 +61,11 @@ def state_array(state: ComponentState, key: str, owner: str, shape: tuple[int | 
     value = np.asarray(state.get(key))
     fits = value.ndim == len(shape) and all(want in (None, got) for want, got in zip(shape, value.shape, strict=True))
     if value.dtype.kind not in "fiu" or not fits:
-        problem = f"its state holds '{key}' as {value.dtype} with shape {value.shape}." if key in state else ""
+        problem = f"its state has '{key}' as {value.dtype} with shape {value.shape}." if key in state else ""
         wanted = ", ".join("any" if length is None else str(length) for length in shape)
         raise DovetailError(Fault(owner, problem or f"its state lacks '{key}'.", f"an array of shape ({wanted})"))
     if not np.isfinite(value).all():
-        raise DovetailError(Fault(owner, f"its state holds values in '{key}' that are not finite."))
+        raise DovetailError(Fault(owner, f"its state has values in '{key}' that are not finite."))
     return value
 
 

@@ -142,11 +142,11 @@ FAULTS = {
         "npz", {"columns": changed(positions=lambda c: [*c[:-1], 1.0])}, {}, "node 'n9' is at 0.16 and at 1.",
     ),
     "row": ("npz", {"columns": changed(rows=[*range(1, 18), 99])}, {}, "row 99 is not in the matrices, which have 18 "),
-    "two dampings": ("npz", {}, {"loss_factor": 0.01}, "there is a matrix D beside 'loss_factor'."),
+    "two dampings": ("npz", {}, {"loss_factor": 0.01}, "both a matrix D and 'loss_factor' are given."),
     "missing file": ("npz", {}, {"file": "other.npz"}, "other.npz: there is no such file."),
     "folder": ("npz", {}, {"file": "."}, ": this is a directory."),
     "ending": ("npz", {}, {"file": "part.op4"}, "'.op4' is not the ending of an archive of matrices."),
-    "no source": ("npz", {}, {"file": None}, "the matrices come either from 'file' or from 'mass' and 'stiffness'"),
+    "no source": ("npz", {}, {"file": None}, "give either 'file', or 'mass' and 'stiffness'"),
     "no table file": ("mtx", {}, {"dofs": None}, "files of single matrices need 'mass', 'stiffness' and the table"),
 }  # fmt: skip
 
@@ -212,7 +212,7 @@ def test_parts_of_a_sparse_matrix_that_do_not_fit(tmp_path):
     archive = dict(np.load(tmp_path / "part.npz"))
     archive["K_indices"] = archive["K_indices"] + 9
     np.savez(tmp_path / "part.npz", **archive)
-    with pytest.raises(DescriptionError, match="the parts of the sparse matrix K do not fit together"):
+    with pytest.raises(DescriptionError, match="the parts of the sparse matrix K are inconsistent"):
         load(tmp_path, part)
     del archive["K_indptr"]
     np.savez(tmp_path / "part.npz", **archive)

@@ -321,15 +321,15 @@ def test_hostile_sets_are_refused(tmp_path):
     cases = {
         "no set is between 'middle' and 'end'": {"frfs": [frf for frf in section["frfs"] if frf["set"] != 5]},
         "set 7": {"frfs": [*section["frfs"], {"set": 7, "response": "tip", "force": "tip"}]},
-        "set 1 is at 'back', which is none of the nodes": {"frfs": [{"set": 1, "response": "back", "force": "tip"}]},
-        "'nodes' and 'frfs' belong together": {"nodes": {}},
+        "set 1 is at 'back', which is not among the nodes": {"frfs": [{"set": 1, "response": "back", "force": "tip"}]},
+        "give both 'nodes' and 'frfs'": {"nodes": {}},
     }
     for said, change in cases.items():
         with pytest.raises(DescriptionError) as caught:
             on_pins(section | change, list(PLACES))
         assert said in str(caught.value)
     no_sets = {"model": "measured", "file": section["file"]}
-    with pytest.raises(DescriptionError, match="Say with 'nodes' and 'frfs' which sets of a UFF file"):
+    with pytest.raises(DescriptionError, match="For a UFF file, give 'nodes' and 'frfs'"):
         on_pins(no_sets, list(PLACES))
 
 

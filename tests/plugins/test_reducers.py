@@ -233,7 +233,7 @@ class TestUMAP:
     def test_state_arrays_that_do_not_belong_together_are_refused(self, fits, key):
         state = dict(fits["umap"].state())
         state[key] = state[key][..., :-1] if key == "rows" else state[key][:-1]
-        with pytest.raises(dovetail.DovetailError, match="its state holds"):
+        with pytest.raises(dovetail.DovetailError, match="its state has"):
             UMAP().restore(state)
 
     @pytest.mark.parametrize(

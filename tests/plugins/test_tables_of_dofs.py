@@ -45,7 +45,7 @@ def test_without_rows_and_positions_the_order_is_that_of_the_matrix(tmp_path):
         ("node,direction,row\nn1,x,1\nn1,rz,3\n", "DOF 2 row 3 is not in the matrices, which have 2 rows"),
         ("node,direction,row\nn1,x,2\nn1,rz,2\n", "DOF 2 row 2 already belongs to DOF 1"),
         ("node,direction,row\nn1,x,1\nn1,x,2\n", "DOF 2 x of node 'n1' is already DOF 1"),
-        ("node,direction,row\nn1,x,1.5\n", "a row of the table of DOFs is no whole number"),
+        ("node,direction,row\nn1,x,1.5\n", "a row number in the table of DOFs is not a whole number"),
         ("node,direction,position\nn1,x,0\nn1,rz,nan\n", "DOF 2 the position of node 'n1' is not finite"),
         ("node,direction,position\nn1,x,0\nn1,rz,0.1\n", "DOF 2 node 'n1' is at 0 and at 0.1"),
         ("node,direction,position\nn1,x,0\nn1,rz,0.1 m\n", "DOF 2 the position '0.1 m' is no number"),
@@ -72,7 +72,7 @@ def test_the_table_in_an_archive_may_hold_numbers_and_matlabs_cells():
     assert table.positions.tolist() == [0.5, 0.25]
     assert table_in({"M": np.eye(2), "rows": [1, 2]}, "part.mat", 2) is None
     for lacking, name in (({"nodes": ["1"]}, "directions"), ({"directions": ["x"]}, "nodes")):
-        with pytest.raises(dovetail.DovetailError, match=f"there is no '{name}' beside the other columns"):
+        with pytest.raises(dovetail.DovetailError, match=f"there is no '{name}', which the table of DOFs needs"):
             table_in(lacking, "part.mat", 1)
 
 
@@ -216,5 +216,5 @@ def test_only_small_matrices_are_given_in_full(rows, kind, tmp_path):
 @pytest.mark.parametrize("row", ["9223372036854775807", "-9223372036854775807", "9" * 30])
 def test_a_row_that_no_whole_number_holds(tmp_path, row):
     (tmp_path / "dofs.csv").write_text(f"node,direction,row\n1,x,{row}\n2,x,1\n")
-    with pytest.raises(DovetailError, match="a row of the table of DOFs is no whole number"):
+    with pytest.raises(DovetailError, match="a row number in the table of DOFs is not a whole number"):
         read_dof_table(tmp_path / "dofs.csv", 3)

@@ -39,7 +39,7 @@ class Preload(ComponentConfig):
     force : float
         The tension of this assembly [N].
     reference : float
-        The tension at which kt and kr are stated [N].
+        The tension at which kt and kr are given [N].
     exponent : float
         0.5 to 1 for rough surfaces; 1 where contact spots grow in number, not in size.
     """

@@ -26,7 +26,7 @@ _GRADIENT = Parameter(
 class InterferenceFit(JointModel):
     """Radial and tilting springs and dampers, distributed over the contact length.
 
-    Each pair of facing nodes stands for the length nearest to it (half an interval at the ends), so that the layer
+    Each pair of facing nodes represents the length nearest to it (half an interval at the ends), so that the layer
     converges with the square of the node distance. With ``pressure: linear`` the stiffness changes linearly along the
     contact, k (1 + g s) with s from -1 at the first node to 1 at the last; the damping stays even. Slip, lift-off at
     the edges and the stiffening of the shaft by the hub's pressure are not modelled.
@@ -84,7 +84,7 @@ class InterferenceFit(JointModel):
         objections = dict(super().range_objections(lower, upper))
         if self.config.pressure == "linear" and (lower["g"] < -1.0 or upper["g"] > 1.0):
             ends = " to ".join(dict.fromkeys(f"{end:g}" for end in (lower["g"], upper["g"])))
-            objections["g"] = f"g is {ends} here; beyond -1 or 1 the stiffness at an end of the contact is negative."
+            objections["g"] = f"g is {ends}; beyond -1 or 1 the stiffness at an end of the contact is negative."
         return objections
 
     def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:

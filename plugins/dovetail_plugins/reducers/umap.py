@@ -166,7 +166,7 @@ class UMAP(dovetail.Reducer):
         """
         metric = next((metric for metric in METRICS if metric == state.get("metric")), None)
         if metric is None:
-            problem = f"its state holds the metric {state.get('metric')!r}."
+            problem = f"its state has the metric {state.get('metric')!r}."
             raise dovetail.DovetailError(dovetail.Fault(_OWNER, problem, ", ".join(METRICS)))
         directions = state_array(state, "directions", _OWNER, (None, None)).astype(np.float64)
         mean = state_array(state, "mean", _OWNER, (directions.shape[1],)).astype(np.float64)
@@ -174,7 +174,7 @@ class UMAP(dovetail.Reducer):
         embedding = state_array(state, "embedding", _OWNER, (len(rows), None)).astype(np.float32)
         n_neighbors = int(state_number(state, "n_neighbors", _OWNER))
         if not 2 <= n_neighbors <= len(rows):
-            problem = f"its state holds {n_neighbors} neighbours among {len(rows)} rows."
+            problem = f"its state has {n_neighbors} neighbours among {len(rows)} rows."
             raise dovetail.DovetailError(dovetail.Fault(_OWNER, problem, f"2 to {len(rows)}"))
         unit = state_number(state, "unit", _OWNER)
         return FittedUMAP(Compression(metric, mean, directions), rows, unit, embedding, n_neighbors)
@@ -189,8 +189,8 @@ def _layout(
 
     layout: Any = getattr(layouts, _LAYOUT, None)
     for function in (umap_.smooth_knn_dist, umap_.compute_membership_strengths, layout):
-        with suppress(AttributeError, RuntimeError):  # another version of it, or no folder to keep it in
-            function.enable_caching()  # else each process compiles it anew, for ten seconds
+        with suppress(AttributeError, RuntimeError):  # another version, or no cache folder
+            function.enable_caching()  # otherwise each process compiles it, for ten seconds
     estimator = umap.UMAP(
         n_components=config.n_components,
         n_neighbors=config.n_neighbors,

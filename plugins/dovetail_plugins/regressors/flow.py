@@ -160,7 +160,7 @@ class Flow(NetworkRegressor):
         if not 6 <= len(sizes) <= len(limits) or any(
             size != int(size) or not 1 <= size <= limit for size, limit in zip(sizes, limits, strict=False)
         ):
-            raise dovetail.DovetailError(dovetail.Fault(_OWNER, f"its state holds the sizes {sizes!r:.100}."))
+            raise dovetail.DovetailError(dovetail.Fault(_OWNER, f"its state has the sizes {sizes!r:.100}."))
         network = _network([int(size) for size in sizes], 0.0)
         with torch.no_grad():
             for name, values in network.named_parameters():

@@ -223,7 +223,7 @@ class MLP(NetworkRegressor):
         """Rebuild the network from its weights and biases."""
         activation = next((one for one in get_args(Activation) if one == state.get(_ACTIVATION, "relu")), None)
         if activation is None:
-            problem = f"its state holds the activation {state[_ACTIVATION]!r}."
+            problem = f"its state has the activation {state[_ACTIVATION]!r}."
             raise dovetail.DovetailError(dovetail.Fault(_OWNER, problem, ", ".join(get_args(Activation))))
         weights: list[NDArray[Any]] = []
         layers = {name.removeprefix("weight").removeprefix("bias") for name in state}

@@ -23,13 +23,13 @@ _ROUNDED = 1e-5
 _ZERO = 1e-13
 """Eigenvalue of a matrix with a diagonal of 1 that is zero but for rounding; a beam of 1,000 elements has 4e-11."""
 _NOISE = 1e-14
-"""Entry over the largest one that is what a transformation to other coordinates leaves of a zero."""
+"""Entry, relative to the largest one, that is the rounding error of a zero after a transformation of coordinates."""
 _NAMES = {"M": "mass", "K": "stiffness", "C": "viscous damping", "D": "structural damping"}
 
 
 @dataclass(frozen=True)
 class _Negative:
-    """A motion in which a matrix is negative: the DOF that moves most, and its value over that of the DOF alone."""
+    """A motion in which a matrix is negative: the DOF that moves most, and the value relative to its diagonal entry."""
 
     dof: int
     ratio: float

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from dovetail import DovetailError, Fault, read_bounded
 
 TABLE_ARRAYS = {"nodes": "node", "directions": "direction", "positions": "position", "rows": "row"}
-"""Arrays of an archive that are its table, and the columns of a file of that table."""
+"""Arrays of a table in an archive, and the corresponding columns of a CSV file."""
 _COLUMNS = tuple(TABLE_ARRAYS.values())
 _EXAMPLE = "a first line 'node,direction' (and 'position', 'row'), then a line for each DOF"
 _LARGEST_FILE = 100_000_000
@@ -44,14 +44,14 @@ class DofTable:
     where: str
 
     def label(self, row: int) -> str:
-        """Return a row of the matrices, from 0, in words."""
+        """Return a label for a row of the matrices, counted from 0."""
         named = np.flatnonzero(self.rows == row)
         if not named.size:
             return f"row {row + 1}"
         return f"{self.directions[named[0]]} of node '{self.nodes[named[0]]}' (row {row + 1})"
 
     def checked(self, size: int) -> DofTable:
-        """Return the table itself if it fits matrices with `size` rows.
+        """Return the table after checking that it fits matrices with `size` rows.
 
         Raises
         ------
@@ -104,7 +104,7 @@ def read_dof_table(path: Path, size: int) -> DofTable:
         stream = io.StringIO(content.decode("utf-8-sig"), newline="")
         lines = [[cell.strip() for cell in line] for line in csv.reader(stream) if any(map(str.strip, line))]
     except (UnicodeDecodeError, csv.Error) as error:
-        raise DovetailError(Fault(str(path), f"this is no table of DOFs: {error}.", _EXAMPLE)) from None
+        raise DovetailError(Fault(str(path), f"this is not a table of DOFs: {error}.", _EXAMPLE)) from None
     header = [cell.lower() for cell in lines[0]] if lines else []
     if not {"node", "direction"} <= set(header) or not set(header) <= set(_COLUMNS) or len(lines) < 2:
         problem = f"the first line is '{','.join(lines[0])[:80]}'." if len(lines) > 1 else "the table has no DOFs."
@@ -129,11 +129,11 @@ def table_in(archive: Mapping[str, Any], where: str, size: int) -> DofTable | No
         return None
     for name, column in list(TABLE_ARRAYS.items())[:2]:
         if column not in columns:
-            raise DovetailError(Fault(where, f"there is no '{name}' beside the other columns of the table of DOFs."))
+            raise DovetailError(Fault(where, f"there is no '{name}', which the table of DOFs needs."))
     lengths = {name: len(columns[column]) for name, column in TABLE_ARRAYS.items() if column in columns}
     if len(set(lengths.values())) > 1:
-        held = ", ".join(f"{name} {length}" for name, length in lengths.items())
-        raise DovetailError(Fault(where, f"the columns of the table of DOFs differ in length: {held}."))
+        lengths = ", ".join(f"{name} {length}" for name, length in lengths.items())
+        raise DovetailError(Fault(where, f"the columns of the table of DOFs differ in length: {lengths}."))
     return _table(columns, where, size)
 
 
@@ -142,7 +142,9 @@ def _table(columns: Mapping[str, Sequence[str]], where: str, size: int) -> DofTa
     if "row" in columns:
         numbers = _numbers(columns["row"], "row", where)
         if np.any(numbers != np.round(numbers)) or np.any(np.abs(numbers) > 2**53):  # beyond, integers are not exact
-            raise DovetailError(Fault(where, "a row of the table of DOFs is no whole number.", "1, 2, 3, ..."))
+            raise DovetailError(
+                Fault(where, "a row number in the table of DOFs is not a whole number.", "1, 2, 3, ...")
+            )
         rows = numbers.astype(np.intp) - 1
     elif count == size:
         rows = np.arange(size)
@@ -159,7 +161,9 @@ def _numbers(cells: Sequence[str], name: str, where: str) -> NDArray[np.float64]
         try:
             numbers.append(float(cell if cell.isascii() and "_" not in cell else "no number"))
         except ValueError:
-            raise DovetailError(Fault(f"{where}  DOF {index + 1}", f"the {name} '{cell[:40]}' is no number.")) from None
+            raise DovetailError(
+                Fault(f"{where}  DOF {index + 1}", f"the {name} '{cell[:40]}' is not a number.")
+            ) from None
     return np.array(numbers)
 
 

@@ -109,7 +109,7 @@ class Matrices(SubstructureModel):
         def _one_source(self) -> Matrices.Config:
             single = [option for option in _MATRICES.values() if getattr(self, option)]
             if bool(self.file) == bool(single):
-                raise ValueError("the matrices come either from 'file' or from 'mass' and 'stiffness'")
+                raise ValueError("give either 'file', or 'mass' and 'stiffness'")
             if single and not (self.mass and self.stiffness and self.dofs):
                 raise ValueError("files of single matrices need 'mass', 'stiffness' and the table 'dofs'")
             return self
@@ -169,7 +169,7 @@ class Matrices(SubstructureModel):
         matrices = {name: sound_matrix(name, value, where[name]) for name, value in values.items() if value is not None}
         _check_together(matrices, where)
         if config.loss_factor and "D" in matrices:
-            raise DovetailError(Fault(where["D"], "there is a matrix D beside 'loss_factor'.", "one of the two"))
+            raise DovetailError(Fault(where["D"], "both a matrix D and 'loss_factor' are given.", "one of the two"))
         size = matrices["K"].shape[0]
         table = read_dof_table(Path(config.dofs), size) if config.dofs else table_in(archive, config.file, size)
         if table is None:
@@ -202,12 +202,12 @@ class Matrices(SubstructureModel):
             problem = f"no DOF has the direction '{wanted['rotation']}', which is taken for rz."
             raise DovetailError(Fault(table.where, problem, ", ".join(list(directions)[:12]), "Set 'rotation'."))
         labels = tuple(dict.fromkeys(reached))
-        asked = tuple(str(node) for node in self.config.nodes) or labels
-        for label in asked:
+        chosen = tuple(str(node) for node in self.config.nodes) or labels
+        for label in chosen:
             if label not in labels:
                 some = ", ".join(labels[:12]) + (f", and {len(labels) - 12} more" if len(labels) > 12 else "")
                 raise DovetailError(Fault(table.where, f"there is no node '{label}' with these directions.", some))
-        return tuple(dict.fromkeys(asked))
+        return tuple(dict.fromkeys(chosen))
 
     def _arranged(self, matrices: dict[str, Any]) -> StructuralMatrices | SparseMatrices:
         """Convert the matrices to SI, and move x and rz of the nodes to the front."""
@@ -220,7 +220,7 @@ class Matrices(SubstructureModel):
             return SparseMatrices(**arranged)
         small = StructuralMatrices(**{name: matrix.toarray() for name, matrix in arranged.items()})
         for matrix in (small.M, small.K, small.C, small.D):
-            matrix.flags.writeable = False  # handed out again and again
+            matrix.flags.writeable = False  # the same arrays are returned by each call
         return small
 
     def _arrangement(self, size: int) -> Any:

@@ -26,7 +26,7 @@ _ENTRY = b"PK\x01\x02"
 _LARGEST_DENSE = 3_000
 """Largest number of DOFs of a full matrix: 72 MB."""
 _LARGEST_ENTRY = 1e100
-"""In SI; sums and products of entries up to it are still numbers."""
+"""In SI; sums and products of entries up to it are finite."""
 _MOST_DOFS = 2_000_000
 _ASYMMETRY = 1e-6
 """Largest difference of two mirrored entries, over the largest entry; printed matrices are rounded."""
@@ -191,7 +191,7 @@ def matrix_in(archive: Mapping[str, Any], name: str, where: str) -> Any:
         matrix = csc_array((data, indices, indptr), shape=(size, size))
         matrix.check_format(full_check=True)
     except Exception as error:
-        problem = f"the parts of the sparse matrix {name} do not fit together: {str(error)[:120].rstrip('.')}."
+        problem = f"the parts of the sparse matrix {name} are inconsistent: {str(error)[:120].rstrip('.')}."
         raise DovetailError(
             Fault(where, problem, "data, indices and indptr of scipy's csr_array or csc_array")
         ) from None
@@ -229,7 +229,7 @@ def sound_matrix(name: str, values: Any, where: str) -> Any:
             f"the matrix {name} is not symmetric: its entry ({row}, {column}) is {columns[row - 1, column - 1]:g}, "
         )
         problem += f"({column}, {row}) is {columns[column - 1, row - 1]:g}."
-        raise DovetailError(Fault(where, problem, remedy="A triangle alone must be mirrored before it is written."))
+        raise DovetailError(Fault(where, problem, remedy="Mirror a triangular matrix before you write it."))
     return csc_array(0.5 * (columns + columns.T))
 
 
@@ -261,11 +261,13 @@ def _read_npz(path: Path, content: bytes) -> dict[str, Any]:
                 readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
                 shape, _, dtype = readers[np.lib.format.read_magic(stream)](stream)
             if math.prod(shape) * dtype.itemsize > member.file_size or dtype.hasobject:
-                raise ValueError(f"'{member.filename}' holds Python objects or less than its shape {shape} says")
+                raise ValueError(
+                    f"'{member.filename}' contains Python objects, or less data than its shape {shape} says"
+                )
             with archive.open(member) as stream:
                 array = np.lib.format.read_array(stream, allow_pickle=False)
             if dtype.kind == "U" and dtype.itemsize and np.any(_code_points(array) > sys.maxunicode):
-                raise ValueError(f"a text of '{member.filename}' holds what is not the code of any character")
+                raise ValueError(f"a text of '{member.filename}' has a value that is not the code of a character")
             arrays[member.filename.removesuffix(".npy")] = array
     return arrays
 

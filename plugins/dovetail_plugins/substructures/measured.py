@@ -76,11 +76,11 @@ class Measured(SubstructureModel):
         @model_validator(mode="after")
         def _nodes_of_frfs(self) -> Measured.Config:
             if bool(self.nodes) != bool(self.frfs):
-                raise ValueError("'nodes' and 'frfs' belong together: both for a UFF file, none for an archive")
+                raise ValueError("give both 'nodes' and 'frfs' for a UFF file, and neither for an archive")
             for frf in self.frfs:
                 for node in (frf.response, frf.force):
                     if node not in self.nodes:
-                        raise ValueError(f"set {frf.set} is at '{node}', which is none of the nodes")
+                        raise ValueError(f"set {frf.set} is at '{node}', which is not among the nodes")
             return self
 
     @classmethod

@@ -27,7 +27,7 @@ from dovetail_plugins.substructures.matrix_files import read_archive
 _DIRECTIONS = ("x", "rz")
 
 _MOST_ANTISYMMETRIC = 2.0
-"""Ratio of the difference of two reciprocal receptances to their sum above which a sign is wrong; of noise it is 1."""
+"""Ratio of the difference of two reciprocal receptances to their sum above which a sign is wrong; 1 for pure noise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,12 +58,12 @@ def from_archive(file: str) -> KnownReceptance:
     """
     path = Path(file)
     if path.suffix.lower() != ".npz":
-        remedy = "Say with 'nodes' and 'frfs' which sets of a UFF file are between which nodes."
+        remedy = "For a UFF file, give 'nodes' and 'frfs'."
         raise DovetailError(Fault(file, f"'{path.suffix}' is not the ending of an archive.", ".npz", remedy))
     try:
         archive = read_archive(path)
     except DovetailError:
-        archive = {}  # what is wrong with it, `read_receptance` says in its own words
+        archive = {}  # `read_receptance` reports what is wrong
     if "nodes" not in archive and "directions" not in archive:
         return KnownReceptance(_reciprocal(read_receptance(path), ("x", "rz"), file), {"m1": 0.0}, (0, 1))
     return _with_table(archive, file)
@@ -101,8 +101,8 @@ def _reciprocal(matrix: ReceptanceMatrix, names: Sequence[str], file: str) -> Re
         Two receptances that should be equal have opposite signs.
     """
     mirrored = np.swapaxes(matrix.values, 1, 2)
-    apart, together = (np.linalg.norm(both, axis=0) for both in (matrix.values - mirrored, matrix.values + mirrored))
-    opposite = np.argwhere(apart > _MOST_ANTISYMMETRIC * together)
+    difference, total = (np.linalg.norm(part, axis=0) for part in (matrix.values - mirrored, matrix.values + mirrored))
+    opposite = np.argwhere(difference > _MOST_ANTISYMMETRIC * total)
     if len(opposite):
         first, second = (names[dof] for dof in opposite[0])
         problem = (
@@ -146,7 +146,7 @@ def from_sets(
         if not np.array_equal(frf.frequency, frequency):
             raise DovetailError(Fault(where, f"its frequencies are not those of set {read[0][1]}."))
         if not frf.has_phase or frf.rotation:
-            raise DovetailError(Fault(where, "it is no complex FRF of a displacement per force."))
+            raise DovetailError(Fault(where, "it is not a complex FRF of a displacement per force."))
         values[:, index_of[out], index_of[into]] = frf.values
     _check_places(file, nodes, read)
     values = np.where(np.isnan(values), np.swapaxes(values, 1, 2), values)
