@@ -59,7 +59,7 @@ class BoundaryStiffness:
     values: NDArray[np.complex128]
 
     @staticmethod
-    def of(Z: NDArray[np.complex128]) -> BoundaryStiffness:
+    def from_dense(Z: NDArray[np.complex128]) -> BoundaryStiffness:
         """Store the entries of Z (n_freq, n, n) that are not 0 at every frequency, numbered from 0."""
         filled = (Z != 0).any(axis=0)
         entry = np.where(filled, np.cumsum(filled).reshape(filled.shape) - 1, -1)
@@ -89,7 +89,7 @@ def boundary_stiffness(
     frequency : (n_freq,) array
         Hz.
     draw : int, optional
-        Dense matrices are disturbed by as much as rounding does, differently with each number.
+        Number of a random disturbance of dense matrices by their rounding errors.
 
     Returns
     -------
@@ -105,14 +105,14 @@ def boundary_stiffness(
     Notes
     -----
     Small matrices and chains of elements are eliminated symbolically, for all frequencies at once. Others are
-    factorised at every frequency or, if the substructure states a tolerance, projected on a reduced basis.
+    factorised at every frequency or, if the substructure has a tolerance, projected on a reduced basis.
     """
     matrices = substructure_matrices(substructure)
     if matrices is None:
-        return BoundaryStiffness.of(inverted_receptance(substructure, dofs, frequency))
+        return BoundaryStiffness.from_dense(inverted_receptance(substructure, dofs, frequency))
     if draw is not None and isinstance(matrices, StructuralMatrices):
         matrices = _disturbed(matrices, draw)
-    if isinstance(matrices, StructuralMatrices) and _is_quickly_eliminated(matrices):
+    if isinstance(matrices, StructuralMatrices) and _is_fast_to_eliminate(matrices):
         return _condense_symbolically(matrices, dofs, frequency)
     if isinstance(matrices, StructuralMatrices):
         matrices = SparseMatrices(matrices.M, matrices.K, matrices.C, matrices.D)
@@ -122,14 +122,14 @@ def boundary_stiffness(
         where = f"substructure model '{substructure.name}'"
         raise PluginError(Fault(where, f"its condensation_tolerance is {tolerance!r:.60}.", "a number, 0 or more"))
     if tolerance > 0:
-        return BoundaryStiffness.of(condense_on_basis(partitioned, frequency, float(tolerance)).stiffness)
-    return BoundaryStiffness.of(partitioned.condense(frequency))
+        return BoundaryStiffness.from_dense(condense_on_basis(partitioned, frequency, float(tolerance)).stiffness)
+    return BoundaryStiffness.from_dense(partitioned.condense(frequency))
 
 
 def _disturbed(matrices: StructuralMatrices, draw: int) -> StructuralMatrices:
-    """Change each entry by at most one unit of its last digit, equal ones alike: so do equal elements of a mesh.
+    """Change each entry by at most one unit of its last digit; equal entries, as of equal elements, change equally.
 
-    A draw is a whole number, by which the changes differ.
+    Each draw, a whole number, gives other changes.
     """
     changed = []
     for matrix in (matrices.M, matrices.K):
@@ -138,7 +138,7 @@ def _disturbed(matrices: StructuralMatrices, draw: int) -> StructuralMatrices:
     return StructuralMatrices(changed[0], changed[1], matrices.C, matrices.D)
 
 
-def _is_quickly_eliminated(matrices: StructuralMatrices) -> bool:
+def _is_fast_to_eliminate(matrices: StructuralMatrices) -> bool:
     if matrices.size <= SETTINGS.few_dofs or matrices.size > SETTINGS.many_dofs:
         return matrices.size <= SETTINGS.few_dofs
     return int(np.count_nonzero(matrices.K)) <= SETTINGS.chain_entries * matrices.size
@@ -200,7 +200,7 @@ def substructure_matrices(substructure: SubstructureModel) -> StructuralMatrices
 def _problem(name: str, matrix: Any) -> str:
     values = matrix if isinstance(matrix, np.ndarray) else matrix.data
     if not np.isfinite(values).all():
-        return f"its matrix {name} holds values that are not finite."
+        return f"its matrix {name} has values that are not finite."
     if values.size and abs(matrix - matrix.T).max() > SETTINGS.asymmetry * abs(values).max():
         return f"its matrix {name} is not symmetric."
     return ""
@@ -247,16 +247,16 @@ def _invert(
     substructure: SubstructureModel, dofs: Sequence[int], frequency: NDArray[np.float64]
 ) -> NDArray[np.complex128]:
     where = f"substructure model '{substructure.name}'"
-    answer = substructure.receptance(frequency, dofs)
+    returned = substructure.receptance(frequency, dofs)
     try:
-        receptance = np.asarray(answer, dtype=np.complex128)
+        receptance = np.asarray(returned, dtype=np.complex128)
     except (TypeError, ValueError):
         raise PluginError(
-            Fault(where, f"it returns {answer!r:.60} for its receptance.", "an array of numbers")
+            Fault(where, f"it returns {returned!r:.60} for its receptance.", "an array of numbers")
         ) from None
-    wanted = (len(frequency), len(dofs), len(dofs))
-    if receptance.shape != wanted:
-        raise PluginError(Fault(where, f"it returns a receptance of the shape {receptance.shape}, not {wanted}."))
+    expected = (len(frequency), len(dofs), len(dofs))
+    if receptance.shape != expected:
+        raise PluginError(Fault(where, f"it returns a receptance of the shape {receptance.shape}, not {expected}."))
     if not np.isfinite(receptance).all():
         raise PluginError(Fault(where, "it returns a receptance that is not finite."))
     scale = np.sqrt(np.abs(np.diagonal(receptance, axis1=1, axis2=2)))
@@ -264,8 +264,8 @@ def _invert(
     if len(still):
         line, dof = still[0]
         label = substructure.dof_label(int(dofs[dof]))
-        problem = f"its receptance at {label} is zero at {frequency[line]:g} Hz: a part that is held there."
-        raise DovetailError(Fault(where, problem, remedy="Connect it with a joint to 'ground' in its place."))
+        problem = f"its receptance at {label} is zero at {frequency[line]:g} Hz, as if it were fixed."
+        raise DovetailError(Fault(where, problem, remedy="Replace this DOF by a joint to 'ground'."))
     balanced = receptance / (scale[:, :, None] * scale[:, None, :])
     condition = np.linalg.cond(balanced)
     worst = int(np.argmax(condition))
@@ -273,7 +273,7 @@ def _invert(
         labels = ", ".join(substructure.dof_label(int(dof)) for dof in dofs)
         problem = f"its receptance between {labels} cannot be inverted at {frequency[worst]:g} Hz: "
         problem += f"rows depend on each other (condition {condition[worst]:.1e}, balanced)."
-        remedy = "Displacement and rotation must come from independent measurements; look at where they were taken."
+        remedy = "Displacement and rotation must come from independent measurements; check their positions."
         raise DovetailError(Fault(where, problem, f"a condition below {SETTINGS.condition:.0e}", remedy))
     inverse: NDArray[np.complex128] = np.linalg.inv(balanced) / (scale[:, :, None] * scale[:, None, :])
     return inverse

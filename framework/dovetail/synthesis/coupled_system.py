@@ -25,7 +25,7 @@ from dovetail.synthesis.joint_evaluation import (
 from dovetail.synthesis.relative_coordinates import in_coordinates, relative_coordinates, stiff_springs
 
 Point = tuple[str, int]
-"""A DOF: the name of a substructure, and the index of the DOF there."""
+"""A DOF: the name of a substructure, and the index of its DOF."""
 
 
 def condense(
@@ -40,7 +40,7 @@ def condense(
         Hz, positive.
     points : sequence of Point
     disturbed : mapping of str to int, optional
-        Substructures whose dense matrices are disturbed by as much as rounding does, and the number of the draw.
+        Substructures whose dense matrices are disturbed by rounding errors, and the number of the random draw.
 
     Returns
     -------
@@ -125,7 +125,7 @@ class CoupledSystem:
             if number not in active:
                 raise DovetailError(
                     f"{self.graph.substructures[name].dof_label(dof)} of '{name}' does not move: "
-                    "it is held, or nothing gives it inertia or stiffness."
+                    "it is fixed, or has neither inertia nor stiffness."
                 )
         return active
 

@@ -46,9 +46,10 @@ _NEGATIVE = 1e-8
 _MOST_ENTRIES = 2**20
 """Entries of the matrices of all parameter vectors that are computed at once."""
 _ANY = 100.0
-"""Frequency [Hz] at which a joint shows which of its DOFs it connects."""
+"""Frequency [Hz] at which the DOFs that a joint connects are found."""
 _STIFF_DOFS, _RIGID_BODY_MODES = 120, 6
-"""Number of DOFs up to which digits beside stiff joints are kept, and of rigid-body modes that are computed with it."""
+"""Number of DOFs up to which digits of soft parts next to stiff joints are kept, and number of rigid-body modes
+computed then."""
 _STIFF = 1e9
 """Ratio of the stiffest joint to the softest stiffness above which the latter would lose more than nine digits."""
 _SEVERAL = 30.0
@@ -57,7 +58,7 @@ _SEVERAL = 30.0
 
 @dataclass(frozen=True, eq=False)
 class Poles:
-    """Poles of one parameter vector, by increasing magnitude, and what belongs to each.
+    """Poles of one parameter vector by increasing magnitude, with shapes and derivatives.
 
     Parameters
     ----------
@@ -93,9 +94,9 @@ class DampedModes:
     Structural damping is the constant iD, so that a spring k (1 + i eta) with a mass m has s^2 = -k (1 + i eta) / m: a
     natural frequency of sqrt(k / m) (1 + eta^2)^(1/4) and a damping ratio of eta / 2 for small eta.
 
-    Of few DOFs, all poles of all parameter vectors are computed at once. Of more, Rayleigh quotient iteration starts
-    from each undamped mode; if a pole is far from there, all poles are computed, or for large and sparse matrices on a
-    basis that grows until they are accurate. Derivatives are -x^T (dZ/dp) x / x^T (dZ/ds) x.
+    For few DOFs, all poles of all parameter vectors are computed at once. For more, Rayleigh quotient iteration starts
+    from each undamped mode. If a pole is far from its start, all poles are computed; for large and sparse matrices, on
+    a basis that grows until they are accurate. Derivatives are -x^T (dZ/dp) x / x^T (dZ/ds) x.
     """
 
     def __init__(self, graph: Graph) -> None:
@@ -114,7 +115,7 @@ class DampedModes:
         self._moving: tuple[NDArray[np.bool_], NDArray[np.intp]] | None = None
 
     def _rows(self, numbers: NDArray[np.intp], size: int) -> Any:
-        """Return which of all DOFs each of a joint is, (j, d) zeros and ones."""
+        """Return the incidence matrix (j, d), zeros and ones, of a joint's DOFs among all DOFs."""
         if not self._sparse:
             return (numbers[:, None] == np.arange(size)).astype(np.float64)
         moving = np.flatnonzero(numbers >= 0)
@@ -201,12 +202,12 @@ class DampedModes:
         for name, model, L in self._joints:
             if depends_on_frequency(model):
                 continue
-            of_joint = joint_matrices(name, model, theta[name]).sets[0]
+            joint = joint_matrices(name, model, theta[name]).sets[0]
             for matrix, kind in zip(matrices, "MKCD", strict=True):
                 if self._sparse:
-                    matrix[0] = matrix[0] + L.T @ csc_array(getattr(of_joint, kind)[0]) @ L
+                    matrix[0] = matrix[0] + L.T @ csc_array(getattr(joint, kind)[0]) @ L
                 else:
-                    matrix += L.T @ getattr(of_joint, kind) @ L
+                    matrix += L.T @ getattr(joint, kind) @ L
         return matrices
 
     def _derivatives(self, theta: Theta) -> dict[str, tuple[Any, NDArray[np.float64] | None]]:
@@ -226,23 +227,23 @@ class DampedModes:
         laws = any(depends_on_frequency(model) for _, model, _ in self._joints)
         if self._sparse or laws:
             for row in range(len(matrices[0])):
-                yield self._alone([matrix[row] for matrix in matrices], theta, row, wanted)
+                yield self._single([matrix[row] for matrix in matrices], theta, row, wanted)
             return
         if matrices.shape[-1] <= _STIFF_DOFS and (stiff := self._is_stiff(theta)).any():
             for row, relative in enumerate(stiff):
-                alone = {name: vectors[row : row + 1] for name, vectors in theta.items()}
+                single = {name: vectors[row : row + 1] for name, vectors in theta.items()}
                 if relative:
-                    yield self._relative(alone, wanted)
+                    yield self._relative(single, wanted)
                 else:
-                    yield next(self._of_matrices(self._matrices(alone), wanted))
+                    yield next(self._dense_modes(self._matrices(single), wanted))
             return
-        yield from self._of_matrices(matrices, wanted)
+        yield from self._dense_modes(matrices, wanted)
 
-    def _of_matrices(self, matrices: NDArray[np.float64], wanted: Wanted) -> Iterator[tuple[Any, Any]]:
+    def _dense_modes(self, matrices: NDArray[np.float64], wanted: Wanted) -> Iterator[tuple[Any, Any]]:
         """Yield poles (k,) and shapes (k, d) for each row of dense matrices (4, n, d, d)."""
         pattern, few = (matrices != 0).any(axis=0), matrices.shape[-1] <= _FEW_DOFS
-        together = few and (pattern == pattern[:1]).all()
-        for rows in [slice(None)] if together else [slice(row, row + 1) for row in range(len(pattern))]:
+        stackable = few and (pattern == pattern[:1]).all()
+        for rows in [slice(None)] if stackable else [slice(row, row + 1) for row in range(len(pattern))]:
             inertia = np.diagonal(matrices[0, rows], axis1=1, axis2=2)
             _check_mass(inertia)
             active = self._active(pattern[rows][0], inertia[0])
@@ -301,7 +302,7 @@ class DampedModes:
             warn_of_lost_digits(f"the natural frequency {abs(pole) / (2.0 * np.pi):.4g} Hz", float(lost))
         return poles[kept], X[kept]
 
-    def _alone(self, MKCD: Any, theta: Theta, row: int, wanted: Wanted) -> tuple[Any, Any]:
+    def _single(self, MKCD: Any, theta: Theta, row: int, wanted: Wanted) -> tuple[Any, Any]:
         """Return poles and shapes of one parameter vector, if matrices are sparse or joints depend on frequency."""
         laws = [law for _, law in self._laws(theta, row)]
         M, K, C, D = MKCD

@@ -68,8 +68,8 @@ def plan_elimination(pattern: NDArray[np.bool_], keep: Sequence[int], order: Seq
     pattern : (d, d) bool array
         Non-zero entries of the symmetric system.
     keep : sequence of int
-        DOFs that are kept. After the elimination their slots hold the Schur complement; for a single DOF, its inverse
-        is the receptance there.
+        DOFs that are kept. After the elimination their slots contain the Schur complement; for a single DOF, its
+        inverse is the receptance at this DOF.
     order : sequence of int, optional
         DOFs that are eliminated last, in this order; the others precede them, by minimum degree.
 

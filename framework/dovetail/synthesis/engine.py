@@ -158,7 +158,7 @@ class Engine:
         ----------
         factors : as in `frfs`
         """
-        return Factors.of(factors, len(self.pairs), self._lines)
+        return Factors.from_like(factors, len(self.pairs), self._lines)
 
     def frfs(self, theta: Theta, factors: FactorsLike = None) -> NDArray[np.complex128]:
         """Return the FRFs of all pairs for each parameter vector.
@@ -269,7 +269,7 @@ class Engine:
                 chunk = _samples(theta, start, number)
                 terms, weights = _gather(plan, chunk, number, derivatives=derivatives)
                 _wait(blocks)
-                job.kernel_of(plan)  # compiled here, before several threads want it
+                job.kernel_of(plan)  # compile it before several threads need it
                 blocks = [
                     pool.submit(
                         run_block, start + i, _samples(chunk, i, size), terms[i : i + size], weights[i : i + size]

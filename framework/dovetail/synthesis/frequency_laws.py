@@ -17,7 +17,7 @@ _SAMPLES = 121
 _TOLERANCE = 1e-13
 """Error of the rational functions at the samples, relative to the largest value of an entry."""
 _MOST_TERMS = 20
-"""A power of frequency takes 13, a Zener model 2. A kink takes more, and its continuation means nothing."""
+"""A power of frequency takes 13, a Zener model 2. A kink takes more, and its continuation has no meaning."""
 _STEP = 1.5
 """Ratio of successive middles: each complex frequency is nearest to one."""
 
@@ -96,7 +96,7 @@ class ContinuedStiffness:
 
 
 def _rational(frequency: NDArray[np.float64], values: NDArray[np.complex128], tolerance: float) -> _Rational | None:
-    """Return supports, weights and the values there; None if no rational function of few terms fits."""
+    """Return supports, weights and the values at the supports; None if no rational function of few terms fits."""
     entries = values.reshape(len(frequency), -1)
     largest = np.abs(entries).max(axis=0)
     left, sizes, _ = np.linalg.svd(entries[:, largest > 0.0] / largest[largest > 0.0], full_matrices=False)

@@ -77,9 +77,9 @@ class Graph:
             count += connection.model.internal_dofs
         number = self._merged(first, local, count)
         ends = {name: first[name] + len(DIRECTIONS) * len(s.nodes) for name, s in self.substructures.items()}
-        of_substructure = {name: number[first[name] : ends[name]] for name in self.substructures}
-        of_joint = {name: number[dofs] for name, dofs in local.items()}
-        return of_substructure, of_joint, int(number.max(initial=HELD)) + 1
+        substructure_numbers = {name: number[first[name] : ends[name]] for name in self.substructures}
+        joint_numbers = {name: number[dofs] for name, dofs in local.items()}
+        return substructure_numbers, joint_numbers, int(number.max(initial=HELD)) + 1
 
     def _merged(self, first: dict[str, int], local: dict[str, NDArray[np.intp]], count: int) -> NDArray[np.intp]:
         """Give one number to each set of merged DOFs."""

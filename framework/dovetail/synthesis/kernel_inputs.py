@@ -176,7 +176,7 @@ class KernelInputs:
         for parameter, name, column in self._differentiated:
             filled = self._system.sparsity[name].derivatives[column]
             sets.setdefault(name, []).append(((parameter,), column, filled))
-        return {name: self._columns(name, of_joint, self.derivatives, factors) for name, of_joint in sets.items()}
+        return {name: self._columns(name, joint, self.derivatives, factors) for name, joint in sets.items()}
 
     def gather(self, theta: Theta, count: int) -> NDArray[np.float64]:
         """Return the sum over the joints for each term, (n, n_terms).

@@ -1,4 +1,4 @@
-"""How many digits of an FRF rounding in the matrices of parts leaves."""
+"""The number of digits of an FRF that remain after rounding in the matrices of parts."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _DRAWS = 3
 
 
 def lost_digits(engine: Engine, theta: Theta) -> tuple[str, ...]:
-    """Return a sentence on the part whose rounding changes FRFs most, if it does, at the first, middle or last line.
+    """Return a warning about the part whose rounding changes FRFs most at the first, middle or last line, if any.
 
     Parameters
     ----------
@@ -41,12 +41,12 @@ def lost_digits(engine: Engine, theta: Theta) -> tuple[str, ...]:
         return float(difference[worst]), float(frequency[worst])
 
     parts = tuple(engine.graph.substructures)
-    together = change(parts)
-    if together[0] <= _LEAST:
+    combined = change(parts)
+    if combined[0] <= _LEAST:
         return ()
-    losses = {name: change((name,)) for name in parts} if len(parts) > 1 else {parts[0]: together}
+    losses = {name: change((name,)) for name in parts} if len(parts) > 1 else {parts[0]: combined}
     largest = max(losses, key=lambda name: losses[name][0])
-    return (_sentence(largest, *together),)
+    return (_sentence(largest, *combined),)
 
 
 def _sentence(part: str, loss: float, frequency: float) -> str:

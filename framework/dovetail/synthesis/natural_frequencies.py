@@ -143,7 +143,7 @@ def lowest_modes(
 
 
 def _median_square(K: Any, M: Any) -> float:
-    """Return the median of stiffness over mass of the DOFs with inertia [1/s^2], 1 where there is none."""
+    """Return the median of stiffness over mass of the DOFs with inertia [1/s^2], 1 if none has inertia."""
     inertia = M.diagonal() > 0
     if not inertia.any():
         return 1.0
@@ -238,8 +238,8 @@ def lowest_poles(A: Any, C: Any, M: Any, wanted: Wanted) -> Iterator[tuple[Any, 
         number = len(wanted.lowest(starts))
         X = np.array([x for _, x in undamped[:number]], dtype=np.complex128).reshape(number, len(mass))
         poles, shapes = _refined(stiffness, damping, mass, starts[:number], X)
-        apart = np.diff(frequencies, prepend=0.0, append=np.inf)
-        nearest = 2.0 * np.pi * np.minimum(apart[:-1], apart[1:])[:number]
+        spacing = np.diff(frequencies, prepend=0.0, append=np.inf)
+        nearest = 2.0 * np.pi * np.minimum(spacing[:-1], spacing[1:])[:number]
         if (np.abs(poles - starts[:number]) < _NEAR * nearest).all():
             order = wanted.lowest(poles)
             yield poles[order], shapes[order]
@@ -270,7 +270,7 @@ def _refined(A: Any, C: Any, M: Any, s: Any, X: Any) -> tuple[Any, Any]:
 
 
 def searched_poles(pencil: Pencil, wanted: Wanted) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """Return all wanted poles and shapes, whatever the damping."""
+    """Return all wanted poles and shapes, for any damping."""
     size = pencil.M.shape[0]
     if not pencil.joints and not issparse(pencil.M) and size <= _BASIS_DOFS:
         return few_poles(pencil, wanted)
@@ -288,8 +288,8 @@ def searched_poles(pencil: Pencil, wanted: Wanted) -> tuple[NDArray[np.complex12
     if not pencil.joints and not issparse(pencil.M):
         starts, X = searched(pencil, wanted, vectors, modes.solve, _ROUGH)
         poles, shapes = _refined(pencil.A, pencil.C, pencil.M, starts, X)
-        apart = np.abs(starts[:, np.newaxis] - starts) + np.diag(np.full(len(starts), np.inf))
-        if (np.abs(poles - starts) < _ROUGH * apart.min(axis=1, initial=np.inf)).all():
+        spacing = np.abs(starts[:, np.newaxis] - starts) + np.diag(np.full(len(starts), np.inf))
+        if (np.abs(poles - starts) < _ROUGH * spacing.min(axis=1, initial=np.inf)).all():
             order = wanted.lowest(poles)
             return poles[order], shapes[order]
         if size <= _DENSE_DOFS:

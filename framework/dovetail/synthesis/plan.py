@@ -55,7 +55,7 @@ class Factors:
     values: NDArray[np.complex128]
 
     @staticmethod
-    def of(given: FactorsLike, pairs: int, lines: int) -> Factors:
+    def from_like(given: FactorsLike, pairs: int, lines: int) -> Factors:
         """Return the factor of each pair and line; that of the last line is repeated to fill the last vector."""
         if isinstance(given, Factors):
             return given

@@ -257,10 +257,10 @@ def searched(
         for s, x in zip(poles, shapes, strict=True):
             Z, slope = pencil.at(s)
             residual = Z @ x
-            answer = solve(np.stack([residual.real, residual.imag], axis=1))
-            error = abs(residual @ (answer @ np.array([1.0, 1j]))) / abs(s * (x @ (slope @ x)))
+            solution = solve(np.stack([residual.real, residual.imag], axis=1))
+            error = abs(residual @ (solution @ np.array([1.0, 1j]))) / abs(s * (x @ (slope @ x)))
             if not error <= accurate:
-                added.append(answer / scale)
+                added.append(solution / scale)
         size = basis.shape[1]
         if added:
             basis = extended_basis(basis, np.concatenate(added, axis=1), _INDEPENDENT)
@@ -280,8 +280,8 @@ def _swept(pencil: Pencil, wanted: Wanted) -> tuple[NDArray[np.complex128], NDAr
     while middle <= last and not wanted.complete(poles[np.abs(poles) < 2.0 * np.pi * middle / _EXPANSIONS]):
         local = pencil.near(middle)
         starts, X = few_poles(local, replace(wanted, count=2 * len(pencil.A), highest=np.inf))
-        there = np.abs(np.log(np.abs(starts) / (2.0 * np.pi * middle))) <= np.log(_EXPANSIONS)
-        for start, x in zip(starts[there], X[there], strict=True):
+        close = np.abs(np.log(np.abs(starts) / (2.0 * np.pi * middle))) <= np.log(_EXPANSIONS)
+        for start, x in zip(starts[close], X[close], strict=True):
             s, shape = iterated(pencil, start, x)
             if s.imag > wanted.least_turn * abs(s) and not (np.abs(poles - s) < _SAME_POLE * abs(s)).any():
                 poles, shapes = np.append(poles, s), np.concatenate([shapes, shape[np.newaxis]])

@@ -156,12 +156,12 @@ class LiteralSynthesis:
         self._H_br = np.zeros((len(frequency), size, 1), dtype=np.complex128)
         self._H_rr = np.zeros(len(frequency), dtype=np.complex128)
         for name, model in graph.substructures.items():
-            here = [index for index, (owner, _) in enumerate(interface) if owner == name]
-            dofs = [interface[index][1] for index in here]
+            rows = [index for index, (owner, _) in enumerate(interface) if owner == name]
+            dofs = [interface[index][1] for index in rows]
             receptance = model.receptance(frequency, [*dofs, dof] if name == substructure else dofs)
-            self._H_bb[:, np.array(here)[:, None], here] = receptance[:, : len(dofs), : len(dofs)]
+            self._H_bb[:, np.array(rows)[:, None], rows] = receptance[:, : len(dofs), : len(dofs)]
             if name == substructure:
-                self._H_br[:, here, 0] = receptance[:, : len(dofs), -1]
+                self._H_br[:, rows, 0] = receptance[:, : len(dofs), -1]
                 self._H_rr = receptance[:, -1, -1]
 
     def receptance(self, theta: Mapping[str, NDArray[np.float64]]) -> NDArray[np.complex128]:

@@ -1,4 +1,4 @@
-"""Relative displacements across stiff springs as coordinates, in which their stiffness hides no other.
+"""Relative displacements across stiff springs as coordinates, in which softer stiffness keeps its digits.
 
 Where a spring of 1e20 N/m acts between two DOFs, their diagonal entries of the dynamic stiffness have no digits left
 for anything softer. With the displacement of one DOF relative to the other as a coordinate, the spring has a single
@@ -18,7 +18,7 @@ _NOTICED = 1e-6
 """Relative error from which lost digits are reported."""
 
 _PART = 1e-3
-"""Part of a spring's stiffness above which anything else keeps all but three digits beside it."""
+"""Share of a spring's stiffness above which another stiffness loses at most three digits to it."""
 
 
 def stiff_springs(
@@ -29,11 +29,11 @@ def stiff_springs(
     Parameters
     ----------
     stiffness : (j, j) array
-        The joint's.
+        Stiffness matrix of the joint.
     numbers : (j,) array
         The number of each of the joint's DOFs; negative where it does not move.
     others : (d,) array
-        Diagonal entries of what is not a joint, such as the inertia of masses; the joint's inner DOFs have none.
+        Diagonal entries of everything except joints, such as the inertia of masses; 0 for a joint's inner DOFs.
     """
     size, softness = np.abs(stiffness), np.append(np.where(others != 0.0, np.abs(others), np.inf), np.inf)
     for one, other in zip(*np.triu_indices(len(size), 1), strict=True):
@@ -47,7 +47,7 @@ def stiff_springs(
 def rounded(stiffness: NDArray[Any]) -> NDArray[np.float64]:
     """Return the rounding (j,) of the diagonal entries of a joint's matrix that are sums of stiff and soft stiffness.
 
-    It is zero for rows of springs alone, whose entries cancel exactly.
+    It is zero for rows with springs only, whose entries cancel exactly.
     """
     size = np.abs(stiffness)
     springs = size.sum(axis=1) == 2.0 * np.diagonal(size)
@@ -59,7 +59,7 @@ def warn_of_lost_digits(what: str, relative: float) -> None:
     if relative > _NOTICED:
         digits = max(0, int(-np.log10(min(relative, 1.0))))
         message = f"a joint is so stiff that rounding in its matrices leaves {digits} digits of {what}."
-        warnings.warn(f"{message} Take less stiffness, or a rigid joint.", stacklevel=2)
+        warnings.warn(f"{message} Use less stiffness, or a rigid joint.", stacklevel=2)
 
 
 def relative_coordinates(size: int, springs: Iterable[tuple[float, int, int]]) -> NDArray[np.float64]:
@@ -70,13 +70,12 @@ def relative_coordinates(size: int, springs: Iterable[tuple[float, int, int]]) -
     size : int
         Number of DOFs.
     springs : iterable of (float, int, int)
-        Size and DOFs of each; -1 for what does not move, to which displacements then are relative.
+        Size and DOFs of each; -1 for a fixed end, to which the displacement is then relative.
 
     Returns
     -------
     (size, size) array
-        Zeros and ones. Each row has a one for its DOF, and for those on the way to the one that its group is relative
-        to.
+        Zeros and ones. Each row has a one for its DOF, and for the DOFs on the path to the reference of its group.
     """
     neighbours: list[list[int]] = [[] for _ in range(size + 1)]
     group = list(range(size + 1))
@@ -109,7 +108,7 @@ def relative_coordinates(size: int, springs: Iterable[tuple[float, int, int]]) -
 def in_coordinates(Z: NDArray[Any], rows: NDArray[np.float64]) -> NDArray[Any]:
     """Return R^T Z R of a joint's matrices (n_lines, j, j), with rows R (j, d) of zeros and ones.
 
-    Entries of a coordinate are summed without others, so that equal and opposite ones cancel.
+    The entries of each coordinate are summed separately, so that opposite ones cancel exactly.
     """
     used = np.flatnonzero(rows.any(axis=0))
     if not len(used):

@@ -132,8 +132,8 @@ def table_in(archive: Mapping[str, Any], where: str, size: int) -> DofTable | No
             raise DovetailError(Fault(where, f"there is no '{name}', which the table of DOFs needs."))
     lengths = {name: len(columns[column]) for name, column in TABLE_ARRAYS.items() if column in columns}
     if len(set(lengths.values())) > 1:
-        lengths = ", ".join(f"{name} {length}" for name, length in lengths.items())
-        raise DovetailError(Fault(where, f"the columns of the table of DOFs differ in length: {lengths}."))
+        listed = ", ".join(f"{name} {length}" for name, length in lengths.items())
+        raise DovetailError(Fault(where, f"the columns of the table of DOFs differ in length: {listed}."))
     return _table(columns, where, size)
 
 

@@ -167,9 +167,9 @@ class _LoopedKernel(KernelWriter):
         rows = self.table(self.rank[int(program.rows[slot])] - before for slot in program.column)
 
         def point(index: str, _: list[str]) -> list[str]:
-            here = ir.value(f"sub i64 {count - 2}, {index}")
-            after = ir.value(f"add i64 {here}, 1")
-            first, last = self.entry(start, here), self.entry(start, after)
+            current = ir.value(f"sub i64 {count - 2}, {index}")
+            after = ir.value(f"add i64 {current}, 1")
+            first, last = self.entry(start, current), self.entry(start, after)
 
             def fill(other: str, value: ComplexVector) -> None:
                 def gather(at: str, sums: list[str]) -> list[str]:
@@ -178,7 +178,7 @@ class _LoopedKernel(KernelWriter):
                     return [str(half) for half in ir.complex_multiply_add(factor, later, (sums[0], sums[1]))]
 
                 real, imaginary = ir.loop(first, last, gather, [(VECTOR, str(half)) for half in value])
-                for row, column in ((here, other), (other, here)):
+                for row, column in ((current, other), (other, current)):
                     self.store_pair(self.within(self._between, row, count), column, (real, imaginary))
 
             def with_later(other: str, _: list[str]) -> list[str]:
@@ -186,7 +186,7 @@ class _LoopedKernel(KernelWriter):
                 return []
 
             ir.loop(after, count, with_later)
-            fill(here, self.invert(self.load_pair(self._work, self.entry(diagonal, here)), None)[0])
+            fill(current, self.invert(self.load_pair(self._work, self.entry(diagonal, current)), None)[0])
             return []
 
         ir.loop(0, count - 1, point)

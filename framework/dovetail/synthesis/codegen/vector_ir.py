@@ -107,7 +107,7 @@ class VectorWriter:
         self.lines.append(f"enter{number}:")
         self.emit(f"br label %test{number}")
         self.lines.append(f"test{number}:")
-        here = len(self.lines)
+        start = len(self.lines)
         self.emit(f"%go{number} = icmp slt i64 %index{number}, {last}")
         self.emit(f"br i1 %go{number}, label %round{number}, label %leave{number}")
         self.lines.append(f"round{number}:")
@@ -117,7 +117,7 @@ class VectorWriter:
         self.emit(f"%next{number} = add i64 %index{number}, 1")
         self.emit(f"br label %test{number}")
         self.lines.append(f"leave{number}:")
-        self.lines[here:here] = [
+        self.lines[start:start] = [
             f"  %index{number} = phi i64 [{first}, %enter{number}], [%next{number}, %close{number}]",
             *(
                 f"  {name} = phi {kind} [{start}, %enter{number}], [{value}, %close{number}]"
