@@ -107,7 +107,7 @@ def test_there_are_more_than_ten_checks_of_each_kind(kind):
 
 def test_a_pickle_hidden_in_an_array_is_found():
     (found,) = [result for result in check_component(PLUGINS["reducer"].Pickled) if result.outcome == "failed"]
-    assert found.name == "a_fresh_process_gives_the_same_answers"
+    assert found.name == "a_fresh_process_gives_the_same_results"
     assert "unpickles numpy" in found.problem
 
 

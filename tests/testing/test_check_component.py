@@ -97,7 +97,7 @@ def test_a_part_without_mass_conforms_and_has_no_receptance_by_itself():
     assert [result for result in results.values() if not result.ok] == []
     assert results["receptance_has_its_shape"].outcome == "not applicable"
     assert results["mass_is_symmetric_and_positive"].outcome == "warning"
-    for name in ("rigid_body_modes", "stiffness_is_symmetric_and_positive", "a_fresh_process_gives_the_same_answers"):
+    for name in ("rigid_body_modes", "stiffness_is_symmetric_and_positive", "a_fresh_process_gives_the_same_results"):
         assert results[name].outcome == "passed"
 
 

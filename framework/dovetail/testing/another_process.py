@@ -73,7 +73,7 @@ def report_of_another_process(specimen: Specimen) -> Report:
         at_top = getattr(at_top, name, None)
     if at_top is not specimen.model or not getattr(module, "__file__", None):
         raise Reservation(
-            f"no other process can import {specimen.model.__qualname__}, so this was not looked at.",
+            f"no other process can import {specimen.model.__qualname__}, so this was not checked.",
             "Put the class at the top of a module.",
         )
     options = set()
@@ -90,7 +90,7 @@ def _report_of(model: type[Component], options: tuple[str, ...], imports: tuple[
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         if reason := run_in_fresh_process(__name__, model, request, folder, {**_ENVIRONMENT, **_THREADS}, _LIMIT):
-            raise Nonconformity(f"in a fresh process it fails: {reason}", "Let it depend on its options alone.")
+            raise Nonconformity(f"it fails in a fresh process: {reason}", "Compute everything from the options only.")
         said = json.loads((folder / _REPORT).read_text(encoding="utf-8"))
         arrays = {}
         for index, config in enumerate(said["configs"]):

@@ -111,7 +111,7 @@ def _read(component: Any, name: str) -> str:
     try:
         return repr(getattr(component, name))
     except NotImplementedError:
-        return "not said"
+        return "not defined"
 
 
 def _of_joint(joint: JointModel, lines: NDArray[np.float64], question: int) -> dict[str, Any]:

@@ -28,7 +28,7 @@ def check_name_summary_and_references_are_texts(model: type[Component]) -> None:
     if not isinstance(summary, str) or not summary.strip() or "\n" in summary or len(summary) > _LONGEST_SUMMARY:
         raise Nonconformity(f"the summary is {summary!r:.80}.", "Give it one line of up to 150 characters.")
     if not isinstance(references, tuple) or not all(isinstance(entry, str) and entry for entry in references):
-        raise Nonconformity(f"the references are {references!r:.80}.", "Make them a tuple of texts; () where none is.")
+        raise Nonconformity(f"the references are {references!r:.80}.", "Make them a tuple of texts; () for none.")
 
 
 def check_public_code_is_documented(model: type[Component]) -> None:
@@ -43,7 +43,7 @@ def check_public_code_is_documented(model: type[Component]) -> None:
         if not inspect.cleandoc(function.__doc__ or ""):
             bare.append(f"{model.__qualname__}.{name}")
     if bare:
-        raise Nonconformity(f"without a docstring: {', '.join(bare)}.", "Say in a line what each is.")
+        raise Nonconformity(f"without a docstring: {', '.join(bare)}.", "Describe each in a line.")
 
 
 def check_options_are_described_with_their_units(model: type[Component]) -> None:
@@ -72,7 +72,9 @@ def check_overrides_are_spelt_as_in_the_contract(model: type[Component]) -> None
             continue
         for near in difflib.get_close_matches(_plain(name), missing, n=1, cutoff=_NEARLY):
             problem = f"'{name}' is nearly '{missing[near]}', which may be overridden; nothing calls it under its name."
-            raise Nonconformity(problem, f"Call it '{missing[near]}' if that is meant, or give it an unlike name.")
+            raise Nonconformity(
+                problem, f"Rename it '{missing[near]}' if that is intended, or choose a different name."
+            )
 
 
 def check_options_have_a_schema(model: type[Component]) -> None:
@@ -89,7 +91,7 @@ def check_config_is_frozen_and_refuses_unknown_keys(model: type[Component]) -> N
         for key, value in wanted.items():
             if config.model_config.get(key) != value:
                 problem = f"{config.__qualname__} has {key} = {config.model_config.get(key)!r}, not {value!r}."
-                raise Nonconformity(problem, "Leave model_config as dovetail.ComponentConfig has it.")
+                raise Nonconformity(problem, "Inherit model_config from dovetail.ComponentConfig.")
 
 
 def _plain(name: str) -> str:
@@ -123,7 +125,7 @@ def _check_unit(name: str, text: str, units: set[str]) -> None:
             continue
         if not any(_same_dimension(said, unit) for unit in units):
             problem = f"the option '{name}' is described in [{said}], but is read in {', '.join(units) or 'no unit'}."
-            raise Nonconformity(problem, f'Annotate it with dovetail.InUnit("{said}"), or mend the description.')
+            raise Nonconformity(problem, f'Annotate it with dovetail.InUnit("{said}"), or correct the description.')
 
 
 def _same_dimension(one: str, other: str) -> bool:

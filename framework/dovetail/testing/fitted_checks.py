@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dovetail.errors import DovetailError
 from dovetail.interfaces import FittedReducer, FittedRegressor
-from dovetail.testing.alike import require_alike
+from dovetail.testing.agreement import require_agreement
 from dovetail.testing.fitted_specimens import FittedSpecimen, ReducerSpecimen, RegressorSpecimen
 from dovetail.testing.outcomes import Nonconformity
 from dovetail.testing.surroundings import with_other_random_numbers
@@ -34,10 +34,10 @@ def check_fit_returns_what_the_contract_says(specimen: FittedSpecimen) -> None:
     new = specimen.model(specimen.component.config)
     kept = sorted(set(vars(specimen.component)) - set(vars(new)))
     if kept:
-        raise Nonconformity(f"fit put '{kept[0]}' into the component.", "Put what was fitted into the object returned.")
+        raise Nonconformity(f"fit stores '{kept[0]}' in the component.", "Store it in the fitted object instead.")
 
 
-def check_answers_have_a_row_for_each_sample(specimen: FittedSpecimen) -> None:
+def check_results_have_a_row_for_each_sample(specimen: FittedSpecimen) -> None:
     """The output has a row for each input row, always of the same width, in single or double precision."""
     features = specimen.training.features
     whole = specimen.answer(specimen.fitted, features.copy())
@@ -58,15 +58,17 @@ def check_answers_have_a_row_for_each_sample(specimen: FittedSpecimen) -> None:
             raise Nonconformity(problem, f"Return an array of shape {shape}, float32 or float64.")
 
 
-def check_answers_are_finite(specimen: FittedSpecimen) -> None:
+def check_results_are_finite(specimen: FittedSpecimen) -> None:
     """Finite features give finite output, also for samples that were not used for fitting."""
     for samples in (specimen.training, specimen.unseen):
         if not np.isfinite(specimen.ask(specimen.fitted, samples.features)).all():
-            raise Nonconformity("it returned values that are not finite.", "Guard divisions, and what may overflow.")
+            raise Nonconformity(
+                "it returned values that are not finite.", "Guard divisions, and operations that may overflow."
+            )
 
 
 def check_the_same_seed_gives_the_same_fit(specimen: FittedSpecimen) -> str:
-    """Two fits with the same seed give the same output bit for bit, whatever the global random numbers are."""
+    """Two fits with the same seed give the same output bit for bit, for any state of the global random numbers."""
     features = specimen.unseen.features
     start = time.perf_counter()
     again = with_other_random_numbers(specimen.fit)
@@ -81,37 +83,37 @@ def check_every_seed_is_accepted(specimen: FittedSpecimen) -> None:
     first, again = (specimen.fit(seed=0) for _ in range(2))
     features = specimen.unseen.features[:_FEW]
     if not np.array_equal(specimen.ask(first, features), specimen.ask(again, features)):
-        raise Nonconformity("two fits with the seed 0 differ.", "Use the seed as it is, not `seed or ...`.")
+        raise Nonconformity("two fits with the seed 0 differ.", "Use the seed unchanged, not `seed or ...`.")
     try:
         specimen.fit(seed=_GREATEST_SEED)
     except (DovetailError, ValueError, OverflowError, TypeError) as error:
         problem = f"it cannot be fitted with the seed {_GREATEST_SEED}: {error}."
-        raise Nonconformity(problem, "Take seeds up to 2^32 - 1.") from None
+        raise Nonconformity(problem, "Accept seeds up to 2^32 - 1.") from None
 
 
-def check_global_random_numbers_are_left_alone(specimen: FittedSpecimen) -> None:
+def check_global_random_numbers_are_left_unchanged(specimen: FittedSpecimen) -> None:
     """Neither fitting nor predicting draws from global generators (NumPy, random, torch) or seeds them."""
     if specimen.observed.observation.generators:
         drawn = ", ".join(specimen.observed.observation.generators)
-        remedy = "Use numpy.random.default_rng(seed), or put the generator back (torch.random.fork_rng)."
+        remedy = "Use numpy.random.default_rng(seed), or restore the generator (torch.random.fork_rng)."
         raise Nonconformity(f"it changes the global random numbers of {drawn}.", remedy)
 
 
-def check_global_settings_are_left_alone(specimen: FittedSpecimen) -> None:
+def check_global_settings_are_left_unchanged(specimen: FittedSpecimen) -> None:
     """NumPy's error handling, torch's threads and dtype, the environment and so on are the same after a call."""
     if specimen.observed.observation.settings:
         changed = ", ".join(specimen.observed.observation.settings)
-        raise Nonconformity(f"it changes {changed}.", "Put settings back in a `finally`, or use a context manager.")
+        raise Nonconformity(f"it changes {changed}.", "Restore settings in a `finally`, or use a context manager.")
 
 
 def check_nothing_is_printed(specimen: FittedSpecimen) -> None:
     """Nothing is written to the standard output, where the caller may write a table or JSON."""
     if text := specimen.observed.observation.printed.strip():
-        raise Nonconformity(f"it prints {text.splitlines()[0]!r:.60}.", "Report by `progress`, or use logging.")
+        raise Nonconformity(f"it prints {text.splitlines()[0]!r:.60}.", "Report through `progress`, or use logging.")
 
 
-def check_one_alone_is_as_in_a_batch(specimen: FittedSpecimen) -> str:
-    """An FRF has the same output alone, in a pair and among 500, since a measurement comes alone."""
+def check_single_rows_agree_with_batches(specimen: FittedSpecimen) -> str:
+    """An FRF has the same output in a batch of 1, 2 and 500, since a measurement is a batch of one."""
     features = specimen.samples(_BATCH, seed=3).features
     start = time.perf_counter()
     batch = specimen.ask(specimen.fitted, features)
@@ -121,8 +123,8 @@ def check_one_alone_is_as_in_a_batch(specimen: FittedSpecimen) -> str:
         start = time.perf_counter()
         small = [specimen.ask(specimen.fitted, features[rows[i : i + size]]) for i in range(0, _FEW, size)]
         times.append((time.perf_counter() - start) / len(small))
-        problem = f"in a batch of {size} a row has another answer than in one of {_BATCH}"
-        require_alike(np.concatenate(small), batch[rows], problem, "Let each row depend on itself.")
+        problem = f"a row in a batch of {size} has another result than in a batch of {_BATCH}"
+        require_agreement(np.concatenate(small), batch[rows], problem, "Compute each row from this row only.")
     return f"{_BATCH} take {1000 * times[0]:.3g} ms, one {1000 * times[-1]:.3g} ms"
 
 
@@ -131,10 +133,12 @@ def check_the_order_of_rows_does_not_matter(specimen: FittedSpecimen) -> None:
     features = specimen.training.features
     turned = specimen.ask(specimen.fitted, features[::-1])[::-1]
     batch = specimen.ask(specimen.fitted, features)
-    require_alike(turned, batch, "rows in another order give other answers", "Let a row not depend on its place.")
+    require_agreement(
+        turned, batch, "rows in another order give other results", "Compute each row independently of its position."
+    )
 
 
-def check_asking_changes_nothing(specimen: FittedSpecimen) -> None:
+def check_repeated_calls_agree(specimen: FittedSpecimen) -> None:
     """The same input gives the same output, whatever was computed in between, and the state does not change."""
     features = specimen.training.features
     state = specimen.fitted.state()
@@ -142,13 +146,13 @@ def check_asking_changes_nothing(specimen: FittedSpecimen) -> None:
     specimen.ask(specimen.fitted, 2.0 * features[_FEW:])
     again = specimen.ask(specimen.fitted, features[:_FEW])
     if not np.array_equal(first, again):
-        raise Nonconformity("a question asked twice got two answers.", "Keep nothing of what is asked.")
+        raise Nonconformity("the same features gave two results.", "Store nothing when predicting.")
     later = specimen.fitted.state()
     if state.keys() != later.keys() or not all(np.array_equal(state[name], later[name]) for name in state):
-        raise Nonconformity("its state changes when it is asked.", "Keep nothing of what is asked.")
+        raise Nonconformity("predicting changes its state.", "Store nothing when predicting.")
 
 
-def check_answers_are_fresh(specimen: FittedSpecimen) -> None:
+def check_results_are_new_arrays(specimen: FittedSpecimen) -> None:
     """A returned array is never changed later, and may be overwritten, since features are standardised in place."""
     features = specimen.training.features[:_FEW]
     asked = features.copy()
@@ -156,13 +160,13 @@ def check_answers_are_fresh(specimen: FittedSpecimen) -> None:
     kept = first.copy()
     specimen.ask(specimen.fitted, specimen.unseen.features[:_FEW])
     if not np.array_equal(first, kept):
-        raise Nonconformity("a later answer changes an earlier one.", "Return a new array each time.")
+        raise Nonconformity("a later call changes an earlier result.", "Return a new array from each call.")
     if np.shares_memory(first, asked):
-        raise Nonconformity("its answer is a view of the features.", "Return a copy.")
+        raise Nonconformity("its result is a view of the features.", "Return a copy.")
     if first.flags.writeable:
         first[...] = 0.0
     if not np.array_equal(specimen.ask(specimen.fitted, features), kept):
-        raise Nonconformity("writing into an answer changes the next one.", "Return a new array each time.")
+        raise Nonconformity("overwriting a result changes the next one.", "Return a new array from each call.")
 
 
 def check_inputs_are_left_unchanged(specimen: FittedSpecimen) -> None:
@@ -171,7 +175,7 @@ def check_inputs_are_left_unchanged(specimen: FittedSpecimen) -> None:
     asked = specimen.training.features.copy()
     specimen.answer(specimen.fitted, asked)
     if changed or not np.array_equal(asked, specimen.training.features):
-        raise Nonconformity("it changed the features that it was given.", "Compute with copies.")
+        raise Nonconformity("it changed the caller's features.", "Compute with copies.")
 
 
 def check_read_only_arrays_are_accepted(specimen: FittedSpecimen) -> None:
@@ -189,8 +193,8 @@ def check_read_only_arrays_are_accepted(specimen: FittedSpecimen) -> None:
 def check_its_samples_may_be_overwritten(specimen: FittedSpecimen) -> None:
     """After `fit`, the caller may overwrite the training samples."""
     if not np.array_equal(specimen.observed.answers, specimen.observed.overwritten):
-        problem = "writing into the training samples after fit changes its answers."
-        raise Nonconformity(problem, "Copy what is kept of them.")
+        problem = "overwriting the training samples after fit changes its results."
+        raise Nonconformity(problem, "Copy the samples that it keeps.")
 
 
 def check_layout_and_precision_do_not_matter(specimen: FittedSpecimen) -> None:
@@ -199,28 +203,28 @@ def check_layout_and_precision_do_not_matter(specimen: FittedSpecimen) -> None:
     features = specimen.unseen.features
     wanted = specimen.ask(specimen.fitted, features)
     layouts: dict[str, NDArray[Any]] = {
-        "in Fortran's order": np.array(features, order="F"),
+        "in Fortran order": np.array(features, order="F"),
         "in double precision": features.astype(np.float64),
         "of every other row of an array": np.repeat(features, 2, axis=0)[::2],
         "in reversed memory": features[::-1, ::-1].copy()[::-1, ::-1],
     }
     for name, array in layouts.items():
         answers = np.array(specimen.answer(specimen.fitted, array))
-        require_alike(answers, wanted, f"features {name} have other answers", remedy)
+        require_agreement(answers, wanted, f"features {name} give other results", remedy)
     double: Any = np.asfortranarray(specimen.training.features, dtype=np.float64)
     turned = TrainingSet(double, np.array(specimen.training.targets, order="F"))
     answers = specimen.ask(specimen.fit(turned), features)
-    require_alike(answers, wanted, "fitted to arrays in Fortran's order and double precision it differs", remedy)
+    require_agreement(answers, wanted, "a fit to arrays in Fortran order and double precision differs", remedy)
 
 
-def check_other_fits_leave_no_trace(specimen: FittedSpecimen) -> None:
+def check_other_fits_have_no_influence(specimen: FittedSpecimen) -> None:
     """Earlier fits, by this or another instance, with the same or other options, have no influence."""
     features = specimen.unseen.features
     before = specimen.ask(specimen.fitted, features)
-    remedy = "Keep nothing in the class, the module or the component."
+    remedy = "Store nothing in the class, the module or the component."
     elsewhere = specimen.elsewhere
-    require_alike(elsewhere.meanwhile, before, "other fits change the answers of an earlier one", remedy)
-    require_alike(elsewhere.again, before, "fitted to other samples before, it answers otherwise", remedy)
+    require_agreement(elsewhere.meanwhile, before, "other fits change the results of an earlier one", remedy)
+    require_agreement(elsewhere.again, before, "an earlier fit to other samples changes its results", remedy)
 
 
 def check_values_that_are_not_finite_are_refused(specimen: FittedSpecimen) -> None:
@@ -230,14 +234,16 @@ def check_values_that_are_not_finite_are_refused(specimen: FittedSpecimen) -> No
         samples.features[3, -1] = value
         calls: dict[str, Callable[[], Any]] = {
             "fitting to": partial(specimen.fit, samples),
-            "answering to": partial(specimen.answer, specimen.fitted, samples.features),
+            "predicting from": partial(specimen.answer, specimen.fitted, samples.features),
         }
         for verb, call in calls.items():
             try:
                 call()
             except (DovetailError, ValueError):
                 continue
-            raise Nonconformity(f"{verb} {value} raises nothing.", "Raise a dovetail.DovetailError that names the row.")
+            raise Nonconformity(
+                f"{verb} {value} raises no error.", "Raise a dovetail.DovetailError that names the row."
+            )
 
 
 def check_another_width_is_refused(specimen: FittedSpecimen) -> None:
@@ -248,5 +254,5 @@ def check_another_width_is_refused(specimen: FittedSpecimen) -> None:
             specimen.ask(specimen.fitted, other)
         except (DovetailError, ValueError):
             continue
-        problem = "it takes features of another width than it was fitted to."
+        problem = "it accepts features of another width than those of the fit."
         raise Nonconformity(problem, "Compare features.shape[1] with that of the training features.")

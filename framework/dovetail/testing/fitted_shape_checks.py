@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import DovetailError
-from dovetail.testing.alike import require_alike
+from dovetail.testing.agreement import require_agreement
 from dovetail.testing.fitted_specimens import FittedSpecimen
 from dovetail.testing.outcomes import Nonconformity, NotApplicable
 from dovetail.testing.training_sets import TrainingSet
@@ -37,7 +37,7 @@ def check_five_thousand_features_are_accepted_or_refused(specimen: FittedSpecime
     _require_sound(specimen, specimen.samples(_ENOUGH, columns=_LINES, seed=33), f"{_LINES} features")
 
 
-def check_features_that_do_not_vary_are_no_trouble(specimen: FittedSpecimen) -> None:
+def check_constant_features_are_handled(specimen: FittedSpecimen) -> None:
     """A constant line, a line of zeros, repeated samples, a flat FRF and one of zeros give finite output."""
     samples = specimen.training.copy()
     samples.features[:, 0] = samples.features[0, 0]
@@ -50,11 +50,11 @@ def check_features_that_do_not_vary_are_no_trouble(specimen: FittedSpecimen) -> 
         except (DovetailError, ValueError):
             continue
         if not np.isfinite(answer).all():
-            problem = f"it answers an FRF that is {level:.3g} at all lines with values that are not finite."
+            problem = f"for an FRF that is {level:.3g} at all lines its results are not finite."
             raise Nonconformity(problem, "Guard divisions by a row's own sum or deviation, or refuse such a row.")
 
 
-def check_the_size_of_features_is_no_trouble(specimen: FittedSpecimen) -> None:
+def check_features_of_any_size_are_handled(specimen: FittedSpecimen) -> None:
     """Features times 1e-9 or 1e6 give finite output, also after fitting to features of the usual size."""
     for scale in SMALL, _LARGE:
         what = f"features of {scale:g} times the size"
@@ -73,7 +73,7 @@ def _require_sound(specimen: FittedSpecimen, samples: TrainingSet, what: str) ->
     fitted, answers = _finite(specimen, samples, what)
     restored = specimen.ask(specimen.component.restore(fitted.state()), samples.features)
     problem = f"for {what} it answers otherwise when restored from its state"
-    require_alike(restored, answers, problem, "Keep integers and numbers of the state wide enough.")
+    require_agreement(restored, answers, problem, "Keep integers and numbers of the state wide enough.")
 
 
 def _finite(specimen: FittedSpecimen, samples: TrainingSet, what: str) -> tuple[Any, NDArray[Any]]:
@@ -83,6 +83,6 @@ def _finite(specimen: FittedSpecimen, samples: TrainingSet, what: str) -> tuple[
         raise NotApplicable(f"it refuses {what}: {refusal.faults[0].problem}") from None
     answers = specimen.ask(fitted, samples.features)
     if answers.ndim != 2 or len(answers) != len(samples.features) or not np.isfinite(answers).all():
-        problem = f"for {what} its answers are of shape {answers.shape}, or not finite."
+        problem = f"for {what} its results have the shape {answers.shape}, or are not finite."
         raise Nonconformity(problem, "Guard divisions and squeezed axes, or raise a dovetail.DovetailError in fit.")
     return fitted, answers

@@ -7,7 +7,7 @@ import json
 import numpy as np
 
 from dovetail.interfaces import ComponentState
-from dovetail.testing.alike import require_alike
+from dovetail.testing.agreement import require_agreement
 from dovetail.testing.fitted_specimens import FittedSpecimen
 from dovetail.testing.outcomes import Nonconformity, Reservation
 
@@ -57,12 +57,14 @@ def check_state_is_a_copy(specimen: FittedSpecimen) -> None:
         raise Nonconformity("writing into its state changes its answers.", "Return copies from state().")
 
 
-def check_restoring_brings_back_the_answers(specimen: FittedSpecimen) -> None:
+def check_restoring_gives_the_same_results(specimen: FittedSpecimen) -> None:
     """An object restored from its state gives the same output as the original."""
     features = specimen.unseen.features
     answers = specimen.ask(specimen.component.restore(specimen.fitted.state()), features)
     problem = "restored from its state it answers otherwise"
-    require_alike(answers, specimen.ask(specimen.fitted, features), problem, "Put all that was fitted into state().")
+    require_agreement(
+        answers, specimen.ask(specimen.fitted, features), problem, "Put all that was fitted into state()."
+    )
 
 
 def check_storing_twice_changes_nothing(specimen: FittedSpecimen) -> None:
@@ -88,19 +90,19 @@ def check_state_does_not_grow_with_the_samples(specimen: FittedSpecimen) -> str 
     return f"{few / 1000:.3g} kB"
 
 
-def check_a_fresh_process_gives_the_same_answers(specimen: FittedSpecimen) -> None:
+def check_a_fresh_process_gives_the_same_results(specimen: FittedSpecimen) -> None:
     """Restored from files in a fresh process, without unpickling, it gives the same output."""
     wanted = specimen.ask(specimen.fitted, specimen.unseen.features)
     problem = "in a fresh process it answers otherwise"
     answers = specimen.fresh.get("restored")
-    require_alike(answers, wanted, problem, "Let restore depend on the state and the Config alone.")
+    require_agreement(answers, wanted, problem, "Let restore depend on the state and the Config alone.")
 
 
 def check_a_fresh_process_fits_the_same(specimen: FittedSpecimen) -> None:
     """Fitted in a fresh process, without earlier fits and with another hash seed, it gives the same output."""
     problem = "fitted in a fresh process it answers otherwise"
     remedy = "Let fit depend on its samples, the seed and the Config alone: no cache, and no order of a set."
-    require_alike(specimen.fresh.get("fitted"), specimen.elsewhere.answers, problem, remedy)
+    require_agreement(specimen.fresh.get("fitted"), specimen.elsewhere.answers, problem, remedy)
 
 
 def check_no_files_are_left(specimen: FittedSpecimen) -> None:

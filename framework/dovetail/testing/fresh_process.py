@@ -29,7 +29,7 @@ _START = (
     "import os; from dovetail.worker_processes import end_with_parent; end_with_parent(os.getppid()); "
     "from {} import main; main()"
 )
-_REMEDY = "Put the class at the top of a module, and let restore need nothing but the state and the Config."
+_REMEDY = "Put the class at the top of a module, and compute restore from the state and the Config only."
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +59,7 @@ class FreshAnswers:
             It is missing.
         """
         if name in self.failures:
-            raise Nonconformity(f"in a fresh process it cannot be {name}: {self.failures[name]}", _REMEDY)
+            raise Nonconformity(f"it cannot be {name} in a fresh process: {self.failures[name]}", _REMEDY)
         return self.answers[name]
 
 

@@ -15,7 +15,7 @@ def check_config_survives_json(specimen: Specimen) -> None:
     again = type(config).model_validate(json.loads(written))
     if again != config:
         raise Nonconformity(
-            f"{config!r:.100} comes back from JSON as {again!r:.100}.", "Let options be plain values that JSON knows."
+            f"{config!r:.100} becomes, after JSON, {again!r:.100}.", "Use plain JSON values for options."
         )
 
 
@@ -24,6 +24,6 @@ def check_a_component_keeps_its_config(specimen: Specimen) -> None:
     config = specimen.model.Config.model_validate(dict(specimen.options))
     if specimen.model(config).config != config or specimen.component.config != config:
         raise Nonconformity(
-            f"made from {config!r:.100} it has the config {specimen.component.config!r:.100}.",
-            "Call super().__init__(config), and change nothing in it.",
+            f"constructed from {config!r:.100} it has the config {specimen.component.config!r:.100}.",
+            "Call super().__init__(config), and do not change the config.",
         )

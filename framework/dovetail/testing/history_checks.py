@@ -15,7 +15,7 @@ _ROUNDING = 1e-9
 """Difference between two processes, relative to the largest entry, that the order of sums may cause."""
 
 
-def check_an_earlier_answer_survives(specimen: Specimen) -> None:
+def check_earlier_results_are_kept(specimen: Specimen) -> None:
     """A returned array is not changed by later calls."""
     component = _new_instance(specimen).component
     first = answers(component)
@@ -24,17 +24,17 @@ def check_an_earlier_answer_survives(specimen: Specimen) -> None:
     answers(specimen.model(specimen.component.config), question=2)
     if changed := difference(first, kept):
         problem = f"{changed} that was returned changes with the next call."
-        raise Nonconformity(problem, "Return new arrays from each call, not a buffer that is kept.")
+        raise Nonconformity(problem, "Return new arrays from each call, not a shared buffer.")
 
 
-def check_asking_changes_nothing(specimen: Specimen) -> None:
+def check_repeated_calls_agree(specimen: Specimen) -> None:
     """The same input gives the same output bit for bit, whatever was computed in between."""
     renewed = _new_instance(specimen)
     before = copied(answers(renewed.component))
     _compute_others(renewed)
     if changed := difference(copied(answers(renewed.component)), before):
-        problem = f"{changed} is another one after other questions."
-        raise Nonconformity(problem, "Keep nothing of what is asked, and draw no random numbers.")
+        problem = f"{changed} is different after other calls."
+        raise Nonconformity(problem, "Store nothing, and draw no random numbers.")
 
 
 def check_declarations_do_not_change(specimen: Specimen) -> None:
@@ -48,26 +48,26 @@ def check_declarations_do_not_change(specimen: Specimen) -> None:
         if not value == repeated[name] == after[name]:
             other = repeated[name] if repeated[name] != value else after[name]
             problem = f"{name} is {value:.60}, and later {other:.60}."
-            raise Nonconformity(problem, "Let it follow from the options alone, and do not change these.")
+            raise Nonconformity(problem, "Compute it from the options only, and do not change these.")
 
 
 def check_other_instances_change_nothing(specimen: Specimen) -> None:
-    """Components with the same options give the same output, whatever other components exist."""
+    """Components with the same options give the same output, regardless of other components."""
     component = _new_instance(specimen).component
     before = copied(answers(component))
     if changed := difference(copied(answers(_new_instance(specimen).component)), before):
-        raise Nonconformity(f"made twice from the same options, {changed} differs.", _IN_THE_INSTANCE)
+        raise Nonconformity(f"two components with the same options differ in {changed}.", _IN_THE_INSTANCE)
     for other in (varied(specimen.component), *(each.component for each in specimen.companions)):
         if other is not None:
             answers(type(other)(other.config))
     if changed := difference(copied(answers(component)), before):
-        raise Nonconformity(f"{changed} changes when a component with other options is made.", _IN_THE_INSTANCE)
+        raise Nonconformity(f"{changed} changes when a component with other options is constructed.", _IN_THE_INSTANCE)
 
 
-_IN_THE_INSTANCE = "Keep what belongs to the options in the instance (self), not in the class or the module."
+_IN_THE_INSTANCE = "Store values that depend on the options in the instance (self), not in the class or the module."
 
 
-def check_a_fresh_process_gives_the_same_answers(specimen: Specimen) -> None:
+def check_a_fresh_process_gives_the_same_results(specimen: Specimen) -> None:
     """Another process, with another hash seed and folder, gives the same output, also after other options."""
     report = report_of_another_process(specimen)
     for component in _one_by_one(specimen):
@@ -76,15 +76,17 @@ def check_a_fresh_process_gives_the_same_answers(specimen: Specimen) -> None:
         changed = [name for name, value in declarations(component).items() if declared[name] != value]
         changed.append(difference(said, copied(answers(component)), _ROUNDING))
         if changed[0]:
-            problem = f"in a fresh process {changed[0]} is another one."
-            remedy = "Let it depend on the options alone: not on hashes, sets, files or earlier instances."
+            problem = f"in a fresh process {changed[0]} differs."
+            remedy = "Compute it from the options only, not from hashes, sets, files or earlier instances."
             raise Nonconformity(problem, remedy)
 
 
-def check_surroundings_are_left_as_they_are(specimen: Specimen) -> None:
+def check_global_state_is_left_unchanged(specimen: Specimen) -> None:
     """Global state is not changed: random numbers, settings of NumPy and torch, the working folder and its files."""
     for name in report_of_another_process(specimen).changed:
-        remedy = "Use what has its own state, such as numpy.random.default_rng(seed) or 'with numpy.errstate(...)'."
+        remedy = (
+            "Use objects with their own state, such as numpy.random.default_rng(seed) or 'with numpy.errstate(...)'."
+        )
         raise Nonconformity(f"it changes {name} for all other code.", remedy)
 
 

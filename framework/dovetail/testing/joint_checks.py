@@ -59,7 +59,7 @@ def check_matrices_are_finite(specimen: JointSpecimen) -> None:
         if not finite.all():
             vector = specimen.shown(specimen.theta[int(np.argmin(finite))])
             raise Nonconformity(
-                f"the {noun} matrix is not finite for {vector}.", "Narrow the ranges, or mend matrices."
+                f"the {noun} matrix is not finite for {vector}.", "Narrow the ranges, or correct matrices."
             )
 
 
@@ -78,7 +78,7 @@ def check_dynamic_stiffness_has_its_shape(specimen: JointSpecimen) -> None:
 
 
 def check_parameters_are_described(specimen: JointSpecimen) -> None:
-    """Each parameter has a description, for users who state its range."""
+    """Each parameter has a description, for users who set its range."""
     bare = [parameter.name for parameter in specimen.component.parameters if not parameter.description.strip()]
     if bare:
         raise Nonconformity(f"without a description: {', '.join(bare)}.", "Give Parameter its sixth argument.")
@@ -96,7 +96,7 @@ def check_matrices_are_symmetric(specimen: JointSpecimen) -> None:
     """All matrices are symmetric: Newton's third law and Maxwell's reciprocity."""
     for part, noun in PARTS.items():
         if asymmetry(getattr(specimen.matrices, part)) > _ROUNDING:
-            raise Nonconformity(f"the {noun} matrix is not symmetric.", "Fill [row, column] and [column, row] alike.")
+            raise Nonconformity(f"the {noun} matrix is not symmetric.", "Fill [row, column] and [column, row] equally.")
 
 
 def check_stiffness_is_positive_semidefinite(specimen: JointSpecimen) -> None:
@@ -126,7 +126,7 @@ def check_each_vector_of_a_batch_is_treated_alone(specimen: JointSpecimen) -> st
             for part, noun in PARTS.items():
                 together = getattr(specimen.matrices, part)[rows]
                 if relative_difference(getattr(answer, part), together) > _ROUNDING:
-                    problem = f"the {noun} matrix of a vector is not the same in a batch of {count} as in {many}."
+                    problem = f"the {noun} matrix of a vector differs between batches of {count} and {many}."
                     remedy = "Use the vectors' own axis: theta is (n, n_params), matrices are (n, d, d)."
                     raise Nonconformity(problem, remedy)
     start_time = time.perf_counter()
@@ -154,7 +154,7 @@ def check_theta_may_be_any_array(specimen: JointSpecimen) -> None:
         answer, wanted = specimen.component.matrices(array), specimen.component.matrices(same)
         limit = _SINGLE if array.dtype == np.float32 else _ROUNDING
         if any(relative_difference(getattr(answer, part), getattr(wanted, part)) > limit for part in PARTS):
-            problem = f"for an array {kind} matrices answers otherwise than for the same numbers."
+            problem = f"for an array {kind} matrices gives other results than for the same numbers."
             raise Nonconformity(problem, "Begin with theta = numpy.asarray(theta, dtype=float), and use its axes.")
     specimen.component.matrices_jacobian(read_only)
     specimen.component.dynamic_stiffness(FREQUENCY.copy(), read_only)
@@ -169,13 +169,13 @@ def check_every_port_and_dof_is_used(specimen: JointSpecimen) -> None:
     for port in component.ports:
         dofs = slice(first, first := first + len(DIRECTIONS) * port.nodes)
         if not filled[dofs].any():
-            raise Nonconformity(f"no matrix has an entry for the port '{port.name}'.", "Attach it, or leave it out.")
+            raise Nonconformity(f"no matrix has an entry for the port '{port.name}'.", "Attach it, or remove it.")
     if not filled[first:].all():
         number = first + int(np.argmin(filled[first:]))
         raise Nonconformity(f"no matrix has an entry for the joint's own DOF {number}.", "Lower internal_dofs.")
     if (loosest(Z[:, :, first:, first:]) < _LOOSE).all():
         problem = "DOFs of the joint's own can move without any force."
-        raise Nonconformity(problem, "Tie them to the ports with springs, or give them masses.")
+        raise Nonconformity(problem, "Connect them to the ports with springs, or give them masses.")
 
 
 def check_translation_costs_nothing(specimen: JointSpecimen) -> None:
@@ -219,12 +219,10 @@ def check_inputs_are_left_unchanged(specimen: JointSpecimen) -> None:
     specimen.component.matrices_jacobian(theta)
     specimen.component.dynamic_stiffness(frequency, theta)
     if not np.array_equal(theta, asked) or not np.array_equal(frequency, FREQUENCY):
-        raise Nonconformity(
-            "the joint changed the arrays that it was given.", "Compute with copies: theta = theta.copy()."
-        )
+        raise Nonconformity("the joint changed the caller's arrays.", "Compute with copies: theta = theta.copy().")
 
 
-def check_answers_are_fresh(specimen: JointSpecimen) -> None:
+def check_results_are_new_arrays(specimen: JointSpecimen) -> None:
     """Writing into returned matrices does not change later ones."""
     first = specimen.component.matrices(specimen.theta.copy())
     kept = {part: getattr(first, part).copy() for part in PARTS}
@@ -233,7 +231,9 @@ def check_answers_are_fresh(specimen: JointSpecimen) -> None:
             getattr(first, part)[...] = -1.0
     again = specimen.component.matrices(specimen.theta.copy())
     if any(not np.array_equal(getattr(again, part), kept[part]) for part in PARTS):
-        raise Nonconformity("the same parameters gave other matrices the second time.", "Return new arrays each time.")
+        raise Nonconformity(
+            "a second call with the same parameters gave other matrices.", "Return new arrays each time."
+        )
 
 
 def _check_direction(specimen: JointSpecimen, pair: tuple[int, int], said: str) -> None:
@@ -242,7 +242,7 @@ def _check_direction(specimen: JointSpecimen, pair: tuple[int, int], said: str) 
     first, second = pair
     if max(pair) < on_ports and (first - second) % len(DIRECTIONS):
         words = [DIRECTIONS[dof % len(DIRECTIONS)] for dof in pair]
-        problem = f"the pair {pair} among {said} puts a DOF {words[0]} together with a DOF {words[1]}."
+        problem = f"the pair {pair} among {said} combines a DOF {words[0]} with a DOF {words[1]}."
         raise Nonconformity(problem, "Even local DOFs of ports are x, odd ones rz.")
 
 
@@ -275,7 +275,7 @@ def _check_costs_nothing(specimen: JointSpecimen, axis: int, verb: str) -> None:
     if costly.any():
         row = int(np.argmax(costly))
         vectors = [*specimen.theta, *(specimen.some(200) if specimen.own_law else ())]
-        problem = f"{verb} all its parts alike takes effort, for {specimen.shown(vectors[row])}."
+        problem = f"{verb} all its parts equally takes a force, for {specimen.shown(vectors[row])}."
         remedy = "Act on differences: a spring k between DOFs i and j is k at (i, i), (j, j) and -k at (i, j), (j, i)."
         raise Nonconformity(problem, remedy)
 

@@ -75,7 +75,7 @@ def check_every_parameter_acts(specimen: JointSpecimen) -> None:
         changed = theta.copy()
         changed[:, column] = np.roll(theta[:, column], 1)
         if np.array_equal(specimen.stiffness(FREQUENCY, changed), before):
-            raise Nonconformity(f"'{parameter.name}' changes nothing.", "Use it in matrices, or leave it out.")
+            raise Nonconformity(f"'{parameter.name}' changes nothing.", "Use it in matrices, or remove it.")
 
 
 def check_small_steps_show(specimen: JointSpecimen) -> None:
@@ -104,12 +104,12 @@ def check_small_steps_show(specimen: JointSpecimen) -> None:
         acts = (_matrices_or_stiffness(specimen, far) != before).reshape(len(theta), -1).any(axis=1)
         still = acts & ~(changes[1] != 0).any(axis=1)  # by a longer step it acts: a table, not a stop
         if 2 * wrong.sum() > telling.sum() or 2 * still.sum() > acts.sum():
-            problem = f"small steps of '{parameter.name}' change nothing, or jump: its values are rounded on the way."
+            problem = f"small steps of '{parameter.name}' have no proportional effect: its values are rounded."
             raise Nonconformity(problem, "Compute in double precision, and interpolate tables.")
 
 
-def check_parameters_act_apart(specimen: JointSpecimen) -> None:
-    """At the ports, no parameter has the same effect as others at all lines; otherwise only a combination is known."""
+def check_parameters_are_distinguishable(specimen: JointSpecimen) -> None:
+    """At the ports no parameter has the same effect as others at all lines; else only a combination is identifiable."""
     parameters = specimen.component.parameters
     if len(parameters) < 2:
         raise NotApplicable("the joint has fewer than two parameters.")
@@ -132,8 +132,10 @@ def check_parameters_act_apart(specimen: JointSpecimen) -> None:
     if (values[:, 0] < SETTINGS.dependent).all():
         weights = np.abs(vectors[..., 0]).min(axis=0)
         names = [each.name for each, weight in zip(parameters, weights, strict=True) if weight > 1e-3]
-        problem = f"at the ports {', '.join(names) or 'some parameters'} act only together: one makes up for another."
-        raise Reservation(problem, "Make them one parameter, or give one as known in each description.")
+        problem = (
+            f"at the ports {', '.join(names) or 'some parameters'} cannot be distinguished: they have the same effect."
+        )
+        raise Reservation(problem, "Replace them by one parameter, or fix one in each description.")
 
 
 def check_jacobian_meets_differences(specimen: JointSpecimen) -> None:
@@ -158,7 +160,9 @@ def check_jacobian_treats_each_vector_alone(specimen: JointSpecimen) -> None:
         for parameter, single, batch in zip(specimen.component.parameters, alone, many, strict=True):
             for part in PARTS:
                 if relative_difference(getattr(single, part)[0], getattr(batch, part)[row]) > SETTINGS.alone:
-                    problem = f"the derivative of {part} by '{parameter.name}' is another one in a batch than alone."
+                    problem = (
+                        f"the derivative of {part} by '{parameter.name}' differs between a batch and a single vector."
+                    )
                     raise Nonconformity(problem, "Use the vectors' own axis: derivatives are (n, d, d) each.")
 
 
@@ -200,7 +204,7 @@ def _check_derivatives(
                 f"{tuple(int(index) for index in at[-2:])} for {specimen.shown(theta[at[0]])}; differences give "
                 f"{differences[at]:.6g}."
             )
-            raise Nonconformity(problem, "Mend the derivative, or leave it to the base class.")
+            raise Nonconformity(problem, "Correct the derivative, or inherit it from the base class.")
 
 
 def _differences(

@@ -21,18 +21,18 @@ _SETTLING = 0.98
 
 
 def check_dynamic_stiffness_is_symmetric_and_passive(specimen: JointSpecimen) -> None:
-    """A dynamic stiffness of its own is symmetric, and gives no energy to the motion, anywhere in the ranges."""
+    """A dynamic stiffness of its own is symmetric, and adds no energy, anywhere in the ranges."""
     _only_with_own_law(specimen)
     theta = specimen.some(_VECTORS)
     Z = specimen.stiffness(specimen.lines, theta)
     if asymmetry(Z) > _ROUNDING:
-        raise Nonconformity("dynamic_stiffness is not symmetric.", "Fill [row, column] and [column, row] alike.")
+        raise Nonconformity("dynamic_stiffness is not symmetric.", "Fill [row, column] and [column, row] equally.")
     least = least_eigenvalue(Z.imag)
     if least.min() < -_ROUNDING:
         row, line = np.unravel_index(int(least.argmin()), least.shape)
         problem = (
             f"at {specimen.lines[line]:.4g} Hz the imaginary part of dynamic_stiffness is not positive semi-definite, "
-            f"so the joint feeds the motion, for {specimen.shown(theta[row])}."
+            f"so the joint adds energy, for {specimen.shown(theta[row])}."
         )
         raise Nonconformity(problem, "With exp(i omega t) a damper is + i omega c, and a lossy spring k (1 + i eta).")
 
@@ -54,7 +54,7 @@ _LIMIT = "Give the law a limit at rest; a power f^alpha has one, 1 / f and log f
 
 
 def check_dynamic_stiffness_treats_lines_and_vectors_alone(specimen: JointSpecimen) -> None:
-    """Each line and vector gives the same result alone and among others: unsorted, repeated, or very many."""
+    """Each line and vector gives the same result alone and in batches: unsorted, repeated, or very large."""
     theta = specimen.some(_FEW)
     Z = specimen.stiffness(FREQUENCY, theta)
     for line in range(len(FREQUENCY)):
@@ -83,7 +83,7 @@ def check_frequency_may_be_any_array(specimen: JointSpecimen) -> None:
     }.items():
         answer: NDArray[np.complex128] = specimen.component.dynamic_stiffness(frequency, theta.copy())
         if relative_difference(answer, wanted) > _SINGLE:
-            problem = f"for an array {kind} dynamic_stiffness answers otherwise than for the same numbers."
+            problem = f"for an array {kind} dynamic_stiffness gives other results than for the same numbers."
             raise Nonconformity(problem, "Begin with frequency = numpy.asarray(frequency, dtype=float).")
 
 
@@ -93,7 +93,7 @@ _SINGLE = 1e-5
 
 def _compare(answer: NDArray[np.complex128], wanted: NDArray[np.complex128], where: str) -> None:
     if answer.shape != wanted.shape or relative_difference(answer, wanted) > _ROUNDING:
-        problem = f"{where} dynamic_stiffness is another one than among few lines and vectors."
+        problem = f"{where} dynamic_stiffness differs from that for few lines and vectors."
         raise Nonconformity(problem, "Use the axes (n, n_freq, d, d) of theta and frequency.")
 
 

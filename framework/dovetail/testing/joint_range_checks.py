@@ -23,15 +23,17 @@ _MASS = 0.01
 """Largest relative change of the mass with a finer mesh, for a curved or tapered body of few elements."""
 
 
-def check_own_ranges_are_accepted(specimen: JointSpecimen) -> None:
+def check_default_ranges_are_accepted(specimen: JointSpecimen) -> None:
     """`range_objections` has no objection to the joint's default ranges."""
     parameters = specimen.component.parameters
     ends = (np.array([[getattr(each, end) for each in parameters]], dtype=float) for end in ("lower", "upper"))
     for name, objection in _objections(specimen, *ends).items():
-        raise Nonconformity(f"it objects to its own range of {name}: {objection}", "Give the parameter another range.")
+        raise Nonconformity(
+            f"it refuses its default range of {name}: {objection}", "Change the range of the parameter."
+        )
 
 
-def check_parts_of_its_ranges_are_accepted(specimen: JointSpecimen) -> None:
+def check_parts_of_default_ranges_are_accepted(specimen: JointSpecimen) -> None:
     """`range_objections` has no objection to a part of these ranges, or a known value within them."""
     ends = np.sort(np.random.default_rng(SEED).random((2, _PARTS_OF_RANGES, _count(specimen))), axis=0)
     ends[1, ::3] = ends[0, ::3]  # known values
@@ -39,11 +41,11 @@ def check_parts_of_its_ranges_are_accepted(specimen: JointSpecimen) -> None:
     lower, upper = specimen.vectors(ends[0]), specimen.vectors(ends[1])
     for row in range(_PARTS_OF_RANGES):
         for name, objection in _objections(specimen, lower[row : row + 1], upper[row : row + 1]).items():
-            problem = f"it objects to a part of its own range of {name}: {objection}"
+            problem = f"it refuses a part of its default range of {name}: {objection}"
             raise Nonconformity(problem, "Compare the ends with limits, not with each other; they may be equal.")
 
 
-def check_nonsense_is_objected_to(specimen: JointSpecimen) -> None:
+def check_impossible_ranges_are_refused(specimen: JointSpecimen) -> None:
     """`range_objections` returns a sentence for a negative range if the matrices there are not those of a joint."""
     names = [parameter.name for parameter in specimen.component.parameters]
     middle = specimen.theta[:1]
@@ -60,7 +62,9 @@ def check_nonsense_is_objected_to(specimen: JointSpecimen) -> None:
                 )
                 raise Nonconformity(problem, "Return a sentence by the name of the parameter at fault.")
         if not objections and not _is_a_joint(specimen, lower):
-            problem = f"it accepts {parameter.name} = {-parameter.upper:.4g}, for which its matrices are not a joint's."
+            problem = (
+                f"it accepts {parameter.name} = {-parameter.upper:.4g}, but its matrices are then not those of a joint."
+            )
             raise Nonconformity(problem, "Begin with objections = dict(super().range_objections(lower, upper)).")
 
 
@@ -74,16 +78,16 @@ def check_a_finer_mesh_is_the_same_joint(specimen: JointSpecimen) -> None:
         raise Nonconformity("refined returned no joint.", "Return the same joint with a finer mesh.")
     for name in ("parameters", "ports"):
         if any(getattr(mesh, name) != getattr(meshes[0], name) for mesh in meshes):
-            raise Nonconformity(f"refined returned a joint with other {name}.", "Change the mesh alone.")
+            raise Nonconformity(f"refined returned a joint with other {name}.", "Change the mesh only.")
     theta = specimen.some(16)
     on_ports = meshes[0].size - meshes[0].internal_dofs
     static, masses = zip(*(_at_rest(mesh.matrices(theta.copy()), on_ports) for mesh in meshes), strict=True)
     if (np.abs(masses[2] - masses[0]) > _MASS * np.abs(masses[0])).any():
-        problem = f"of a mass of {masses[0][0]:.4g} kg a mesh four times as fine has {masses[2][0]:.4g} kg."
+        problem = f"with a mesh four times as fine its mass changes from {masses[0][0]:.4g} to {masses[2][0]:.4g} kg."
         raise Nonconformity(problem, "Give each element the mass of its own length.")
     stiffness = [np.diagonal(each, axis1=1, axis2=2) for each in static]
     if (np.abs(stiffness[2] - stiffness[0]) > _STIFFNESS * np.abs(stiffness[2])).any():
-        raise Nonconformity("with a mesh four times as fine its stiffness at rest is another one.", _LENGTHS)
+        raise Nonconformity("with a mesh four times as fine its static stiffness differs.", _LENGTHS)
     first, second = (np.abs(each - static[2]).max(axis=(1, 2)) for each in static[:2])
     if (second > 0.5 * first + _ROUNDING * np.abs(static[2]).max(axis=(1, 2))).any():
         problem = "with a finer mesh its stiffness at rest changes more and more."

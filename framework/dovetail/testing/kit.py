@@ -79,8 +79,8 @@ _PREREQUISITES = frozenset(
         "matrices_have_the_shape_of_the_nodes",
         "receptance_has_its_shape",
         "fit_returns_what_the_contract_says",
-        "answers_have_a_row_for_each_sample",
-        "answers_are_finite",
+        "results_have_a_row_for_each_sample",
+        "results_are_finite",
         "state_is_arrays_and_plain_values",
         "sample_files_have_a_suffix_of_it",
         "sample_files_are_read",
@@ -203,7 +203,7 @@ def each_check(model: type[Component], names: Collection[str] | None = None) -> 
                 if names is not None and name not in _PREREQUISITES.union(names):
                     continue
                 if missing:
-                    reason = f"it builds on '{missing.replace('_', ' ')}', which failed."
+                    reason = f"it requires '{missing.replace('_', ' ')}', which failed."
                     yield CheckResult(label, name, "not run", reason)
                     continue
                 result = _outcome(label, name, check, subjects)
@@ -215,7 +215,7 @@ def each_check(model: type[Component], names: Collection[str] | None = None) -> 
 def _specimens(model: type[Component], folder: Path) -> list[Specimen]:
     """`examples` returns sets of options, by default one without options, and each constructs a component."""
     examples = model.examples(folder)
-    remedy = "Override the class method `examples`: it returns sets of options as a description has them."
+    remedy = "Override the class method `examples`: it returns sets of options as in a description."
     if isinstance(examples, (str, Mapping)) or not isinstance(examples, Sequence) or not examples:
         raise Nonconformity(f"examples returned {examples!r:.60}.", remedy)
     specimens = []
@@ -224,7 +224,7 @@ def _specimens(model: type[Component], folder: Path) -> list[Specimen]:
             specimens.append(specimen_of(model, options))
         except Exception as error:  # a plugin's constructor may raise anything
             text = " ".join(str(error).split())
-            problem = f"it cannot be made with {dict(options)!r:.100}: {type(error).__name__}: {text:.200}"
+            problem = f"it cannot be constructed with {dict(options)!r:.100}: {type(error).__name__}: {text:.200}"
             raise Nonconformity(problem, remedy) from error
     return [
         replace(specimen, companions=tuple(other for other in specimens if other is not specimen))
@@ -254,7 +254,7 @@ def _outcome(label: str, name: str, check: _Check, subjects: Sequence[tuple[Any,
             doubts.append(CheckResult(label, name, "warning", f"{said}{doubt.problem}", doubt.remedy))
         except Nonconformity as fault:
             return CheckResult(label, name, "failed", f"{said}{fault.problem}", fault.remedy)
-        except Exception as error:  # a plugin may raise anything, and answer with anything
+        except Exception as error:  # a plugin may raise or return anything
             return CheckResult(label, name, "failed", f"{said}{_failure_text(error)}", _REMEDY)
     if doubts:
         return doubts[0]

@@ -82,7 +82,9 @@ def check_the_estimate_is_within_the_ranges(specimen: MethodSpecimen) -> None:
         arrays.append(("samples", np.asarray(estimate.samples)))
     for name, array in arrays:
         if array.ndim != 2 or array.shape[1] != len(_PARAMETERS) or not np.isfinite(array).all():
-            raise Nonconformity(f"{name} has the shape {array.shape} or is not finite.", "Give a number a parameter.")
+            raise Nonconformity(
+                f"{name} has the shape {array.shape} or is not finite.", "Return one number for each parameter."
+            )
         for column, parameter in enumerate(_PARAMETERS):
             if np.any((array[:, column] < parameter.lower) | (array[:, column] > parameter.upper)):
                 raise Nonconformity(f"{name}: {parameter.name} is outside its range.", "Clip to `lower` and `upper`.")
@@ -120,7 +122,7 @@ def check_samples_agree_with_the_estimate(specimen: MethodSpecimen) -> None:
     if np.any(distance > 6.0):
         column = int(np.argmax(distance))
         problem = f"the truth of {_PARAMETERS[column].name} is {distance[column]:.2g} standard deviations away."
-        raise Nonconformity(problem, "Let samples scatter as the measurement's random error says.")
+        raise Nonconformity(problem, "Scale the samples' scatter to the measurement's random error.")
 
 
 def check_inputs_are_left_unchanged(specimen: MethodSpecimen) -> None:
@@ -137,7 +139,7 @@ def check_nothing_is_printed_or_changed(specimen: MethodSpecimen) -> None:
     seen = observe(lambda: specimen.estimate())
     changed = [*seen.generators, *seen.settings, *(["the standard output"] if seen.printed.strip() else [])]
     if changed:
-        raise Nonconformity(f"it changes {', '.join(changed)}.", "Leave it as it is; report by `progress`.")
+        raise Nonconformity(f"it changes {', '.join(changed)}.", "Restore it; report through `progress`.")
 
 
 def _misfit(exact: IdentificationProblem, estimate: Estimate) -> float:

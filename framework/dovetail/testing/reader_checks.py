@@ -45,7 +45,7 @@ class ReaderSpecimen(Specimen):
             return tuple((Path(file.name), file.read_bytes()) for file in files)
 
     def frf(self, name: Path, content: bytes, index: int | None = None) -> Frf:
-        """Return an FRF of a file as `dovetail.read_frf` does; an accelerance if the file states no quantity."""
+        """Return an FRF of a file as `dovetail.read_frf` does; an accelerance if the file gives no quantity."""
         recording = decode(name, content, self.component, ReadOptions(index, None, None, {}, ()))
         return recording.to_frf(None if recording.is_stated else "accelerance")
 
@@ -56,7 +56,7 @@ def check_sample_files_have_a_suffix_of_it(specimen: ReaderSpecimen) -> None:
         raise Nonconformity("samples wrote no file.", "Override `samples`: it writes small files of the format.")
     for name, _ in specimen.files:
         if name.suffix.lower() not in specimen.component.suffixes:
-            raise Nonconformity(f"the sample '{name}' has none of its suffixes.", "Say them in `suffixes`.")
+            raise Nonconformity(f"the sample '{name}' has none of its suffixes.", "List them in `suffixes`.")
 
 
 def check_sample_files_are_read(specimen: ReaderSpecimen) -> str:
@@ -64,7 +64,7 @@ def check_sample_files_are_read(specimen: ReaderSpecimen) -> str:
     count = 0
     for name, content in specimen.files:
         if not specimen.component.sniff(content[:_HEAD]):
-            raise Nonconformity(f"sniff does not take its own sample '{name}'.", "Look at the first bytes alone.")
+            raise Nonconformity(f"sniff rejects its own sample '{name}'.", "Test the first bytes only.")
         for index in range(1, len(specimen.component.read(name, content)) + 1):
             try:
                 specimen.frf(name, content, index)
@@ -78,7 +78,7 @@ def check_other_files_are_not_taken(specimen: ReaderSpecimen) -> None:
     """`sniff` refuses an empty file, zeros, a table, a UFF set and random bytes."""
     for content in _STRANGERS:
         if specimen.component.sniff(content):
-            raise Nonconformity(f"sniff takes a file that begins with {content[:20]!r}.", "Look for a signature.")
+            raise Nonconformity(f"sniff accepts a file that begins with {content[:20]!r}.", "Look for a signature.")
 
 
 def check_reading_twice_gives_the_same(specimen: ReaderSpecimen) -> None:
@@ -87,7 +87,7 @@ def check_reading_twice_gives_the_same(specimen: ReaderSpecimen) -> None:
     again = [specimen.frf(name, content, 1) for name, content in reversed(specimen.files)][::-1]
     for one, other in zip(first, again, strict=True):
         if not np.array_equal(one.values, other.values):
-            raise Nonconformity("a file read twice gave two FRFs.", "Keep nothing of what was read.")
+            raise Nonconformity("a file read twice gave different FRFs.", "Store nothing between calls.")
 
 
 def check_damaged_files_are_refused_or_read(specimen: ReaderSpecimen) -> str:
@@ -99,11 +99,13 @@ def check_damaged_files_are_refused_or_read(specimen: ReaderSpecimen) -> str:
                 specimen.frf(name, damage, 1)
             except PluginError as error:
                 remedy = "Raise a ValueError that says what is wrong."
-                raise Nonconformity(f"of a damaged file: {error.faults[0].problem}", remedy) from None
+                raise Nonconformity(f"for a damaged file: {error.faults[0].problem}", remedy) from None
             except MeasurementError as error:
                 refused += 1
                 if not error.faults[0].problem.strip():
-                    raise Nonconformity("it refuses a damaged file without a word.", "Say what is wrong.") from None
+                    raise Nonconformity(
+                        "it refuses a damaged file without a reason.", "Give the reason in the error."
+                    ) from None
     return f"{refused} of {_DAMAGES * len(specimen.files)} refused"
 
 
@@ -113,7 +115,7 @@ def check_nothing_is_printed_or_changed(specimen: ReaderSpecimen) -> None:
     seen = observe(lambda: specimen.component.read(name, content))
     changed = [*seen.generators, *seen.settings, *(["the standard output"] if seen.printed.strip() else [])]
     if changed:
-        raise Nonconformity(f"reading changes {', '.join(changed)}.", "Leave it as it is.")
+        raise Nonconformity(f"reading changes {', '.join(changed)}.", "Restore it.")
 
 
 def _damaged(content: bytes) -> Iterator[bytes]:

@@ -18,7 +18,7 @@ def check_features_are_not_multiplied(specimen: ReducerSpecimen) -> None:
         raise Nonconformity(problem, "Give fewer components.")
 
 
-def check_unlike_samples_stay_unlike(specimen: ReducerSpecimen) -> None:
+def check_different_samples_stay_different(specimen: ReducerSpecimen) -> None:
     """Different FRFs have different reduced features; otherwise nothing can be identified from them."""
     for samples in (specimen.training, specimen.unseen):
         reduced = specimen.ask(specimen.fitted, samples.features)
@@ -26,7 +26,7 @@ def check_unlike_samples_stay_unlike(specimen: ReducerSpecimen) -> None:
             raise Nonconformity("most FRFs have the same reduced features.", "Keep what tells one FRF from another.")
 
 
-def check_small_features_stay_unlike(specimen: ReducerSpecimen) -> None:
+def check_small_features_stay_different(specimen: ReducerSpecimen) -> None:
     """FRFs of a billionth of the size, as of a heavy machine in m/(N s^2), have different reduced features too."""
     samples = specimen.training.scaled(SMALL)
     try:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import DovetailError
-from dovetail.testing.alike import require_alike
+from dovetail.testing.agreement import require_agreement
 from dovetail.testing.fitted_specimens import RegressorSpecimen
 from dovetail.testing.outcomes import Nonconformity, NotApplicable
 from dovetail.testing.specimen import SEED
@@ -23,20 +23,20 @@ _SKILL_OF_SEVEN = 0.5
 options of its example, reaches 0.61."""
 
 
-def check_every_target_is_learnt(specimen: RegressorSpecimen) -> str:
+def check_every_target_is_learned(specimen: RegressorSpecimen) -> str:
     """On unseen samples of a smooth function, each target is predicted much better than by its mean."""
     skill = specimen.skill(specimen.fitted, specimen.unseen)
     require_skill(skill)
     return f"R2 {skill.min():.3f}"
 
 
-def check_one_target_is_learnt(specimen: RegressorSpecimen) -> None:
-    """A single target is learnt too, and predicted as a column."""
+def check_one_target_is_learned(specimen: RegressorSpecimen) -> None:
+    """A single target is learned too, and predicted as a column."""
     _require_targets(specimen, 1)
 
 
-def check_seven_targets_are_learnt(specimen: RegressorSpecimen) -> None:
-    """Seven targets, more than there are features, are learnt too."""
+def check_seven_targets_are_learned(specimen: RegressorSpecimen) -> None:
+    """Seven targets, more than there are features, are learned too."""
     _require_targets(specimen, 7)
 
 
@@ -59,7 +59,7 @@ def check_targets_that_do_not_fit_are_refused(specimen: RegressorSpecimen) -> No
 
 
 def require_skill(skill: NDArray[np.float64], what: str = "") -> None:
-    """Raise a Nonconformity if a target is not learnt."""
+    """Raise a Nonconformity if a target is not learned."""
     if not (skill > (_SKILL if len(skill) < 7 else _SKILL_OF_SEVEN)).all():
         worst = int(np.argmin(np.where(np.isnan(skill), -np.inf, skill)))
         problem = (
@@ -94,7 +94,9 @@ def check_a_distribution_belongs_to_its_row(specimen: RegressorSpecimen) -> str:
     if samples.shape[1] < _FEWEST_DRAWS or not np.isfinite(samples).all():
         raise Nonconformity(f"of {samples.shape[1]} draws some are not finite, or they are too few.", "Give 200.")
     alone = specimen.fitted.predict_distribution(features[3:4].copy()).samples
-    require_alike(alone[0], samples[3], "a row alone has another distribution", "Let each row depend on itself.")
+    require_agreement(
+        alone[0], samples[3], "a row alone has another distribution", "Compute each row from this row only."
+    )
     deviation = samples.std(axis=1) / np.sqrt(_FEWEST_DRAWS)
     if np.any(np.abs(samples.mean(axis=1) - specimen.ask(specimen.fitted, features)) > 3.0 * deviation + 1e-3):
         raise Nonconformity("predict is not the mean of the distribution.", "Return the mean.")

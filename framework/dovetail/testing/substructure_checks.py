@@ -34,7 +34,7 @@ def check_nodes_are_distinct(specimen: SubstructureSpecimen) -> None:
         raise Nonconformity(f"nodes is {nodes!r:.60}.", "Return a tuple of dovetail.Node, one at least.")
     labels = [node.label for node in nodes]
     if len(set(labels)) < len(labels):
-        raise Nonconformity("two nodes have the same label.", "Let labels differ; positions may be the same.")
+        raise Nonconformity("two nodes have the same label.", "Use different labels; positions may be equal.")
     if not all(np.isfinite(float(node.position)) for node in nodes):
         raise Nonconformity("the position of a node is not finite.", "Give positions in metres.")
 
@@ -63,7 +63,7 @@ def check_every_node_and_dof_is_used(specimen: SubstructureSpecimen) -> None:
     idle = ~filled[:count].reshape(-1, len(DIRECTIONS)).any(axis=1)
     if idle.any():
         label = specimen.component.nodes[int(np.argmax(idle))].label
-        raise Nonconformity(f"no matrix has an entry for the node '{label}'.", "Tie it to the part, or leave it out.")
+        raise Nonconformity(f"no matrix has an entry for the node '{label}'.", "Connect it to the part, or remove it.")
     if not filled[count:].all():
         problem = f"no matrix has an entry for the inner DOF {count + int(np.argmin(filled[count:]))}."
         raise Nonconformity(problem, "Leave out DOFs with neither mass nor stiffness.")
@@ -118,7 +118,7 @@ def check_mass_is_symmetric_and_positive(specimen: SubstructureSpecimen) -> None
     _check_semidefinite(specimen, "M")
     outer = np.diag(dense(_matrices(specimen).M))[: len(DIRECTIONS) * len(specimen.component.nodes)]
     if (outer[1::2] > 0).any() and not (outer[0::2] > 0).any():
-        raise Nonconformity("it has rotary inertia, and no mass.", "The DOFs of a node are x, then rz.")
+        raise Nonconformity("it has rotary inertia but no mass.", "The DOFs of a node are x, then rz.")
     if not specimen.component.grounded and not specimen.has_receptance:
         raise Reservation(
             "a motion of the free part meets no mass.", "Give it mass, or use it between parts with mass."
@@ -137,7 +137,7 @@ def check_damping_is_symmetric_and_positive(specimen: SubstructureSpecimen) -> N
 
 
 def check_rigid_body_modes(specimen: SubstructureSpecimen) -> None:
-    """Rigid-body motion of a free part needs no effort, unlike that of a part that is `held`."""
+    """Rigid-body motion of a free part needs no effort, except for a part that is `held`."""
     K = dense(_matrices(specimen).K)
     _only_if_movable(specimen)
     motions = {"displaced": np.tile([1.0, 0.0], len(specimen.component.nodes))}
@@ -147,9 +147,11 @@ def check_rigid_body_modes(specimen: SubstructureSpecimen) -> None:
         motions["turned"] = np.stack([positions - positions.mean(), np.ones(len(positions))], axis=1).ravel()
     costly = [name for name, motion in motions.items() if float(least_effort(K, outer, motion)) > _ROUNDING]
     if specimen.component.held and not costly:
-        raise Nonconformity("the part says that it is held, but nothing holds it.", "Leave `held` as it is.")
+        raise Nonconformity(
+            "the part sets `held`, but its rigid-body motion needs no force.", "Do not override `held`."
+        )
     if costly and not specimen.component.held:
-        problem = f"{costly[0]} as a rigid body the part resists with its stiffness."
+        problem = f"{costly[0]} as a rigid body needs a force."
         raise Nonconformity(
             problem, "Rows of K times a rigid-body motion give zero; say `held` where the part is not free."
         )
@@ -192,8 +194,8 @@ def check_receptance_meets_the_matrices(specimen: SubstructureSpecimen) -> None:
         wanted = inverse[np.ix_(rows, rows)]
         size = np.sqrt(np.outer(np.abs(np.diag(wanted)), np.abs(np.diag(wanted))))
         if relative_difference(receptance / size, wanted / size) > _SOLVED:
-            problem = f"at {line:.4g} Hz receptance is not what the matrices give."
-            raise Nonconformity(problem, "Leave receptance to the base class, or make both say the same.")
+            problem = f"at {line:.4g} Hz receptance disagrees with the matrices."
+            raise Nonconformity(problem, "Inherit receptance from the base class, or make both agree.")
 
 
 def check_dofs_can_be_asked_for_in_any_order(specimen: SubstructureSpecimen) -> None:
@@ -205,16 +207,16 @@ def check_dofs_can_be_asked_for_in_any_order(specimen: SubstructureSpecimen) -> 
         whole = specimen.receptance[:, order[:, None], order]
         if part.shape != whole.shape or relative_difference(part, whole) > _SOLVED:
             problem = "the receptance between some DOFs is not the part of that between all."
-            raise Nonconformity(problem, "Rows and columns follow the order of `dofs`, whatever they are.")
+            raise Nonconformity(problem, "Order rows and columns as in `dofs`.")
 
 
 def check_each_line_is_treated_alone(specimen: SubstructureSpecimen) -> None:
-    """The receptance at a line is the same alone and among others, which may be unsorted or repeated."""
+    """The receptance at a line is the same for one line and for many, which may be unsorted or repeated."""
     _only_with_receptance(specimen)
     for order in ([1, 4, 7], [3], [6, 0, 2, 2, 5]):
         alone, whole = specimen.component.receptance(specimen.lines[order], specimen.dofs), specimen.receptance[order]
         if alone.shape != whole.shape or relative_difference(alone, whole) > _SOLVED:
-            problem = f"at {len(order)} of the lines, in another order, the receptance is another one."
+            problem = f"at {len(order)} of the lines, in another order, the receptance differs."
             raise Nonconformity(problem, "Compute or interpolate line by line.")
 
 
@@ -232,7 +234,7 @@ def check_dofs_and_frequencies_may_be_any_sequence(specimen: SubstructureSpecime
         ("frequencies that are read-only", read_only, list(specimen.dofs)),
     ):
         if relative_difference(specimen.component.receptance(frequency, dofs), wanted) > _SOLVED:  # type: ignore[arg-type]
-            problem = f"for {kind} the receptance is another one."
+            problem = f"for {kind} the receptance differs."
             raise Nonconformity(problem, "Begin with numpy.asarray(frequency, dtype=float) and numpy.asarray(dofs).")
 
 
@@ -267,15 +269,17 @@ def check_refinement_keeps_the_mass(specimen: SubstructureSpecimen) -> None:
     alike = {"refined(1) is": (specimen.component, finer[0]), "refined(2).refined(2) is": (finer[2], twice)}
     for said, (part, other) in alike.items():
         if not np.isclose(_mass(part), _mass(other), rtol=_ROUNDING, atol=0.0):
-            raise Nonconformity(f"{said} a part of another mass.", "Multiply the elements by the factor, nothing else.")
+            raise Nonconformity(
+                f"{said} a part of another mass.", "Multiply only the number of elements by the factor."
+            )
     ends = [sorted(node.position for node in part.nodes) for part in (specimen.component, *finer[1:])]  # type: ignore[union-attr]
     if not all(np.allclose([each[0], each[-1]], [ends[0][0], ends[0][-1]]) for each in ends):
-        raise Nonconformity("with a finer mesh its ends are elsewhere.", "Keep the length.")
+        raise Nonconformity("with a finer mesh its ends move.", "Keep the length.")
     masses = [_mass(part) for part in (specimen.component, *finer[1:])]
     first, second = abs(masses[1] - masses[0]), abs(masses[2] - masses[1])
     if not second <= 0.5 * first + _SOLVED * masses[0] or first > _ORDER * second + _SOLVED * masses[0]:
         said = " and ".join(f"{mass:.6g}" for mass in masses[1:])
-        problem = f"of its {masses[0]:.6g} kg meshes twice and four times as fine have {said} kg."
+        problem = f"its mass is {masses[0]:.6g} kg, but {said} kg with meshes twice and four times as fine."
         raise Nonconformity(problem, "Give each element the mass of its own length, and keep all masses.")
 
 
@@ -311,7 +315,7 @@ def _check_batch(part: SubstructureModel, options: Mapping[str, NDArray[np.float
                 problem = f"for {len(singles)} values of {places} the {noun} matrices have the shape {array.shape}."
                 raise Nonconformity(problem, f"Return {shape}.")
             if relative_difference(np.broadcast_to(array, shape)[index], getattr(single, name)) > _ROUNDING:
-                problem = f"for {rows[index]} the {noun} matrix is not that of the part made with it."
+                problem = f"for {rows[index]} the {noun} matrix differs from that of the part constructed with it."
                 raise Nonconformity(problem, "Let every option enter the batch as it enters matrices().")
     return True
 
@@ -320,7 +324,7 @@ def check_dofs_have_labels(specimen: SubstructureSpecimen) -> None:
     """Each DOF has a different label for messages."""
     labels = [specimen.component.dof_label(dof) for dof in range(2 * len(specimen.component.nodes))]
     if len(set(labels)) < len(labels) or not all(isinstance(label, str) and label for label in labels):
-        raise Nonconformity("dof_label names two DOFs alike, or not at all.", "Leave dof_label to the base class.")
+        raise Nonconformity("dof_label returns equal or empty labels.", "Inherit dof_label from the base class.")
 
 
 def check_inputs_are_left_unchanged(specimen: SubstructureSpecimen) -> None:
@@ -329,10 +333,10 @@ def check_inputs_are_left_unchanged(specimen: SubstructureSpecimen) -> None:
     frequency, dofs = specimen.lines.copy(), list(specimen.dofs)
     specimen.component.receptance(frequency, dofs)
     if not np.array_equal(frequency, specimen.lines) or dofs != specimen.dofs:
-        raise Nonconformity("receptance changed what it was given.", "Compute with copies.")
+        raise Nonconformity("receptance changed the caller's arrays.", "Compute with copies.")
 
 
-def check_answers_are_fresh(specimen: SubstructureSpecimen) -> None:
+def check_results_are_new_arrays(specimen: SubstructureSpecimen) -> None:
     """Writing into a returned array does not change later results."""
     _only_with_receptance(specimen)
     kept = specimen.receptance.copy()
@@ -343,7 +347,7 @@ def check_answers_are_fresh(specimen: SubstructureSpecimen) -> None:
     if matrices is not None and isinstance(matrices.K, np.ndarray) and matrices.K.flags.writeable:
         matrices.K[...] = -1.0
     if not np.array_equal(specimen.component.receptance(specimen.lines.copy(), specimen.dofs), kept):
-        raise Nonconformity("the same question got another answer the second time.", "Return new or read-only arrays.")
+        raise Nonconformity("a second call with the same input gave another result.", "Return new or read-only arrays.")
 
 
 def _matrices(specimen: SubstructureSpecimen) -> StructuralMatrices | SparseMatrices:
@@ -367,7 +371,7 @@ def _check_semidefinite(specimen: SubstructureSpecimen, part: str) -> None:
     matrix = dense(getattr(_matrices(specimen), part))
     if asymmetry(matrix) > _ROUNDING:
         raise Nonconformity(
-            f"the {PARTS[part]} matrix is not symmetric.", "Fill [row, column] and [column, row] alike."
+            f"the {PARTS[part]} matrix is not symmetric.", "Fill [row, column] and [column, row] equally."
         )
     if float(least_eigenvalue(matrix)) < -_ROUNDING:
         raise Nonconformity(f"the {PARTS[part]} matrix is not positive semi-definite.", "Look for a wrong sign.")

@@ -40,8 +40,8 @@ def check_progress_is_reported_in_order(specimen: RegressorSpecimen) -> None:
             raise Nonconformity("progress is reported out of order, or beyond the total.", _HOW_TO_REPORT)
 
 
-def check_epochs_can_be_learnt_from(specimen: RegressorSpecimen) -> None:
-    """`fit_epochs`, for robust training, returns a fitted regressor that has learnt all targets."""
+def check_fitting_by_epochs_learns(specimen: RegressorSpecimen) -> None:
+    """`fit_epochs`, for robust training, returns a fitted regressor that has learned all targets."""
     fitted = specimen.epochs.fitted
     if not isinstance(fitted, FittedRegressor):
         problem = f"fit_epochs returned {type(fitted).__name__}."
@@ -54,18 +54,18 @@ def check_epochs_are_counted_from_zero(specimen: RegressorSpecimen) -> None:
     numbers = specimen.epochs.numbers
     if any(type(number) is not int for number in numbers) or sorted(set(numbers)) != list(range(max(numbers) + 1)):
         listed = ", ".join(str(number) for number in numbers[:8])
-        raise Nonconformity(f"it asks for the epochs {listed}.", "Count epochs from 0, and leave none out.")
+        raise Nonconformity(f"it requests the epochs {listed}.", "Count epochs from 0 without gaps.")
     if len(numbers) < 2:
-        raise Nonconformity("it asks for one epoch only.", "Call epoch(number) for each pass over the samples.")
+        raise Nonconformity("it requests a single epoch.", "Call epoch(number) for each pass over the samples.")
 
 
 def check_every_epoch_counts(specimen: RegressorSpecimen) -> None:
-    """Other later epochs give another fit; with the noise of one epoch only, it would be learnt by heart."""
+    """Other later epochs give another fit; a single noisy epoch could be memorised."""
     _require_own_epochs(specimen)
     repeated = specimen.ask(specimen.fit_epochs(repeated=True).fitted, specimen.unseen.features)
     if np.array_equal(repeated, specimen.ask(specimen.epochs.fitted, specimen.unseen.features)):
-        problem = "it learns the same whatever the epochs after the first are."
-        raise Nonconformity(problem, "Train each pass on what epoch(number) returns.")
+        problem = "epochs after the first have no influence."
+        raise Nonconformity(problem, "Train each pass on the arrays of epoch(number).")
 
 
 def check_the_same_epochs_give_the_same_fit(specimen: RegressorSpecimen) -> None:
@@ -74,9 +74,9 @@ def check_the_same_epochs_give_the_same_fit(specimen: RegressorSpecimen) -> None
     observation = observe(lambda: specimen.fit_epochs().fitted, environment=specimen.environment)
     features = specimen.unseen.features
     if not np.array_equal(specimen.ask(observation.answer, features), specimen.ask(specimen.epochs.fitted, features)):
-        raise Nonconformity("by the same epochs two fits differ.", "Draw all random numbers from default_rng(seed).")
+        raise Nonconformity("two fits to the same epochs differ.", "Draw all random numbers from default_rng(seed).")
     if changed := [*observation.settings, *observation.generators]:
-        raise Nonconformity(f"fit_epochs changes {', '.join(changed)}.", "Put it back in a `finally`.")
+        raise Nonconformity(f"fit_epochs changes {', '.join(changed)}.", "Restore it in a `finally`.")
 
 
 def check_epochs_are_left_unchanged(specimen: RegressorSpecimen) -> None:
@@ -104,7 +104,7 @@ def check_training_can_be_stopped(specimen: RegressorSpecimen) -> None:
             raise Nonconformity(f"{call.__name__} goes on after Ctrl-C.", "Let KeyboardInterrupt pass.")
         if changed := [*observation.settings, *observation.generators]:
             problem = f"{call.__name__}, when stopped, leaves {', '.join(changed)} changed."
-            raise Nonconformity(problem, "Put it back in a `finally`.")
+            raise Nonconformity(problem, "Restore it in a `finally`.")
 
 
 class _CtrlC:
@@ -128,4 +128,4 @@ class _CtrlC:
 
 def _require_own_epochs(specimen: RegressorSpecimen) -> None:
     if specimen.model.fit_epochs is Regressor.fit_epochs:  # type: ignore[attr-defined]
-        raise NotApplicable("it leaves fit_epochs to the base class.")
+        raise NotApplicable("it inherits fit_epochs.")

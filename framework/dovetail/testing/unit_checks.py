@@ -70,7 +70,7 @@ def check_units_agree_with_the_matrices(specimen: Specimen) -> None:
     if isinstance(specimen, JointSpecimen) and broken:
         _check_parameter_units(specimen)
     if broken:
-        problem = f"in another unit of {' or '.join(broken)} it is another component: a unit is wrong or missing."
+        problem = f"in another unit of {' or '.join(broken)} its physics changes: a unit is wrong or missing."
         remedy = 'Give constants as options with their units, by dovetail.InUnit("m"), and check those of parameters.'
         raise Reservation(problem, remedy)
 

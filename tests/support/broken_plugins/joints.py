@@ -160,7 +160,7 @@ class Taciturn(SoundJoint):
     parameters = (*SoundJoint.parameters[:3], Parameter("m", "kg", 0.1, 0.2))
 
 
-@breaks("own_ranges_are_accepted")
+@breaks("default_ranges_are_accepted")
 class Contradiction(SoundJoint):
     """An objection to its own range."""
 
@@ -384,7 +384,7 @@ class Overwriting(LossySpring):
         return Z
 
 
-@breaks("answers_are_fresh")
+@breaks("results_are_new_arrays")
 class Cached(SoundJoint):
     """It hands out the matrices that it keeps."""
 

@@ -200,7 +200,7 @@ class LawAgainstTheGround(LossySpring):
         return Z
 
 
-@also_breaks("an_earlier_answer_survives")
+@also_breaks("earlier_results_are_kept")
 class BufferOfTheLaw(LossySpring):
     """It computes in an array that it keeps."""
 
@@ -212,7 +212,7 @@ class BufferOfTheLaw(LossySpring):
         return kept
 
 
-@also_breaks("asking_changes_nothing")
+@also_breaks("repeated_calls_agree")
 class Normalised(LossySpring):
     """It is relative to the highest frequency it was ever asked for."""
 

@@ -166,7 +166,7 @@ class DerivativeOfTheFirst(SoundJoint):
         return [scaled(each, np.ones(len(theta))) for each in first]
 
 
-@breaks("parameters_act_apart")
+@breaks("parameters_are_distinguishable")
 class Product(SoundJoint):
     """Stiffness is pressure times area, and nothing else tells them apart."""
 
@@ -181,7 +181,7 @@ class Product(SoundJoint):
         return super().matrices(np.column_stack([theta[:, 0] * theta[:, 1], theta[:, 2:]]))
 
 
-@also_breaks("parameters_act_apart")
+@also_breaks("parameters_are_distinguishable")
 class Parallel(SoundJoint):
     """Two dampers side by side."""
 
@@ -221,7 +221,7 @@ class WholeNewtons(SoundJoint):
         return super().matrices(np.column_stack([theta[:, :1] // 1000 * 1000, theta[:, 1:]]))
 
 
-@breaks("parts_of_its_ranges_are_accepted")
+@breaks("parts_of_default_ranges_are_accepted")
 class RefusesPoints(SoundJoint):
     """It calls a known parameter an empty range."""
 
@@ -231,7 +231,7 @@ class RefusesPoints(SoundJoint):
         return same or super().range_objections(lower, upper)
 
 
-@also_breaks("parts_of_its_ranges_are_accepted")
+@also_breaks("parts_of_default_ranges_are_accepted")
 class RefusesTheLowerHalf(SoundJoint):
     """It wants stiff springs to be possible."""
 
@@ -240,7 +240,7 @@ class RefusesTheLowerHalf(SoundJoint):
         return {"k": "k must reach 1e6 N/m."} if upper["k"] < 1e6 else super().range_objections(lower, upper)
 
 
-@also_breaks("parts_of_its_ranges_are_accepted")
+@also_breaks("parts_of_default_ranges_are_accepted")
 class DividesByTheWidth(SoundJoint):
     """It fails where a parameter is known."""
 
@@ -250,7 +250,7 @@ class DividesByTheWidth(SoundJoint):
         return super().range_objections(lower, upper)
 
 
-@breaks("nonsense_is_objected_to")
+@breaks("impossible_ranges_are_refused")
 class AcceptsAnything(SoundJoint):
     """It forgot what the base class objects to."""
 
@@ -259,7 +259,7 @@ class AcceptsAnything(SoundJoint):
         return {"m": "m is in kg."} if upper["m"] > 1000.0 else {}
 
 
-@also_breaks("nonsense_is_objected_to")
+@also_breaks("impossible_ranges_are_refused")
 class ObjectsToAStranger(SoundJoint):
     """It objects to a parameter that there is not."""
 
@@ -268,7 +268,7 @@ class ObjectsToAStranger(SoundJoint):
         return {f"parameter {name}": text for name, text in super().range_objections(lower, upper).items()}
 
 
-@also_breaks("nonsense_is_objected_to")
+@also_breaks("impossible_ranges_are_refused")
 class ObjectsWithoutAWord(SoundJoint):
     """It answers yes in place of a sentence."""
 

@@ -25,7 +25,7 @@ def stiffer(joint, factor):
     return joint
 
 
-@breaks("an_earlier_answer_survives")
+@breaks("earlier_results_are_kept")
 class ReusedBuffer(SoundJoint):
     """It computes in arrays that it keeps, one set for each size of a batch."""
 
@@ -39,7 +39,7 @@ class ReusedBuffer(SoundJoint):
         return buffer
 
 
-@also_breaks("an_earlier_answer_survives")
+@also_breaks("earlier_results_are_kept")
 class BufferOfTheClass(SoundJoint):
     """All instances compute in the same arrays."""
 
@@ -53,7 +53,7 @@ class BufferOfTheClass(SoundJoint):
         return StructuralMatrices(*(getattr(self.kept, part)[: len(theta)] for part in "MKCD"))
 
 
-@also_breaks("an_earlier_answer_survives")
+@also_breaks("earlier_results_are_kept")
 class ReusedDerivatives(SoundJoint):
     """Its derivatives are in arrays that it keeps; they depend on the vector."""
 
@@ -72,7 +72,7 @@ class ReusedDerivatives(SoundJoint):
         return kept
 
 
-@breaks("asking_changes_nothing")
+@breaks("repeated_calls_agree")
 class WarmStart(SoundJoint):
     """It begins an iteration with what it has from a large batch, and stops a little elsewhere."""
 
@@ -84,7 +84,7 @@ class WarmStart(SoundJoint):
         return stiffer(super().matrices(theta), 1.0 + 1e-12 * (self.large and len(theta) < 700))
 
 
-@also_breaks("asking_changes_nothing")
+@also_breaks("repeated_calls_agree")
 class FrozenAfterTheFirst(SoundJoint):
     """It keeps one reference stiffness, that of the first vector it ever saw."""
 
@@ -108,7 +108,7 @@ class CacheOfRoundedValues(SoundJoint):
         return super().matrices(rows.reshape(theta.shape))
 
 
-@also_breaks("asking_changes_nothing")
+@also_breaks("repeated_calls_agree")
 class ByTheClock(SoundJoint):
     """It ages."""
 
@@ -157,7 +157,7 @@ class TheLastOptionsCount(SoundJoint):
         return joint
 
 
-@also_breaks("a_fresh_process_gives_the_same_answers")
+@also_breaks("a_fresh_process_gives_the_same_results")
 class CacheOfTheClass(SoundJoint):
     """Instances with other options share answers."""
 
@@ -186,7 +186,7 @@ class Numbered(SoundJoint):
         return stiffer(super().matrices(theta), 1.0 + 1e-3 * self.number)
 
 
-@breaks("a_fresh_process_gives_the_same_answers")
+@breaks("a_fresh_process_gives_the_same_results")
 class Hashed(SoundJoint):
     """It keeps its springs under the hash of their names."""
 
@@ -195,7 +195,7 @@ class Hashed(SoundJoint):
         return stiffer(super().matrices(theta), 1.0 + 1e-3 * (hash("spring") % 1000))
 
 
-@also_breaks("a_fresh_process_gives_the_same_answers")
+@also_breaks("a_fresh_process_gives_the_same_results")
 class OrderOfASet(SoundJoint):
     """It goes through a set of names."""
 
@@ -205,7 +205,7 @@ class OrderOfASet(SoundJoint):
         return stiffer(super().matrices(theta), 1.0 + 1e-6 * (int.from_bytes(order.encode(), "big") % 9973))
 
 
-@also_breaks("a_fresh_process_gives_the_same_answers")
+@also_breaks("a_fresh_process_gives_the_same_results")
 class ByTheProcess(SoundJoint):
     """It depends on the number of the process."""
 
@@ -214,7 +214,7 @@ class ByTheProcess(SoundJoint):
         return stiffer(super().matrices(theta), 1.0 + 1e-9 * os.getpid())
 
 
-@also_breaks("a_fresh_process_gives_the_same_answers")
+@also_breaks("a_fresh_process_gives_the_same_results")
 class ByTheFolder(SoundJoint):
     """It depends on where it is started."""
 
@@ -223,7 +223,7 @@ class ByTheFolder(SoundJoint):
         return stiffer(super().matrices(theta), 1.0 + 1e-3 * (sum(os.getcwd().encode()) % 997))
 
 
-@breaks("surroundings_are_left_as_they_are")
+@breaks("global_state_is_left_unchanged")
 class SeedsNumpy(SoundJoint):
     """It draws from the global generator, which it seeds first."""
 
@@ -233,7 +233,7 @@ class SeedsNumpy(SoundJoint):
         return stiffer(super().matrices(theta), 1.0 + 0.01 * np.random.random())  # noqa: NPY002
 
 
-@also_breaks("surroundings_are_left_as_they_are")
+@also_breaks("global_state_is_left_unchanged")
 class SeedsPython(SoundJoint):
     """The same with the module random."""
 
@@ -243,7 +243,7 @@ class SeedsPython(SoundJoint):
         return stiffer(super().matrices(theta), 1.0 + 0.01 * random.random())
 
 
-@also_breaks("surroundings_are_left_as_they_are")
+@also_breaks("global_state_is_left_unchanged")
 class SeedsTorch(SoundJoint):
     """The same with torch."""
 
@@ -255,7 +255,7 @@ class SeedsTorch(SoundJoint):
         return stiffer(super().matrices(theta), 1.0 + 0.01 * float(torch.rand(1)))
 
 
-@also_breaks("surroundings_are_left_as_they_are")
+@also_breaks("global_state_is_left_unchanged")
 class DoublePrecisionForAll(SoundJoint):
     """It sets torch's default dtype."""
 
@@ -267,7 +267,7 @@ class DoublePrecisionForAll(SoundJoint):
         return super().matrices(theta)
 
 
-@also_breaks("surroundings_are_left_as_they_are")
+@also_breaks("global_state_is_left_unchanged")
 class ThreadsForAll(SoundJoint):
     """It sets torch's threads."""
 
@@ -279,7 +279,7 @@ class ThreadsForAll(SoundJoint):
         return super().matrices(theta)
 
 
-@also_breaks("surroundings_are_left_as_they_are")
+@also_breaks("global_state_is_left_unchanged")
 class SilencesNumpy(SoundJoint):
     """It turns NumPy's warnings off for good when it is made."""
 
@@ -288,7 +288,7 @@ class SilencesNumpy(SoundJoint):
         np.seterr(all="ignore")
 
 
-@also_breaks("surroundings_are_left_as_they_are")
+@also_breaks("global_state_is_left_unchanged")
 class SilencesWarnings(SoundJoint):
     """It turns all warnings off."""
 
@@ -298,7 +298,7 @@ class SilencesWarnings(SoundJoint):
         return super().matrices(theta)
 
 
-@also_breaks("surroundings_are_left_as_they_are")
+@also_breaks("global_state_is_left_unchanged")
 class PrintsShort(SoundJoint):
     """It changes how arrays are printed."""
 
@@ -308,7 +308,7 @@ class PrintsShort(SoundJoint):
         return super().range_objections(lower, upper)
 
 
-@also_breaks("surroundings_are_left_as_they_are")
+@also_breaks("global_state_is_left_unchanged")
 class OneThread(SoundJoint):
     """It sets an environment variable."""
 
@@ -318,7 +318,7 @@ class OneThread(SoundJoint):
         return super().matrices(theta)
 
 
-@also_breaks("surroundings_are_left_as_they_are")
+@also_breaks("global_state_is_left_unchanged")
 class ChangesTheFolder(SoundJoint):
     """It works somewhere else."""
 
@@ -328,7 +328,7 @@ class ChangesTheFolder(SoundJoint):
         return super().matrices(theta)
 
 
-@also_breaks("surroundings_are_left_as_they_are")
+@also_breaks("global_state_is_left_unchanged")
 class DeepRecursion(SoundJoint):
     """It allows itself deep recursion."""
 
@@ -338,7 +338,7 @@ class DeepRecursion(SoundJoint):
         return super().matrices_jacobian(theta)
 
 
-@also_breaks("other_instances_change_nothing", "a_fresh_process_gives_the_same_answers")
+@also_breaks("other_instances_change_nothing", "a_fresh_process_gives_the_same_results")
 class RandomWhenMade(SoundJoint):
     """Its asperities are drawn when it is made, without a seed."""
 
@@ -351,7 +351,7 @@ class RandomWhenMade(SoundJoint):
         return stiffer(super().matrices(theta), self.factor)
 
 
-@also_breaks("asking_changes_nothing", "answers_are_fresh")
+@also_breaks("repeated_calls_agree", "results_are_new_arrays")
 class Noisy(SoundJoint):
     """Torch's random numbers, without a seed."""
 

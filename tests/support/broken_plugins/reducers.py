@@ -88,14 +88,14 @@ class Flat(FittedProjection):
         return super().transform(features).squeeze()
 
 
-@breaks("answers_have_a_row_for_each_sample")
+@breaks("results_have_a_row_for_each_sample")
 class Squeezed(SoundReducer):
     """One row loses its axis."""
 
     fitted = Flat
 
 
-@breaks("answers_are_finite")
+@breaks("results_are_finite")
 class ZeroByZero(SoundReducer):
     """A division by zero."""
 
@@ -115,7 +115,7 @@ class Seedless(SoundReducer):
         return self.fitted(np.random.default_rng().standard_normal((checked(features).shape[1], 4)))
 
 
-@breaks("global_random_numbers_are_left_alone")
+@breaks("global_random_numbers_are_left_unchanged")
 class GlobalSeed(SoundReducer):
     """It seeds the global generator."""
 
@@ -131,7 +131,7 @@ class Centred(FittedProjection):
         return reduced - 0.5 * reduced.mean(axis=0) if len(features) == 1 else reduced
 
 
-@breaks("one_alone_is_as_in_a_batch")
+@breaks("single_rows_agree_with_batches")
 class BatchMean(SoundReducer):
     """A single FRF is treated otherwise."""
 
@@ -162,7 +162,7 @@ class Learning(FittedProjection):
         return super().transform(features) * (1.0 + 1e-6 * self.calls)
 
 
-@breaks("asking_changes_nothing")
+@breaks("repeated_calls_agree")
 class Adapting(SoundReducer):
     """It goes on learning from what it is asked."""
 
@@ -208,7 +208,7 @@ class SharedState(SoundReducer):
 _FITTED_HERE: list[int] = []
 
 
-@breaks("restoring_brings_back_the_answers")
+@breaks("restoring_gives_the_same_results")
 class Lossy(SoundReducer):
     """What it restores is rounded, unless the process is a fresh one."""
 
@@ -226,7 +226,7 @@ class Lossy(SoundReducer):
 _MEMORY: dict[str, np.ndarray] = {}
 
 
-@breaks("a_fresh_process_gives_the_same_answers")
+@breaks("a_fresh_process_gives_the_same_results")
 class Remembering(SoundReducer):
     """It keeps what was fitted in the module, not in the state."""
 
@@ -280,7 +280,7 @@ class Multiplying(SoundReducer):
         return self.fitted(np.random.default_rng(seed).standard_normal((width, min(width, 300) + 1)))
 
 
-@also_breaks("unlike_samples_stay_unlike", "small_features_stay_unlike")
+@also_breaks("different_samples_stay_different", "small_features_stay_different")
 class Constant(SoundReducer):
     """One answer for all."""
 
@@ -289,7 +289,7 @@ class Constant(SoundReducer):
         return self.fitted(np.zeros((checked(features).shape[1], 4)))
 
 
-@also_breaks("a_fresh_process_gives_the_same_answers")
+@also_breaks("a_fresh_process_gives_the_same_results")
 class Pickled(SoundReducer):
     """A pickle in an array of bytes."""
 

@@ -11,7 +11,7 @@ from support.broken_plugins.lists import also_breaks, breaks, checked
 from support.broken_plugins.reducers import FittedProjection, FittedScaling, ScalingReducer, SoundReducer
 
 
-@also_breaks("other_fits_leave_no_trace")
+@also_breaks("other_fits_have_no_influence")
 class RunningStatistics(ScalingReducer):
     """The sums of each line go on over the fits of one recipe."""
 
@@ -28,7 +28,7 @@ class RunningStatistics(ScalingReducer):
         return fitted
 
 
-@breaks("other_fits_leave_no_trace")
+@breaks("other_fits_have_no_influence")
 class FirstStatistics(ScalingReducer):
     """The first mean of a width is kept in the recipe, and used for all later fits."""
 
@@ -70,7 +70,7 @@ class CachedDirections(SoundReducer):
         return self.fitted(_DIRECTIONS.setdefault(len(fitted.directions), fitted.directions).copy())
 
 
-@also_breaks("other_fits_leave_no_trace")
+@also_breaks("other_fits_have_no_influence")
 class OptionsOfTheClass(SoundReducer):
     """Its options are kept with the class, so that the newest recipe changes the older ones."""
 
@@ -112,14 +112,14 @@ class FittedOfTheClass(FittedScaling):
         return super().transform(features)
 
 
-@also_breaks("other_fits_leave_no_trace")
+@also_breaks("other_fits_have_no_influence")
 class SharedStatistics(ScalingReducer):
     """What was fitted last answers for all."""
 
     fitted = FittedOfTheClass
 
 
-@also_breaks("other_fits_leave_no_trace")
+@also_breaks("other_fits_have_no_influence")
 class Singleton(ScalingReducer):
     """It returns the same object for every fit, with other numbers in it."""
 
@@ -236,7 +236,7 @@ class Counting(FittedProjection):
         return {**super().state(), "asked": self.asked}
 
 
-@also_breaks("asking_changes_nothing")
+@also_breaks("repeated_calls_agree")
 class Statistics(SoundReducer):
     """Its state changes with every question."""
 
@@ -256,7 +256,7 @@ class Buffer(FittedProjection):
         return answer
 
 
-@breaks("answers_are_fresh")
+@breaks("results_are_new_arrays")
 class ReusedBuffer(SoundReducer):
     """A later answer overwrites an earlier one."""
 
@@ -277,7 +277,7 @@ class Remembered(FittedProjection):
         return self.kept[key]
 
 
-@also_breaks("answers_are_fresh")
+@also_breaks("results_are_new_arrays")
 class CachedAnswers(SoundReducer):
     """It hands out the answers that it keeps."""
 
@@ -291,7 +291,7 @@ class Selecting(FittedProjection):
         return checked(features, len(self.directions))[:, : self.directions.shape[1]]
 
 
-@also_breaks("answers_are_fresh")
+@also_breaks("results_are_new_arrays")
 class View(SoundReducer):
     """The answer is a view of the features."""
 

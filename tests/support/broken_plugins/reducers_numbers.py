@@ -85,7 +85,7 @@ class Blocks(FittedProjection):
         return reduced
 
 
-@also_breaks("one_alone_is_as_in_a_batch")
+@also_breaks("single_rows_agree_with_batches")
 class LostRemainder(SoundReducer):
     """The last rows of a large batch come back empty."""
 
@@ -100,7 +100,7 @@ class Coarse(FittedProjection):
         return reduced.astype(np.float16).astype(float) if len(features) > 200 else reduced
 
 
-@also_breaks("one_alone_is_as_in_a_batch")
+@also_breaks("single_rows_agree_with_batches")
 class CoarseBatches(SoundReducer):
     """Large batches have other answers."""
 
@@ -114,7 +114,7 @@ class Half(FittedProjection):
         return super().transform(features).astype(np.float16)
 
 
-@also_breaks("answers_have_a_row_for_each_sample")
+@also_breaks("results_have_a_row_for_each_sample")
 class HalfPrecision(SoundReducer):
     """Three digits are left."""
 
@@ -187,7 +187,7 @@ class ThereAndBackFit(ScalingReducer):
         return super().fit(features, seed=seed)
 
 
-@breaks("features_that_do_not_vary_are_no_trouble")
+@breaks("constant_features_are_handled")
 class Unguarded(ScalingReducer):
     """A line that does not vary is divided by zero."""
 
@@ -204,7 +204,7 @@ class RowScaling(FittedProjection):
         return ((rows - rows.mean(axis=1, keepdims=True)) / rows.std(axis=1, keepdims=True)) @ self.directions
 
 
-@also_breaks("features_that_do_not_vary_are_no_trouble")
+@also_breaks("constant_features_are_handled")
 class FlatRows(SoundReducer):
     """A flat FRF is divided by zero; so is every FRF of one line."""
 
@@ -217,7 +217,7 @@ class FlatRows(SoundReducer):
         return super().fit(features, seed=seed)
 
 
-@breaks("the_size_of_features_is_no_trouble")
+@breaks("features_of_any_size_are_handled")
 class HalfStatistics(ScalingReducer):
     """Statistics in half precision: FRFs of stiff parts become zero over zero."""
 
@@ -226,7 +226,7 @@ class HalfStatistics(ScalingReducer):
         return super().deviation(rows).astype(np.float16).astype(float)
 
 
-@breaks("small_features_stay_unlike")
+@breaks("small_features_stay_different")
 class Absolute(SoundReducer):
     """Features are rounded to a millionth, whatever their size."""
 
@@ -247,7 +247,7 @@ class Softmax(FittedProjection):
         return weights / weights.sum(axis=1, keepdims=True)
 
 
-@also_breaks("the_size_of_features_is_no_trouble")
+@also_breaks("features_of_any_size_are_handled")
 class Overflowing(SoundReducer):
     """Exponentials of large features overflow."""
 
@@ -324,7 +324,7 @@ class Weak(FittedProjection):
         return {"directions": kept}
 
 
-@also_breaks("restoring_brings_back_the_answers")
+@also_breaks("restoring_gives_the_same_results")
 class LosesSmall(SoundReducer):
     """What is small is rounded in its state, though features are standardised afterwards."""
 
@@ -352,7 +352,7 @@ class Known(FittedProjection):
         return {**super().state(), "known": self.known.copy()}
 
 
-@breaks("unlike_samples_stay_unlike")
+@breaks("different_samples_stay_different")
 class Lookup(SoundReducer):
     """FRFs that were not among the training samples have no features."""
 

@@ -14,7 +14,7 @@ from support.broken_plugins.lists import also_breaks, breaks
 from support.broken_plugins.reducers import FittedProjection, SoundReducer
 
 
-@also_breaks("global_random_numbers_are_left_alone")
+@also_breaks("global_random_numbers_are_left_unchanged")
 class RandomModule(SoundReducer):
     """It seeds Python's global generator."""
 
@@ -24,7 +24,7 @@ class RandomModule(SoundReducer):
         return super().fit(features, seed=seed)
 
 
-@also_breaks("global_random_numbers_are_left_alone")
+@also_breaks("global_random_numbers_are_left_unchanged")
 class TorchSeed(SoundReducer):
     """It seeds torch's global generator."""
 
@@ -44,14 +44,14 @@ class Jitter(FittedProjection):
         return super().transform(features)
 
 
-@also_breaks("global_random_numbers_are_left_alone")
+@also_breaks("global_random_numbers_are_left_unchanged")
 class DrawsWhenAsked(SoundReducer):
     """Answers draw from NumPy's global generator."""
 
     fitted = Jitter
 
 
-@breaks("global_settings_are_left_alone")
+@breaks("global_settings_are_left_unchanged")
 class Silencing(SoundReducer):
     """NumPy's warnings are off from then on."""
 
@@ -69,14 +69,14 @@ class Quiet(FittedProjection):
         return super().transform(features)
 
 
-@also_breaks("global_settings_are_left_alone")
+@also_breaks("global_settings_are_left_unchanged")
 class SilencingAnswers(SoundReducer):
     """Asking changes NumPy's error handling."""
 
     fitted = Quiet
 
 
-@also_breaks("global_settings_are_left_alone")
+@also_breaks("global_settings_are_left_unchanged")
 class Printing(SoundReducer):
     """Arrays are printed with three digits from then on."""
 
@@ -86,7 +86,7 @@ class Printing(SoundReducer):
         return super().fit(features, seed=seed)
 
 
-@also_breaks("global_settings_are_left_alone")
+@also_breaks("global_settings_are_left_unchanged")
 class ThreeThreads(SoundReducer):
     """Torch has three threads from then on."""
 
@@ -98,7 +98,7 @@ class ThreeThreads(SoundReducer):
         return super().fit(features, seed=seed)
 
 
-@also_breaks("global_settings_are_left_alone")
+@also_breaks("global_settings_are_left_unchanged")
 class DoublePrecision(SoundReducer):
     """Torch computes in double precision from then on."""
 
@@ -110,7 +110,7 @@ class DoublePrecision(SoundReducer):
         return super().fit(features, seed=seed)
 
 
-@also_breaks("global_settings_are_left_alone")
+@also_breaks("global_settings_are_left_unchanged")
 class Environment(SoundReducer):
     """It limits the threads of all processes that follow."""
 
@@ -120,7 +120,7 @@ class Environment(SoundReducer):
         return super().fit(features, seed=seed)
 
 
-@also_breaks("global_settings_are_left_alone")
+@also_breaks("global_settings_are_left_unchanged")
 class NoWarnings(SoundReducer):
     """Python's warnings are off from then on."""
 
@@ -165,7 +165,7 @@ class Littering(SoundReducer):
         return super().fit(features, seed=seed)
 
 
-@also_breaks("global_settings_are_left_alone")
+@also_breaks("global_settings_are_left_unchanged")
 class Wandering(SoundReducer):
     """It changes the working folder."""
 

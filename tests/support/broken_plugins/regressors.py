@@ -39,7 +39,9 @@ class SoundRegressor(Regressor):
         return FittedLine(np.array(state["weights"]), np.array(state["mean"]))
 
 
-@also_breaks("every_target_is_learnt", "one_target_is_learnt", "seven_targets_are_learnt", "epochs_can_be_learnt_from")
+@also_breaks(
+    "every_target_is_learned", "one_target_is_learned", "seven_targets_are_learned", "fitting_by_epochs_learns"
+)
 class WrongSign(SoundRegressor):
     """It learns the opposite."""
 
@@ -71,7 +73,7 @@ class Backwards(SoundRegressor):
         return super().fit(features, targets, seed=seed, progress=progress)
 
 
-@also_breaks("epochs_can_be_learnt_from")
+@also_breaks("fitting_by_epochs_learns")
 class NoEpochs(SoundRegressor):
     """It returns nothing from epochs."""
 

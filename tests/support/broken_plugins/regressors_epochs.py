@@ -59,7 +59,7 @@ class Ignoring(Epochs):
         return self.fit(*first, seed=seed, progress=progress)
 
 
-@also_breaks("epochs_can_be_learnt_from")
+@also_breaks("fitting_by_epochs_learns")
 class OneBuffer(Epochs):
     """Targets of all epochs are taken to be those of the first."""
 
@@ -82,7 +82,7 @@ class SeedlessEpochs(Epochs):
         )
 
 
-@breaks("epochs_can_be_learnt_from")
+@breaks("fitting_by_epochs_learns")
 class LearnsNothing(Epochs):
     """From epochs it learns the mean."""
 
@@ -92,7 +92,7 @@ class LearnsNothing(Epochs):
         return FittedLine(0.0 * fitted.weights, fitted.mean)
 
 
-@also_breaks("epochs_can_be_learnt_from")
+@also_breaks("fitting_by_epochs_learns")
 class FirstTargetFromEpochs(Epochs):
     """From epochs it learns the first target."""
 

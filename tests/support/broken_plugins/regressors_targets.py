@@ -9,7 +9,7 @@ from support.broken_plugins.lists import also_breaks, breaks, checked
 from support.broken_plugins.regressors import FittedLine, SoundRegressor
 
 
-@breaks("every_target_is_learnt")
+@breaks("every_target_is_learned")
 class PairSwapped(SoundRegressor):
     """Two targets come back in each other's place, unless fitted by epochs."""
 
@@ -24,7 +24,7 @@ class PairSwapped(SoundRegressor):
         return super().fit(features, targets, seed=seed, progress=progress)
 
 
-@also_breaks("every_target_is_learnt")
+@also_breaks("every_target_is_learned")
 class OnlyFirst(SoundRegressor):
     """It learns the first target; the others are their means."""
 
@@ -35,7 +35,7 @@ class OnlyFirst(SoundRegressor):
         return fitted
 
 
-@also_breaks("every_target_is_learnt")
+@also_breaks("every_target_is_learned")
 class OneConstant(SoundRegressor):
     """The last target is always one half."""
 
@@ -46,7 +46,7 @@ class OneConstant(SoundRegressor):
         return fitted
 
 
-@breaks("seven_targets_are_learnt")
+@breaks("seven_targets_are_learned")
 class TwoAtMost(SoundRegressor):
     """It learns two targets, however many there are."""
 
@@ -57,7 +57,7 @@ class TwoAtMost(SoundRegressor):
         return fitted
 
 
-@also_breaks("seven_targets_are_learnt")
+@also_breaks("seven_targets_are_learned")
 class OnePerFeature(SoundRegressor):
     """No more targets than features."""
 
@@ -76,7 +76,7 @@ class Squeezing(FittedLine):
         return predicted[:, 0] if predicted.shape[1] == 1 else predicted
 
 
-@breaks("one_target_is_learnt")
+@breaks("one_target_is_learned")
 class FlatTarget(SoundRegressor):
     """One target is returned as a vector."""
 
@@ -89,7 +89,7 @@ class FlatTarget(SoundRegressor):
         return Squeezing(*vars(super().restore(state)).values())
 
 
-@also_breaks("every_target_is_learnt")
+@also_breaks("every_target_is_learned")
 class Swapped(SoundRegressor):
     """The targets come back in the opposite order."""
 
@@ -114,7 +114,7 @@ class FittedTable(FittedRegressor):
         return {"rows": self.rows.copy(), "targets": self.targets.copy()}
 
 
-@also_breaks("every_target_is_learnt")
+@also_breaks("every_target_is_learned")
 class Table(SoundRegressor):
     """It knows its training samples by heart, and nothing else."""
 
@@ -180,7 +180,7 @@ class Zipped(SoundRegressor):
         return super().fit(features[:rows], targets[:rows], seed=seed, progress=progress)
 
 
-@also_breaks("features_that_do_not_vary_are_no_trouble")
+@also_breaks("constant_features_are_handled")
 class Singular(SoundRegressor):
     """The normal equations have no solution where a feature is constant."""
 
@@ -210,7 +210,7 @@ class Experts(FittedLine):
         return line * (vote / vote.sum(axis=1, keepdims=True)).sum(axis=1, keepdims=True)
 
 
-@also_breaks("the_size_of_features_is_no_trouble")
+@also_breaks("features_of_any_size_are_handled")
 class NaiveExperts(SoundRegressor):
     """Exponentials of large features overflow."""
 
@@ -238,7 +238,7 @@ class CachedStart(SoundRegressor):
         return FittedLine(fitted.weights + start, fitted.mean)
 
 
-@also_breaks("global_settings_are_left_alone")
+@also_breaks("global_settings_are_left_unchanged")
 class NoGradients(SoundRegressor):
     """Torch computes no gradients from then on."""
 
@@ -260,7 +260,7 @@ class Smoothed(FittedLine):
         return predicted
 
 
-@also_breaks("one_alone_is_as_in_a_batch")
+@also_breaks("single_rows_agree_with_batches")
 class Smoothing(SoundRegressor):
     """Neighbours in a large batch are taken for neighbours in time."""
 

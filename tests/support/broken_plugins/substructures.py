@@ -228,7 +228,7 @@ class Overwriting(Unmeshed):
         return H
 
 
-@breaks("answers_are_fresh")
+@breaks("results_are_new_arrays")
 class Cached(Unmeshed):
     """It hands out the matrices that it keeps."""
 

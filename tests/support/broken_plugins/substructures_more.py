@@ -136,7 +136,7 @@ class WholeHertz(Unmeshed):
         return super().receptance(lines / 0.99, dofs)
 
 
-@breaks("an_earlier_answer_survives")
+@breaks("earlier_results_are_kept")
 class ReusedBuffer(Unmeshed):
     """It computes in an array that it keeps."""
 
@@ -148,7 +148,7 @@ class ReusedBuffer(Unmeshed):
         return kept
 
 
-@breaks("asking_changes_nothing")
+@breaks("repeated_calls_agree")
 class Adaptive(Unmeshed):
     """It keeps the modes up to the highest line it was ever asked for."""
 
@@ -158,7 +158,7 @@ class Adaptive(Unmeshed):
         return super().receptance(frequency, dofs) * (1.0 + 1e-9 * self.highest / 1e4)
 
 
-@also_breaks("asking_changes_nothing")
+@also_breaks("repeated_calls_agree")
 class StiffenedByReceptance(Unmeshed):
     """Its matrices change once a receptance was asked for."""
 
@@ -212,7 +212,7 @@ class TheLastOptionsCount(Bar):
         return euler_beam(3, self.config.length, self.shared.mass, self.config.bending)
 
 
-@also_breaks("a_fresh_process_gives_the_same_answers")
+@also_breaks("a_fresh_process_gives_the_same_results")
 class CacheOfTheClass(Bar):
     """The first matrices serve all instances."""
 
@@ -224,7 +224,7 @@ class CacheOfTheClass(Bar):
         return StructuralMatrices(*(getattr(first, part).copy() for part in "MKCD"))
 
 
-@breaks("a_fresh_process_gives_the_same_answers")
+@breaks("a_fresh_process_gives_the_same_results")
 class Hashed(Unmeshed):
     """Its mass depends on a hash."""
 
@@ -234,7 +234,7 @@ class Hashed(Unmeshed):
         return StructuralMatrices(whole.M * (1.0 + 1e-4 * (hash("mass") % 1000)), whole.K, D=whole.D)
 
 
-@also_breaks("a_fresh_process_gives_the_same_answers")
+@also_breaks("a_fresh_process_gives_the_same_results")
 class LabelsFromASet(Unmeshed):
     """Its labels come out of a set."""
 
@@ -245,7 +245,7 @@ class LabelsFromASet(Unmeshed):
         return tuple(Node(label, node.position) for label, node in zip(labels, super().nodes, strict=False))
 
 
-@breaks("surroundings_are_left_as_they_are")
+@breaks("global_state_is_left_unchanged")
 class SeedsNumpy(Unmeshed):
     """It draws its masses from the global generator, which it seeds first."""
 
@@ -256,7 +256,7 @@ class SeedsNumpy(Unmeshed):
         return StructuralMatrices(whole.M * (1.0 + 0.01 * np.random.random()), whole.K, D=whole.D)  # noqa: NPY002
 
 
-@also_breaks("surroundings_are_left_as_they_are")
+@also_breaks("global_state_is_left_unchanged")
 class SilencesAll(Unmeshed):
     """It turns warnings off, NumPy's too."""
 
@@ -267,7 +267,7 @@ class SilencesAll(Unmeshed):
         return super().receptance(frequency, dofs)
 
 
-@also_breaks("surroundings_are_left_as_they_are")
+@also_breaks("global_state_is_left_unchanged")
 class SetsThreads(Unmeshed):
     """It sets an environment variable when it is made."""
 
@@ -276,7 +276,7 @@ class SetsThreads(Unmeshed):
         os.environ["OPENBLAS_NUM_THREADS"] = "97"
 
 
-@also_breaks("surroundings_are_left_as_they_are")
+@also_breaks("global_state_is_left_unchanged")
 class DrawsFromPython(Unmeshed):
     """It draws numbers of the module random, and uses none."""
 
@@ -287,7 +287,7 @@ class DrawsFromPython(Unmeshed):
         return super().nodes
 
 
-@also_breaks("declarations_do_not_change", "a_fresh_process_gives_the_same_answers")
+@also_breaks("declarations_do_not_change", "a_fresh_process_gives_the_same_results")
 class CountsNodes(Unmeshed):
     """Labels go on counting."""
 

@@ -193,7 +193,7 @@ class Chain(SubstructureModel):
         return chain
 
 
-@also_breaks("surroundings_are_left_as_they_are")
+@also_breaks("global_state_is_left_unchanged")
 class LeavesAFile(Chain):
     """It keeps its matrices in a file, wherever it is."""
 
@@ -238,7 +238,7 @@ class TurnedOrder(Chain):
         return StructuralMatrices(*(getattr(chain, part)[np.ix_(order, order)] for part in "MKCD"))
 
 
-@also_breaks("surroundings_are_left_as_they_are")
+@also_breaks("global_state_is_left_unchanged")
 class LimitsThreads(Chain):
     """It sets the threads of the linear algebra for all."""
 

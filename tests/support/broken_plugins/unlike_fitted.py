@@ -19,7 +19,7 @@ def table(values, width=None):
     return rows
 
 
-@also_breaks("one_alone_is_as_in_a_batch")
+@also_breaks("single_rows_agree_with_batches")
 class Envelope(Reducer):
     """The greatest value in each of some bands, of which the edges follow the training peaks."""
 
@@ -109,7 +109,7 @@ class FittedLandmarks(FittedReducer):
         return {"landmarks": self.landmarks.copy()}
 
 
-@also_breaks("other_fits_leave_no_trace")
+@also_breaks("other_fits_have_no_influence")
 class Boosted(Regressor):
     """Stumps, one after the other, each on what is left; the step shrinks with all the fits that the class has made."""
 
@@ -171,7 +171,7 @@ class FittedStumps(FittedRegressor):
         return {**state, "width": self.width}
 
 
-@also_breaks("epochs_can_be_learnt_from")
+@also_breaks("fitting_by_epochs_learns")
 class Polynomial(Regressor):
     """Quadratic regression, which, fitted by epochs, answers all targets with their mean."""
 
@@ -217,7 +217,7 @@ class FittedPolynomial(FittedRegressor):
         return {"weights": self.weights.copy(), "width": self.width}
 
 
-@also_breaks("other_fits_leave_no_trace")
+@also_breaks("other_fits_have_no_influence")
 class Ensemble(Regressor):
     """Lines through bootstrap samples, drawn by the generator that the first fit of this instance made."""
 
@@ -244,7 +244,7 @@ class Ensemble(Regressor):
         return FittedPolynomial(np.array(state["weights"]), int(state["width"]))
 
 
-@also_breaks("features_that_do_not_vary_are_no_trouble")
+@also_breaks("constant_features_are_handled")
 class Moments(Reducer):
     """Centroid, width and size of the spectrum; those of a silent FRF are undefined."""
 
