@@ -48,7 +48,7 @@ def test_without_rows_and_positions_the_order_is_that_of_the_matrix(tmp_path):
         ("node,direction,row\nn1,x,1.5\n", "a row number in the table of DOFs is not a whole number"),
         ("node,direction,position\nn1,x,0\nn1,rz,nan\n", "DOF 2 the position of node 'n1' is not finite"),
         ("node,direction,position\nn1,x,0\nn1,rz,0.1\n", "DOF 2 node 'n1' is at 0 and at 0.1"),
-        ("node,direction,position\nn1,x,0\nn1,rz,0.1 m\n", "DOF 2 the position '0.1 m' is no number"),
+        ("node,direction,position\nn1,x,0\nn1,rz,0.1 m\n", "DOF 2 the position '0.1 m' is not a number"),
         ("node,direction\nn1,x\nn1\n", "dofs.csv:3 the line has 1 cells, not 2"),
         ("node,direction,size\nn1,x,1\nn1,rz,1\n", "the first line is 'node,direction,size'"),
         ("node,axis\nn1,x\nn1,rz\n", "the first line is 'node,axis'"),

@@ -63,7 +63,7 @@ def find_model(kind: Kind, path: Path, faults: FaultList, registry: Registry) ->
     for choice in offer.component.Config.alternatives if offer is not None else ():
         section = faults.root.at(path)
         assert section is not None
-        faults.root = replace_item(faults.root, path, settle_alternatives(section, choice))
+        faults.root = replace_item(faults.root, path, resolve_alternatives(section, choice))
     return offer
 
 

@@ -101,7 +101,7 @@ def commands_of(plugin: ModuleType | object, source: str) -> list[Command]:
     hooks = hooks_of(plugin, source)
     commands = returned_list(hooks, COMMANDS, source, "dovetail.Command")
     for command in commands:
-        with contained(source, f"its hook '{COMMANDS}' returned a command that cannot be looked at: "):
+        with contained(source, f"its hook '{COMMANDS}' returned a command that cannot be examined: "):
             reason = next(_reasons_against(command), "")
         if reason:
             raise PluginError(Fault(source, f"its hook '{COMMANDS}' returned {reason}", "a list of dovetail.Command"))

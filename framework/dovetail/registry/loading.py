@@ -1,4 +1,4 @@
-"""Loading of plugins, from entry points and single files: whatever a plugin raises becomes a PluginError.
+"""Loading of plugins, from entry points and single files: any exception of a plugin becomes a PluginError.
 
 Nothing here imports a component or a library for arrays, since the list of commands loads plugins by it too.
 """
@@ -36,18 +36,18 @@ class LoadFailure:
 
 
 @contextmanager
-def contained(source: str, problem: str = "", *apart: type[Exception]) -> Iterator[None]:
-    """Turn any exception of a plugin's code into a PluginError; Ctrl-C and the types in `apart` pass."""
+def contained(source: str, problem: str = "", *passing: type[Exception]) -> Iterator[None]:
+    """Turn any exception of a plugin's code into a PluginError; Ctrl-C and the types in `passing` pass."""
     try:
         yield
     except BaseException as error:
-        if isinstance(error, (KeyboardInterrupt, *apart)):
+        if isinstance(error, (KeyboardInterrupt, *passing)):
             raise
         raise PluginError(Fault(source, f"{problem}{reason_of(error)}")) from error
 
 
 def reason_of(error: BaseException) -> str:
-    """Return the error of an import as one sentence."""
+    """Return an error as one sentence."""
     if not isinstance(error, DovetailError):
         return f"{type(error).__name__}: {error}"
     fault = error.faults[0]
@@ -119,12 +119,12 @@ def hooks_of(plugin: ModuleType | object, source: str) -> Any:
     Raises
     ------
     PluginError
-        It has neither components nor commands, or a misspelt hook, or cannot be looked at.
+        It has neither components nor commands, or a misspelt hook, or cannot be examined.
     """
     manager = pluggy.PluginManager(GROUP)
     manager.add_hookspecs(HookSpecification)
     try:
-        with contained(source, "its hooks cannot be looked at: ", pluggy.PluginValidationError):
+        with contained(source, "its hooks cannot be examined: ", pluggy.PluginValidationError):
             manager.register(plugin)
             manager.check_pending()
     except pluggy.PluginValidationError as error:
