@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 from pydantic import BaseModel
 
 from dovetail.assembly.model import Assembly
 from dovetail.assembly.placement import placement_doubts
-from dovetail.documents.validation import number_unit
+from dovetail.documents.option_fields import numbers_within
 from dovetail.errors import DovetailError, Fault, PluginError
 from dovetail.interfaces import Parameter, plugin_errors
 from dovetail.synthesis.lost_digits import lost_digits
@@ -68,28 +67,15 @@ def _of_options(config: object) -> Iterator[str]:
     """Yield the doubts about a component's options with a unit."""
     if not isinstance(config, BaseModel):
         return
-    for steps, value in numbers_within(config.model_dump()):
-        unit = number_unit(type(config), steps)
-        low, high = _USUAL.get(unit or "", (-np.inf, np.inf))
-        if unit is None or value == 0.0 or low <= abs(value) <= high:
+    for number in numbers_within(config):
+        unit, value = number.unit, number.value
+        low, high = _USUAL.get(unit, (-np.inf, np.inf))
+        if value == 0.0 or low <= abs(value) <= high:
             continue
-        option = ".".join(map(str, steps))
+        option = ".".join(map(str, number.path))
         meant = [f"{value:g} {name}" for factor, name in _MEANT[unit] if low <= abs(value) * factor <= high]
         hint = f" Was {' or '.join(meant)} meant? A number without a unit is in SI." if meant else ""
         yield f"{option}: {value:g} {unit} is not within {low:g} to {high:g} {unit}.{hint}"
-
-
-def numbers_within(value: Any, steps: tuple[str | int, ...] = ()) -> Iterator[tuple[tuple[str | int, ...], float]]:
-    """Yield each number among options as plain values, and the steps that lead there."""
-    children: Sequence[tuple[str | int, Any]] = ()
-    if isinstance(value, Mapping):
-        children = list(value.items())
-    elif isinstance(value, (list, tuple)):
-        children = list(enumerate(value))
-    elif isinstance(value, float):
-        yield steps, value
-    for step, child in children:
-        yield from numbers_within(child, (*steps, step))
 
 
 def _of_range(parameter: Parameter) -> Iterator[str]:

@@ -13,8 +13,8 @@ from dovetail.description.checked import JointEntry, ParameterEntry, Tie, resolv
 from dovetail.description.parameter_sections import StatedParameters, ends_of, steps_of
 from dovetail.description.unknown_parts import UnknownPart, UnknownReceptance
 from dovetail.documents.fault_list import FaultList
+from dovetail.documents.option_fields import number_unit
 from dovetail.documents.tree import Item, Path
-from dovetail.documents.validation import number_unit
 from dovetail.errors import PluginError, listing
 from dovetail.interfaces import Parameter, SubstructureModel, plugin_errors
 from dovetail.registry import Registry

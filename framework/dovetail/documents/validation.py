@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Annotated, Any, TypeVar, get_args, get_origin
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
-from pydantic.fields import FieldInfo
 
 from dovetail.documents.fault_list import FaultList
+from dovetail.documents.option_fields import keys_of, models_at
 from dovetail.documents.tree import Item, Path, Scalar, format_path, format_value, plain_values, replace_value
 from dovetail.errors import did_you_mean, listing
-from dovetail.units import InUnit
 
 _Model = TypeVar("_Model", bound=BaseModel)
 
@@ -101,28 +100,6 @@ def check_format(faults: FaultList, key: str, version: int, missing: str) -> Non
         faults.add((key,), problem, str(version))
 
 
-def number_unit(model: type[BaseModel], path: Path) -> str | None:
-    """Return the unit of an option inside a section of a model, ``"1"`` without one; None if it is not a float."""
-    last = max((index for index, step in enumerate(path) if isinstance(step, str)), default=-1)
-    if last < 0:
-        return None
-    for owner in _models_at(model, path[:last]):
-        for name, field in owner.model_fields.items():
-            if path[last] in (name, field.alias) and _is_float(field.annotation):
-                return _unit_of(field) or "1"
-    return None
-
-
-def _is_float(annotation: Any) -> bool:
-    """Return whether the annotation allows a float, and no section."""
-    if isinstance(annotation, type):
-        return annotation is float
-    origin = get_origin(annotation)
-    if isinstance(origin, type) and issubclass(origin, Mapping):
-        return False
-    return any(_is_float(part) for part in get_args(annotation)) and not any(_models_in(annotation))
-
-
 @dataclass(frozen=True)
 class _Translation:
     """Converts pydantic's errors in a section to faults; its fields are as in `validate`."""
@@ -160,7 +137,7 @@ class _Translation:
         return (*path, last) if detail["type"] == "missing" else path
 
     def _missing(self, path: Path) -> None:
-        keys = _keys_of(_models_at(self.model, path[:-1]))
+        keys = keys_of(models_at(self.model, path[:-1]))
         unit = keys.get(str(path[-1]), "")
         section = self._title(path[:-1])
         accepted = f"a quantity in {unit}" if unit else ""
@@ -170,7 +147,7 @@ class _Translation:
 
     def _unknown(self, path: Path) -> str:
         """Report an unknown key, and return the key that the author probably meant, or an empty text."""
-        keys = _keys_of(_models_at(self.model, path[:-1]))
+        keys = keys_of(models_at(self.model, path[:-1]))
         names = [*self.reserved, *keys] if len(path) == 1 else list(keys)
         problem = f"{format_value(path[-1])} is not a key of {self._title(path[:-1])}."
         accepted = listing(f"{name} [{keys[name]}]" if keys.get(name) else name for name in names) or "no keys"
@@ -197,7 +174,7 @@ class _Translation:
 
     def _in_unit(self, path: Path) -> str:
         keys = [step for step in path if isinstance(step, str)]
-        unit = _keys_of(_models_at(self.model, tuple(keys[:-1]))).get(keys[-1], "") if keys else ""
+        unit = keys_of(models_at(self.model, tuple(keys[:-1]))).get(keys[-1], "") if keys else ""
         return f" in {unit}" if unit else ""
 
     def _title(self, path: Path) -> str:
@@ -233,41 +210,3 @@ def _explain(detail: Any, value: str, item: Item | None) -> tuple[str, str, str]
 
 def _bound(bound: Any) -> str:
     return f"{bound:g}" if isinstance(bound, float) else str(bound)
-
-
-def _keys_of(models: Collection[type[BaseModel]]) -> dict[str, str]:
-    """Return the keys of these models, each with its unit or an empty text."""
-    return {field.alias or name: _unit_of(field) for model in models for name, field in model.model_fields.items()}
-
-
-def _models_at(model: type[BaseModel], path: Path) -> list[type[BaseModel]]:
-    """Return the models that a section at `path` inside `model` may have."""
-    models = [model]
-    for step in path:
-        if isinstance(step, str):
-            fields = [f for m in models for name, f in m.model_fields.items() if step in (name, f.alias)]
-            models = [nested for field in fields for nested in _models_in(field.annotation)]
-    return models
-
-
-def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation
-    for argument in get_args(annotation):
-        yield from _models_in(argument)
-
-
-def _unit_of(field: FieldInfo) -> str:
-    for entry in field.metadata:
-        if isinstance(entry, InUnit):
-            return entry.unit
-    return next((unit for unit in _units_in(field.annotation)), "")
-
-
-def _units_in(annotation: Any) -> Iterator[str]:
-    if get_origin(annotation) is Annotated:
-        for entry in annotation.__metadata__:
-            if isinstance(entry, InUnit):
-                yield entry.unit
-    for argument in get_args(annotation):
-        yield from _units_in(argument)

@@ -5,17 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, TypeAlias, get_args
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel
 
 from dovetail.assembly import Assembly
+from dovetail.documents.option_fields import numbers_within
 from dovetail.errors import DovetailError
 from dovetail.interfaces import SubstructureModel
 from dovetail.problem.residuals import ModelFrfs
-from dovetail.units import InUnit
 
 MOST_DOFS = 2000
 """Largest number of DOFs of a substructure that is changed; it takes too long to condense larger ones again."""
@@ -65,7 +64,8 @@ class ConfigQuantity:
 
 def list_quantities(model: SubstructureModel) -> tuple[ConfigQuantity, ...]:
     """Return every physical quantity other than 0 that a substructure's Config holds."""
-    return tuple(_walk(model.config, ()))
+    numbers = (number for number in numbers_within(model.config) if number.is_single and number.unit and number.value)
+    return tuple(ConfigQuantity(number.path, number.value, number.unit) for number in numbers)
 
 
 def materials_in_common(assembly: Assembly) -> Iterator[tuple[tuple[str, ...], ConfigQuantity, Apply]]:
@@ -134,26 +134,3 @@ def _in_all(assembly: Assembly, names: Iterable[str], quantity: ConfigQuantity, 
     for name in names:
         assembly = _with_quantity(assembly, name, quantity, amount)
     return assembly
-
-
-def _walk(node: Any, path: tuple[str | int, ...]) -> Iterator[ConfigQuantity]:
-    if isinstance(node, BaseModel):
-        for name, field in type(node).model_fields.items():
-            value = getattr(node, name)
-            unit = _unit(field.annotation, field.metadata)
-            if unit is not None and isinstance(value, float) and value != 0.0:
-                yield ConfigQuantity((*path, name), value, unit)
-            else:
-                yield from _walk(value, (*path, name))
-    elif isinstance(node, tuple):
-        for index, item in enumerate(node):
-            yield from _walk(item, (*path, index))
-
-
-def _unit(annotation: object, metadata: Iterable[object]) -> str | None:
-    """Return the unit in an annotation, or in one of its accepted types; None if there is none."""
-    for mark in metadata:
-        if isinstance(mark, InUnit):
-            return mark.unit
-    units = (_unit(accepted, getattr(accepted, "__metadata__", ())) for accepted in get_args(annotation))
-    return next((unit for unit in units if unit is not None), None)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly.doubts import numbers_within
+from dovetail.documents.option_fields import numbers_within
 from dovetail.interfaces import DIRECTIONS, Node, SparseMatrices, StructuralMatrices, SubstructureModel
 from dovetail.testing.answers import PARTS
 from dovetail.testing.linear_algebra import asymmetry, dense, least_effort, least_eigenvalue, relative_difference
@@ -287,9 +287,7 @@ def check_batched_matrices_are_those_of_each_value(specimen: SubstructureSpecime
     """`batched_matrices` returns the matrices of the part constructed with each value of its options, or None."""
     part = specimen.component
     near = np.array(_NEIGHBOURS)
-    numbers = {
-        ".".join(map(str, steps)): value for steps, value in numbers_within(part.config.model_dump(by_alias=True))
-    }
+    numbers = {".".join(map(str, number.path)): number.value for number in numbers_within(part.config)}
     every = {place: value * near if value else near - near[0] for place, value in numbers.items()}
     sets = [*({place: values} for place, values in every.items()), every]
     if sum(_check_batch(part, options) for options in sets if options) == 0:
