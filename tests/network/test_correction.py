@@ -248,7 +248,7 @@ def test_a_comparison_without_noise_leaves_the_correction_out():
 
 def test_a_regressor_of_values_alone_is_not_corrected():
     assembly = block(correction={"samples": 200}, regressor={"model": "mlp", "hidden": [8]})
-    with pytest.raises(PluginError, match=r"(?s)identification\.correction.*tells values alone"):
+    with pytest.raises(PluginError, match=r"(?s)identification\.correction.*predicts values without their uncertainty"):
         dovetail.train(assembly)
 
 

@@ -135,7 +135,7 @@ FAULTS = {
     "unknown direction": ("npz", {}, {"displacement": "uy"}, "no DOF has the direction 'uy', which is taken for x."),
     "unknown rotation": ("npz", {}, {"rotation": "ry"}, "no DOF has the direction 'ry', which is taken for rz."),
     "no table": ("npz", {"columns": lambda: {}}, {}, "there is no table of DOFs: no 'nodes', no 'directions'."),
-    "no directions": ("npz", {"columns": lambda: {"nodes": table()["nodes"]}}, {}, "there is no 'directions' beside"),
+    "no directions": ("npz", {"columns": lambda: {"nodes": table()["nodes"]}}, {}, "there is no 'directions', which"),
     "short table": ("npz", {"columns": changed(nodes=table()["nodes"][1:])}, {}, "nodes 17, directions 18, positions"),
     "double DOF": ("npz", {"columns": changed(directions=["x"] * 18)}, {}, "DOF 2: x of node 'n1' is already DOF 1."),
     "two places": (
