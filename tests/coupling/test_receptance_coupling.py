@@ -128,7 +128,7 @@ def test_a_holder_that_is_not_known_and_a_single_point_are_refused(parts):
         dovetail_machining.spindle_flange(stub, struck(whole), (0.024, 0.024), 0.072)
 
 
-def test_errors_of_the_tests_come_out_larger_by_the_stated_gain(parts):
+def test_errors_of_the_tests_are_amplified_by_the_reported_gain(parts):
     """Against the scatter of flanges from tests with noise; points further apart make it smaller."""
     stub, _, whole = parts
     level, random = 1e-5, np.random.default_rng(0)
@@ -173,7 +173,7 @@ def test_the_file_gives_back_every_digit(flange_file, parts):
 
 
 @pytest.mark.parametrize("content", [b"not an archive", b"PK\x05\x06" + bytes(18)])
-def test_what_is_no_receptance_matrix_is_refused(content, tmp_path):
+def test_other_archives_are_refused_as_receptance_matrices(content, tmp_path):
     file = tmp_path / "x.npz"
     file.write_bytes(content)
     with pytest.raises(MeasurementError, match="this is not a receptance matrix"):
@@ -201,7 +201,7 @@ def test_a_measured_part_in_a_description_is_the_part_itself(parts, flange_file)
     assert worst(assembly.frf(), whole.frf()) < 1e-6
 
 
-def test_its_file_is_taken_from_the_description_that_says_it(parts, flange_file, tmp_path, monkeypatch):
+def test_its_file_is_relative_to_the_description_that_names_it(parts, flange_file, tmp_path, monkeypatch):
     described = on_flange(parts, flange_file.name)
     (tmp_path / "base.yaml").write_text(json.dumps(described))
     below = tmp_path / "below"
@@ -226,7 +226,7 @@ def test_a_missing_file_is_a_fault_of_the_description(parts, tmp_path):
         ({}, {"rotations": "modell"}, "rotations"),
     ],
 )
-def test_a_flange_is_not_determined_from_what_cannot_be(kind, options, where):
+def test_impossible_inputs_of_a_flange_are_refused(kind, options, where):
     steel = {"young": 206e9, "density": 7850.0, "poisson": 0.3}
     sections = [{"length": 0.1, "outer": 0.03, "elements": 10}]
     holder = dovetail.load(

@@ -121,14 +121,14 @@ def problem(error: pytest.ExceptionInfo[DovetailError]) -> str:
     return error.value.faults[0].problem
 
 
-def test_without_the_extra_an_error_says_what_to_install(assembly, tmp_path, monkeypatch):
+def test_a_missing_extra_is_an_error_with_the_install_command(assembly, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(DovetailError, match=re.escape('pip install "dovetail-frf[dask]"')):
         dovetail.generate(assembly, tmp_path / "data.zarr", samples=SAMPLES, scheduler="tcp://127.0.0.1:1")
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense", "nowhere://x:1"])
-def test_where_no_scheduler_answers_an_error_says_so(assembly, tmp_path, monkeypatch, address):
+def test_an_unreachable_scheduler_is_an_error(assembly, tmp_path, monkeypatch, address):
     monkeypatch.setattr(parallel, "_REACHED", 0.3)
     began = time.monotonic()
     with pytest.raises(DovetailError) as error:
@@ -138,7 +138,7 @@ def test_where_no_scheduler_answers_an_error_says_so(assembly, tmp_path, monkeyp
     assert not list(tmp_path.iterdir())
 
 
-def test_a_scheduler_without_workers_is_told(assembly, tmp_path, monkeypatch, scheduler):
+def test_a_scheduler_without_workers_is_an_error(assembly, tmp_path, monkeypatch, scheduler):
     monkeypatch.setattr(parallel, "_PATIENCE", 0.3)
     with pytest.raises(DovetailError) as error:
         dovetail.generate(assembly, tmp_path / "data.zarr", samples=SAMPLES, scheduler=scheduler[1])
@@ -205,7 +205,7 @@ def test_a_batch_is_identified_by_a_cluster(sdof, tmp_path, scheduler, workers, 
     assert list(there.failures) == ["none.uff"]
 
 
-def test_a_worker_that_has_left_is_no_reason_to_begin_nothing():
+def test_a_worker_that_has_left_does_not_stop_the_start():
     """As one that was killed a moment ago, of which the scheduler does not know yet."""
     from distributed.comm import CommClosedError
 
@@ -260,7 +260,7 @@ def test_an_error_of_a_task_is_that_of_the_work(scheduler, workers):
         list(parallel.on_cluster(fail, [7], scheduler[1]))
 
 
-def test_a_scheduler_that_ends_is_told_and_the_dataset_goes_on(assembly, tmp_path, scheduler, workers):
+def test_a_scheduler_that_ends_is_an_error_and_the_dataset_can_be_resumed(assembly, tmp_path, scheduler, workers):
     """The last test of this scheduler."""
 
     def end(stage, done, total, *_):

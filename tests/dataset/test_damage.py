@@ -78,7 +78,7 @@ def test_a_damaged_chunk_is_reported_and_computed_again(kind, chunk, sdof, sound
 
 @pytest.mark.parametrize("name", ["parameters", "frequency"])
 @pytest.mark.parametrize("damage", [truncate, empty, flip, lambda file: file.unlink()])
-def test_a_spoilt_small_array_is_named(name, damage, copy):
+def test_a_damaged_small_array_is_reported(name, damage, copy):
     files = [file for file in (copy / name / "c").rglob("*") if file.is_file()]
     damage(files[-1])
     with pytest.raises(DatasetError) as error:
@@ -109,7 +109,7 @@ def test_flags_that_cannot_be_read_lose_no_dataset(sdof, sound, copy):
     np.testing.assert_array_equal(mended.amplitude[:], sound.amplitude[:])
 
 
-def test_a_dataset_that_is_not_there_is_said_not_to_be(tmp_path):
+def test_a_missing_dataset_is_an_error(tmp_path):
     with pytest.raises(DatasetError) as error:
         dovetail.Dataset(tmp_path / "data.zarr")
     (fault,) = error.value.faults

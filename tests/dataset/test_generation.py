@@ -40,7 +40,7 @@ def test_a_dataset_holds_the_amplitude_of_the_accelerance(sdof, tmp_path):
     assert again.description.fingerprint == receptance.description.fingerprint
 
 
-def test_by_default_the_description_says_how_many_and_which(sdof, tmp_path):
+def test_samples_and_seed_come_from_the_description_by_default(sdof, tmp_path):
     described = other(sdof, identification={"samples": 20, "seed": 7})
     dataset = dovetail.generate(described, tmp_path / "data.zarr")
     assert (len(dataset), dataset.seed) == (20, 7)
@@ -99,7 +99,7 @@ def test_resuming_a_complete_dataset_computes_but_three_samples_to_compare(sdof,
     assert computed == [3]
 
 
-def test_what_is_there_is_never_overwritten(sdof, tmp_path):
+def test_existing_paths_are_never_overwritten(sdof, tmp_path):
     dovetail.generate(sdof, tmp_path / "data.zarr", samples=20)
     with pytest.raises(DatasetError) as error:
         dovetail.generate(sdof, tmp_path / "data.zarr", samples=20)
@@ -159,7 +159,7 @@ def test_nothing_to_sample_and_no_samples(sdof, tmp_path):
 
 
 @pytest.mark.parametrize("content", ["missing", "empty folder", "a file", "other zarr", "damaged"])
-def test_what_is_no_dataset_is_said_to_be_none(sdof, tmp_path, content):
+def test_other_folders_are_refused_as_datasets(sdof, tmp_path, content):
     path = tmp_path / "data.zarr"
     if content == "empty folder":
         path.mkdir()

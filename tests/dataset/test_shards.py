@@ -60,7 +60,7 @@ def shards(assembly, folder, count, **options):
 
 
 @pytest.mark.parametrize("count", [1, 3, 7])
-def test_whatever_their_number_the_bytes_are_the_same(assembly, whole, tmp_path, count):
+def test_any_number_of_shards_gives_the_same_bytes(assembly, whole, tmp_path, count):
     paths = shards(assembly, tmp_path, count)
     written = np.array([dovetail.Dataset(path).amplitude.complete_chunks() for path in paths])
     assert (written.sum(axis=0) == 1).all()
@@ -81,7 +81,7 @@ def test_chunks_are_links_and_shards_may_go(assembly, whole, tmp_path):
     assert digests(tmp_path / "data.zarr") == digests(whole)
 
 
-def test_where_links_cannot_be_chunks_are_copied(assembly, whole, tmp_path, monkeypatch):
+def test_chunks_are_copied_if_links_are_impossible(assembly, whole, tmp_path, monkeypatch):
     paths = shards(assembly, tmp_path, 2)
 
     def refuse(*_, **__):
@@ -92,7 +92,7 @@ def test_where_links_cannot_be_chunks_are_copied(assembly, whole, tmp_path, monk
     assert digests(tmp_path / "data.zarr") == digests(whole)
 
 
-def test_a_shard_that_was_cut_off_is_told_and_goes_on(assembly, whole, tmp_path):
+def test_an_interrupted_shard_is_reported_and_can_be_resumed(assembly, whole, tmp_path):
     paths = shards(assembly, tmp_path, 3)
     (paths[1] / "written" / "c" / "4").unlink()
     with pytest.raises(DatasetError) as error:
@@ -119,14 +119,14 @@ def test_a_damaged_chunk_is_named_with_its_shard(assembly, tmp_path, damage):
     assert not (tmp_path / "data.zarr").exists()
 
 
-def test_a_shard_is_no_dataset_to_train_with_and_the_way_on_is_named(assembly, tmp_path):
+def test_training_on_a_shard_is_refused_with_a_remedy(assembly, tmp_path):
     (shard, _) = shards(assembly, tmp_path, 2)
     with pytest.raises(DatasetError) as error:
         dovetail.Dataset(shard).require(assembly)
     assert "joined by 'dovetail merge'" in error.value.faults[0].remedy
 
 
-def test_samples_that_nobody_computed_are_named_up_to_the_last_one(assembly, tmp_path):
+def test_all_missing_samples_are_listed(assembly, tmp_path):
     dovetail.generate(assembly, tmp_path / "shard.zarr", samples=290, shard=(1, 2))
     with pytest.raises(DatasetError, match="275 to 289 are in none"):
         dovetail.merge_datasets([tmp_path / "shard.zarr"], tmp_path / "data.zarr")
@@ -172,7 +172,7 @@ def test_shards_of_another_plan_are_refused(assembly, tmp_path):
         dovetail.merge_datasets([], tmp_path / "data.zarr")
 
 
-def test_a_description_that_names_a_file_may_lie_elsewhere_on_another_machine(assembly, tmp_path):
+def test_the_description_may_be_in_other_folders_on_other_machines(assembly, tmp_path):
     frequency, description = np.linspace(5.0, 500.0, 200), json.loads(assembly.description.text)
     receptance = np.array([[1e-7 + 0j, 0.0], [0.0, 1e-4]]) * np.ones((200, 1, 1))
     description["substructures"]["base"] = {"model": "measured", "file": "base.npz"}
@@ -187,12 +187,12 @@ def test_a_description_that_names_a_file_may_lie_elsewhere_on_another_machine(as
 
 
 @pytest.mark.parametrize("shard", [(0, 3), (4, 3), (1, 0)])
-def test_there_is_no_such_shard(assembly, tmp_path, shard):
+def test_an_impossible_shard_number_is_refused(assembly, tmp_path, shard):
     with pytest.raises(DatasetError, match="there is no shard"):
         dovetail.generate(assembly, tmp_path / "data.zarr", samples=SAMPLES, shard=shard)
 
 
-def test_the_command_line_says_what_a_shard_is(tmp_path):
+def test_a_wrong_shard_option_is_explained(tmp_path):
     result = CliRunner().invoke(app, ["generate", "a.yaml", "-o", str(tmp_path / "x.zarr"), "--shard", "2-7"])
     assert result.exit_code == 2
     assert "'2-7' is not I/N, such as 2/7." in result.stderr

@@ -28,7 +28,7 @@ def both(sdof, tmp_path_factory):
     return [dovetail.generate(described(sdof), folder / name, storage=name) for name in ("amplitude", "complex")]
 
 
-def test_a_complex_dataset_holds_the_accelerance_and_says_so(sdof, both):
+def test_a_complex_dataset_contains_the_accelerance(sdof, both):
     amplitude, phased = both
     assert (amplitude.storage, phased.storage) == ("amplitude", "complex")
     assert phased.attributes["quantity"] == "accelerance"
@@ -56,7 +56,7 @@ def test_training_takes_the_amplitude_of_either(sdof, both):
     assert np.abs(difference).max() < 1e-2
 
 
-def test_a_mass_left_at_the_drive_point_is_put_on_stored_phases(sdof, both):
+def test_a_remaining_mass_is_applied_with_the_stored_phases(sdof, both):
     settings = {"mass": "2 g", "additive": 0.0, "multiplicative": 0.0}
     assembly = described(sdof, augmentation=settings)
     phased = both[1]
@@ -84,7 +84,7 @@ def test_another_storage_is_refused(sdof, both, tmp_path):
     assert dovetail.generate(described(sdof), both[1].path, storage="complex", resume=True).complete
 
 
-def test_a_dataset_from_before_there_was_a_choice_holds_amplitudes(sdof, tmp_path):
+def test_a_dataset_without_the_attribute_storage_has_amplitudes(sdof, tmp_path):
     dovetail.generate(described(sdof), tmp_path / "old")
     file = tmp_path / "old" / "zarr.json"
     text = json.loads(file.read_text())

@@ -33,7 +33,7 @@ VALUES = np.array([3.0 + 4.0j, -1.0j, -2.0])
         ({"averages": 0}, "0 averages; it must be at least 1"),
     ],
 )
-def test_what_is_no_frf_is_refused_with_its_line(changed, fault):
+def test_invalid_frfs_are_refused_with_their_line(changed, fault):
     with pytest.raises(MeasurementError, match=fault):
         Frf(**{"frequency": AXIS, "values": VALUES, "quantity": "mobility", **changed})
 
@@ -74,7 +74,7 @@ def test_amplitude_and_phase_by_hand():
     np.testing.assert_allclose(frf.phase, [np.arctan2(4, 3), -np.pi / 2, np.pi])
 
 
-def test_units_of_what_is_half_a_rotation():
+def test_units_of_frfs_between_rotations_and_displacements():
     per_force, per_moment = ({"rotation": turns, "moment": not turns} for turns in (True, False))
     assert Frf(AXIS, VALUES, "accelerance", **per_force).unit == "rad/(N s^2)"
     assert (Frf(AXIS, VALUES, "receptance", **per_force).unit, unit_of("receptance", **per_moment)) == (
@@ -125,7 +125,7 @@ def test_each_derivative_by_time_is_a_factor_of_i_omega(source, target, power):
     assert not amplitude.has_phase
 
 
-def test_a_conversion_keeps_what_the_frf_says_of_itself_and_refuses_an_unknown_quantity():
+def test_a_conversion_keeps_the_metadata_and_refuses_an_unknown_quantity():
     frf = Frf(AXIS, VALUES, "mobility", np.ones(3), label="tip", note="dry", averages=4, rotation=True, response="5+z")
     other = frf.to("receptance")
     assert (other.label, other.note, other.averages, other.rotation, other.response) == ("tip", "dry", 4, True, "5+z")
@@ -134,7 +134,7 @@ def test_a_conversion_keeps_what_the_frf_says_of_itself_and_refuses_an_unknown_q
         frf.to("acceleration")
 
 
-def test_the_variance_from_coherence_and_averages_by_hand():
+def test_the_variance_from_coherence_and_averages_equals_a_manual_calculation():
     """|H|^2 (1 - c) / (c (n - 1)) with two averages, the fewest, and with five."""
     coherence = [0.8, 0.5, 1.0]
     two = Frf(AXIS, VALUES, "mobility", coherence=coherence, averages=2).random_variance
@@ -144,7 +144,7 @@ def test_the_variance_from_coherence_and_averages_by_hand():
     assert Frf(AXIS, VALUES, "mobility", averages=5).random_variance is None
 
 
-def test_where_nothing_is_coherent_the_variance_is_infinite():
+def test_zero_coherence_gives_an_infinite_variance():
     """Without a warning, and where the FRF is zero as well."""
     with np.errstate(divide="raise"):
         variance = Frf(AXIS, VALUES, "mobility", coherence=[0.0, 0.5, 0.0], averages=3).random_variance
@@ -153,7 +153,7 @@ def test_where_nothing_is_coherent_the_variance_is_infinite():
         assert Frf([1.0], [0.0], "mobility", coherence=[0.0], averages=3).random_variance.tolist() == [np.inf]
 
 
-def test_the_coherence_spectrum_by_hand():
+def test_the_coherence_spectrum_equals_a_manual_calculation():
     """Equal, opposite, one of them zero, both zero, a right angle, and twice as much."""
     first = np.array([[1 + 1j, 2.0, 3.0], [0.0, 1.0, 1.0]])
     second = np.array([[1 + 1j, -2.0, 0.0], [0.0, 1.0j, 2.0]])

@@ -60,6 +60,6 @@ def test_a_given_variance_comes_first_and_without_one_there_must_be_averages():
         ({"averages": 0}, "0 averages"),
     ],
 )
-def test_what_cannot_be_is_refused(given, fault):
+def test_impossible_values_are_refused(given, fault):
     with pytest.raises(MeasurementError, match=fault):
         Frf(np.array([1.0, 2.0]), [1.0, 1.0], "mobility", **given)

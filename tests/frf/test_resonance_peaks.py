@@ -49,7 +49,7 @@ def test_an_frf_without_resonance_has_no_peak() -> None:
 
 
 @pytest.mark.filterwarnings("error")
-def test_a_peak_beside_a_line_of_zero_is_placed() -> None:
+def test_a_peak_next_to_a_zero_line_is_located() -> None:
     amplitude = np.ones_like(FREQUENCY)
     amplitude[1000:1003] = (0.0, 1e3, 900.0)
     (peak,) = resonance_peaks(dovetail.Frf(FREQUENCY, amplitude, "accelerance", has_phase=False))
@@ -88,7 +88,7 @@ def two_modes(decibels: float, noise: float = 0.0) -> dovetail.Frf:
     return dovetail.Frf(FREQUENCY, values, "accelerance")
 
 
-def test_a_peak_stands_out_by_six_decibels() -> None:
+def test_a_peak_rises_by_six_decibels() -> None:
     assert resonance_peaks(two_modes(5.7)).size == 0
     np.testing.assert_allclose(resonance_peaks(two_modes(6.3)), [5000.0], rtol=1e-3)
 

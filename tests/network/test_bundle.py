@@ -122,7 +122,7 @@ def test_a_new_process_gives_the_same_answer(
 
 
 @pytest.mark.slow  # the reducer alone is held to it in tests/plugins/test_reducers.py
-def test_a_model_with_umap_answers_alike_alone_in_a_batch_and_in_a_new_process(
+def test_umap_predictions_agree_in_batches_and_in_a_new_process(
     with_settings: Callable[..., dovetail.Assembly], dataset: dovetail.Dataset, tmp_path: Path
 ) -> None:
     assembly = with_settings(
@@ -245,13 +245,13 @@ def test_no_folder_and_no_manifest(tmp_path: Path) -> None:
         ('{"format": "dovetail-model", "version": 0}', "Input should be 1, 2 or 3"),
     ],
 )
-def test_a_damaged_or_foreign_manifest(bundle: Path, text: str, message: str) -> None:
+def test_a_damaged_or_unrelated_manifest_is_refused(bundle: Path, text: str, message: str) -> None:
     (bundle / "manifest.json").write_text(text)
     with pytest.raises(BundleError, match=message):
         dovetail.load_model(bundle)
 
 
-def test_a_manifest_that_is_no_text(bundle: Path) -> None:
+def test_a_binary_manifest_is_refused(bundle: Path) -> None:
     (bundle / "manifest.json").write_bytes(b"\x80\x04\x95\xff")
     with pytest.raises(BundleError, match="cannot be read"):
         dovetail.load_model(bundle)
@@ -264,7 +264,7 @@ def test_a_newer_format(bundle: Path) -> None:
     assert "Upgrade dovetail-frf" in str(caught.value)
 
 
-def test_a_model_of_the_first_format_loads_and_says_what_it_cannot_tell(
+def test_a_model_of_the_first_format_loads_without_novelty(
     bundle: Path, measured: dovetail.Frf, model: dovetail.Identifier
 ) -> None:
     def first(manifest: dict[str, Any]) -> None:
@@ -319,7 +319,7 @@ def test_a_truncated_file_whose_checksum_was_made_to_fit(bundle: Path) -> None:
         dovetail.load_model(bundle)
 
 
-def test_other_shapes_than_the_manifest_says(bundle: Path) -> None:
+def test_arrays_with_other_shapes_than_in_the_manifest_are_refused(bundle: Path) -> None:
     change_manifest(bundle, lambda m: m["files"]["regressor"]["arrays"].update(weight0="float32[1, 64]"))
     with pytest.raises(BundleError, match="other shapes than in the manifest"):
         dovetail.load_model(bundle)
@@ -337,7 +337,7 @@ def test_other_shapes_than_the_manifest_says(bundle: Path) -> None:
         ("check", {"amplitude": np.zeros((3, 10), np.float32)}),
     ],
 )
-def test_arrays_that_do_not_fit_together(bundle: Path, part: str, arrays: dict[str, np.ndarray]) -> None:
+def test_inconsistent_arrays_are_refused(bundle: Path, part: str, arrays: dict[str, np.ndarray]) -> None:
     change_arrays(bundle, part, arrays)
     with pytest.raises(BundleError, match="cannot be rebuilt from its arrays"):
         dovetail.load_model(bundle)
@@ -351,7 +351,7 @@ def test_a_part_that_lacks_an_array(bundle: Path) -> None:
         dovetail.load_model(bundle)
 
 
-def test_other_weights_give_other_answers(bundle: Path) -> None:
+def test_changed_weights_are_detected(bundle: Path) -> None:
     weight = load_file(bundle / "regressor.safetensors")["weight2"]
     change_arrays(bundle, "regressor", {"weight2": weight[:, ::-1].copy()})
     with pytest.raises(BundleError, match="predictions differ from those after its training"):

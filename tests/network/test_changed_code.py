@@ -105,7 +105,7 @@ def test_a_dataset_of_other_code_is_not_trained_with(assembly, tmp_path):
     dovetail.train(assembly(), dataset)
 
 
-def test_a_dataset_of_which_nothing_is_written_is_resumed(assembly, tmp_path):
+def test_a_dataset_without_written_chunks_is_resumed(assembly, tmp_path):
     def stop(stage, done, total, note=""):
         raise KeyboardInterrupt
 
@@ -125,7 +125,7 @@ def test_a_model_of_other_code_is_not_loaded(assembly, plugin, tmp_path):
     assert "joint spring (spring.py)" in fault.remedy
 
 
-def test_a_joint_that_fails_now_says_so_when_its_model_is_loaded(assembly, plugin, tmp_path):
+def test_loading_a_model_reports_a_joint_that_fails(assembly, plugin, tmp_path):
     dovetail.train(assembly()).save(tmp_path / "model")
     plugin.write_text(SPRING.replace("FACTOR", "1 / 0"))
     with pytest.raises(dovetail.DovetailError, match="joint 'mount' \\(spring\\) failed: ZeroDivisionError"):

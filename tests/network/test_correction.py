@@ -90,7 +90,7 @@ def test_near_the_truth_one_step_reaches_it_and_caution_holds_it_back(gauss_newt
     assert np.all(np.abs(cautious - truth) > np.abs(bold - truth))
 
 
-def test_averages_over_bands_lead_back_from_where_single_lines_mislead(gauss_newton):
+def test_band_averages_correct_estimates_that_single_lines_mislead(gauss_newton):
     """From answers whose resonance lies several of its widths beside the true one."""
     assert gauss_newton.bands == (64, 16)
     rng = np.random.default_rng(6)
@@ -132,13 +132,13 @@ def on_lines(step, damping=None):
     return linearised(dovetail.load(described))
 
 
-def test_lines_are_left_out_where_they_are_many_and_resonances_wide():
+def test_lines_are_thinned_if_resonances_are_wide():
     assert [on_lines(step).step for step in (1, 0.25)] == [1, 4]
     assert [on_lines(0.25, damping).step for damping in ([10, 15], [3, 10])] == [2, 1]
 
 
 @pytest.mark.parametrize("step", [0.25, 0.1])
-def test_what_the_lines_tell_that_are_left_out_is_not_lost(step):
+def test_thinning_keeps_the_information_of_all_lines(step):
     """A step from a few of the lines is as good as one from all; without their neighbours' noise it would be worse."""
     fewer, truth = on_lines(step), np.tile([[0.2, 0.1]], (200, 1))
     errors = []
@@ -150,7 +150,7 @@ def test_what_the_lines_tell_that_are_left_out_is_not_lost(step):
 
 
 @pytest.mark.parametrize(("spacing", "step"), [(1, 1), (0.25, 4)])
-def test_residuals_that_are_noise_alone_are_as_large_as_it(spacing, step):
+def test_whitened_residuals_of_pure_noise_have_unit_size(spacing, step):
     """Their mean square over the variance is 1, or up to a third more where smoothed neighbours share lines."""
     gauss_newton, truth, rng = on_lines(spacing), np.tile([[0.2, 0.1]], (100, 1)), np.random.default_rng(8)
     assert (gauss_newton.step, gauss_newton.bands) == (step, (64, 16))
@@ -161,7 +161,7 @@ def test_residuals_that_are_noise_alone_are_as_large_as_it(spacing, step):
     assert np.all((squares.mean(axis=0) > 0.85) & (squares.mean(axis=0) < 1.4))
 
 
-def test_each_frf_has_the_same_features_alone_and_among_others(gauss_newton):
+def test_features_of_an_frf_do_not_depend_on_the_batch(gauss_newton):
     rng = np.random.default_rng(2)
     first = rng.standard_normal((150, 2))
     amplitude = gauss_newton.assembly.accelerance_amplitude(gauss_newton.targets.inverse(ndtr(first + 0.1)))
@@ -175,7 +175,7 @@ def test_lines_without_any_amplitude_give_finite_features(gauss_newton):
     assert np.isfinite(features).all()
 
 
-def test_the_correction_brings_the_answer_nearer_to_the_truth(model):
+def test_the_correction_reduces_the_error(model):
     """On FRFs that neither of the two regressors was trained on, at a noise that hides no resonance."""
     rng = np.random.default_rng(3)
     theta = model.assembly.from_unit(rng.random((300, 2)))
@@ -197,14 +197,14 @@ def test_its_intervals_hold_the_truth_as_often_as_they_say(model):
     assert 0.82 < covered < 0.97
 
 
-def test_a_stored_model_answers_the_same(model, tmp_path):
+def test_a_stored_model_predicts_the_same(model, tmp_path):
     amplitude = model.assembly.accelerance_amplitude({"k": 4e6, "c": 80.0})[np.newaxis]
     again = dovetail.load_model(model.save(tmp_path / "model"))
     np.testing.assert_allclose(again.predict_parameters(amplitude), model.predict_parameters(amplitude), rtol=1e-5)
     np.testing.assert_allclose(again.predict_samples(amplitude[0]), model.predict_samples(amplitude[0]), rtol=1e-4)
 
 
-def test_a_model_that_was_stored_before_lines_were_left_out_uses_all(model):
+def test_a_model_without_stored_steps_uses_all_lines(model):
     states = correction_states(model.network.corrections)
     old = {name: value for name, value in states.items() if ".lines." not in name}
     assert len(old) < len(states)
@@ -233,7 +233,7 @@ def test_a_stored_model_without_its_corrections_is_refused(model, tmp_path):
         dovetail.load_model(folder)
 
 
-def test_without_fresh_samples_there_is_no_correction():
+def test_a_correction_without_fresh_samples_is_refused():
     assembly = block(correction={"samples": 200}, augmentation={"multiplicative": 0.1})
     with pytest.raises(ParameterError, match=r"(?s)identification\.correction.*none are drawn.*`fresh=True`"):
         dovetail.train(assembly)
@@ -246,7 +246,7 @@ def test_a_comparison_without_noise_leaves_the_correction_out():
     assert robust.description.identification.correction.samples == 200
 
 
-def test_a_regressor_of_values_alone_is_not_corrected():
+def test_a_correction_of_a_regressor_without_distribution_is_refused():
     assembly = block(correction={"samples": 200}, regressor={"model": "mlp", "hidden": [8]})
     with pytest.raises(PluginError, match=r"(?s)identification\.correction.*predicts values without their uncertainty"):
         dovetail.train(assembly)
@@ -259,7 +259,7 @@ def test_nearly_half_of_the_time_is_for_the_first_regressor():
     assert 1.0 < seconds["correction 1 of 1"] < 5.5
 
 
-def test_a_correction_gets_as_many_frfs_as_there_is_time_for():
+def test_a_time_limit_reduces_the_frfs_of_a_correction():
     made = []
 
     def listen(stage, done, total, note=""):
@@ -274,7 +274,7 @@ def test_a_correction_gets_as_many_frfs_as_there_is_time_for():
 
 
 @pytest.mark.parametrize(("spacing", "step"), [(1, 1), (0.25, 4)])
-def test_several_responses_have_their_lines_beside_each_other(spacing, step):
+def test_lines_of_several_responses_are_concatenated(spacing, step):
     whole = json.loads(block().description.text)
     whole["frequency"]["step"] = spacing
     whole["substructures"]["rider"] = {"model": "lumped", "masses": [{"mass": 0.1}]}

@@ -51,7 +51,7 @@ def drawn(frf: dovetail.Frf, amplitude: float) -> np.ndarray:
     return amplitudes.astype(np.float64)
 
 
-def test_of_coherence_and_averages_it_is_a_part_of_each_amplitude():
+def test_noise_from_coherence_is_relative_to_each_amplitude():
     """Of small complex noise, half of the variance is in the amplitude; 4000 draws tell it to 2.2 %."""
     share = (1.0 - coherence(AXIS)) / (coherence(AXIS) * (AVERAGES - 1))
     np.testing.assert_allclose(drawn(of_coherence(), LEVEL).var(axis=0), 0.5 * share * LEVEL**2, rtol=0.1)
@@ -59,7 +59,7 @@ def test_of_coherence_and_averages_it_is_a_part_of_each_amplitude():
 
 
 @pytest.mark.parametrize("quantity", ["accelerance", "receptance"])
-def test_of_a_stated_variance_it_is_absolute(quantity):
+def test_noise_from_a_given_variance_is_absolute(quantity):
     """Of nothing but noise the mean square is the variance, told to 1.6 %; the file may be of another quantity."""
     frf, expected = of_variance().to(quantity), deviation(AXIS) ** 2
     np.testing.assert_allclose(np.mean(drawn(frf, 0.0) ** 2, axis=0), expected, rtol=0.1)
@@ -88,7 +88,7 @@ def test_of_any_other_it_is_estimated_from_the_scatter():
             np.testing.assert_allclose(level, np.hypot(floor, share * amplitude), rtol=0.35)
 
 
-def test_a_line_of_no_coherence_gets_the_largest_known_part():
+def test_a_line_without_coherence_gets_the_largest_known_ratio():
     known = measurement(coherence=coherence, averages=AVERAGES).coherence.copy()
     known[100:140] = 0.0
     share = MeasuredNoise.of(measurement(coherence=known, averages=AVERAGES), AXIS).share
@@ -150,7 +150,7 @@ def test_of_several_frfs_one_is_chosen_by_its_number(folder, sdof):
     assert noise is not None
 
 
-def test_there_is_one_file_for_all_responses_or_one_for_each(folder, sdof):
+def test_a_wrong_number_of_files_is_refused(folder, sdof):
     points = {"responses": [{"at": "mass", "position": 0, "name": name} for name in ("soft", "hard")]}
     whole = {key: value for key, value in json.loads(sdof.description.text).items() if key != "response"}
     both = described(folder, dovetail.load({**whole, **points}), {"like": ["measured.uff", "variance.npz"]})
@@ -163,7 +163,7 @@ def test_there_is_one_file_for_all_responses_or_one_for_each(folder, sdof):
 
 
 @pytest.mark.parametrize("wrong", [{"like": 3}, {"like_index": 0, "like": "measured.uff"}, {"like_decades": -1}])
-def test_what_the_keys_may_not_hold(folder, sdof, wrong):
+def test_wrong_values_of_the_keys_are_refused(folder, sdof, wrong):
     with pytest.raises(DescriptionError, match=r"identification\.augmentation"):
         dovetail.load(described(folder, sdof, wrong))
 
@@ -185,7 +185,7 @@ def test_a_model_needs_the_file_no_more(folder, sdof, tmp_path_factory):
     np.testing.assert_array_equal(loaded.network.predict(clean), model.network.predict(clean))
 
 
-def test_parts_of_a_variance_are_sought_without_overflow_whatever_their_sizes():
+def test_parts_of_a_variance_of_any_size_are_estimated_without_overflow():
     rng = np.random.default_rng(0)
     with warnings.catch_warnings():
         warnings.simplefilter("error")

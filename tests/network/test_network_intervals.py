@@ -35,7 +35,7 @@ def result(model):
     return model.identify(measured, "network")
 
 
-def test_the_network_tells_intervals_and_verdicts_in_the_one_table(result):
+def test_the_table_of_a_network_has_intervals_and_verdicts(result):
     assert (result.table[0].name, result.table[0].verdict) == ("k", "identified")
     low, high = result.interval["k"]
     assert low < 4e6 < high < 1.2 * low
@@ -43,7 +43,7 @@ def test_the_network_tells_intervals_and_verdicts_in_the_one_table(result):
     assert result.parameters["k"].value == pytest.approx(result.posterior.estimate[0])
 
 
-def test_the_intervals_are_calibrated_on_what_was_never_trained_on(model):
+def test_the_intervals_are_calibrated_on_unseen_samples(model):
     """With noise of the middle of the training's levels: an amplitude has 0.7 of the complex noise."""
     done = dovetail_bench.calibrate(
         model.assembly, cases=300, noise=0.07, seed=5, method="network", model=model, noise_kind="proportional"
@@ -73,12 +73,12 @@ def test_a_model_of_another_assembly_is_refused(model, change, method):
         dovetail.identify(dovetail.load(other), measured, method, model=model)
 
 
-def test_a_stored_model_tells_the_same(model, result, tmp_path):
+def test_a_stored_model_gives_the_same_intervals(model, result, tmp_path):
     again = dovetail.load_model(model.save(tmp_path / "model")).identify(result.measured, "network")
     np.testing.assert_allclose(again.posterior.theta, result.posterior.theta, rtol=1e-6)
 
 
-def test_a_network_of_values_alone_cannot_be_calibrated():
+def test_calibrating_a_network_without_distribution_is_refused():
     identification = {"samples": 200, "reducer": {"model": "pca", "n_components": 5}}
     identification["regressor"] = {"model": "mlp", "hidden": [8], "max_epochs": 2}
     plain = dovetail.train(dovetail.load({**DESCRIPTION, "identification": identification}))

@@ -43,7 +43,7 @@ def test_a_share_of_the_frfs_stays_without_additive_noise():
     assert np.mean(untouched) == pytest.approx(0.3, abs=0.05)
 
 
-def test_multiplicative_noise_is_relative_and_a_gain_moves_all_lines_alike():
+def test_multiplicative_noise_is_relative_and_a_gain_scales_all_lines():
     relative = augmented(flat(400, level=7.0), multiplicative=0.1).std(axis=1) / 7.0
     assert relative.max() == pytest.approx(0.1, rel=0.1)
     assert relative.min() < 0.005
@@ -223,7 +223,7 @@ def test_a_regressor_that_knows_no_epochs_gets_several_at_once(frfs):
     assert targets.shape == (8, 1)
 
 
-def test_robust_training_can_be_asked_for_and_is_in_the_description(with_settings, frfs):
+def test_robust_training_is_an_option_and_is_in_the_description(with_settings, frfs):
     plain = with_settings(
         samples=600, reducer={"model": "pca", "n_components": 12}, regressor={"model": "mlp", "max_epochs": 3}
     )

@@ -66,7 +66,7 @@ def test_a_constant_target_comes_back() -> None:
     np.testing.assert_array_equal(scaling.inverse(np.zeros((2, 1))), 0.3)
 
 
-def test_scaling_leaves_what_it_is_given_alone() -> None:
+def test_scaling_does_not_change_its_input() -> None:
     theta, features = RNG.uniform(1, 2, (4, 2)), RNG.normal(size=(4, 2)).astype(np.float32)
     kept = theta.copy(), features.copy()
     scaling = TargetScaling.fit(theta, (LOG, LOG))
@@ -86,6 +86,6 @@ def test_scaling_leaves_what_it_is_given_alone() -> None:
         (TargetScaling, {"lower": np.ones(2), "upper": np.ones(2), "logarithmic": np.zeros(2, bool)}),
     ],
 )
-def test_a_state_that_does_not_belong_together_is_refused(scaling: type[ZScore], tampered: dict[str, object]) -> None:
+def test_an_inconsistent_state_is_refused(scaling: type[ZScore], tampered: dict[str, object]) -> None:
     with pytest.raises(ValueError, match=r"shape|positive|finite|together"):
         scaling.restore(tampered)

@@ -173,7 +173,7 @@ def test_novelty_estimates_noise_in_the_quantity_that_was_measured(quantity: str
 
 
 @pytest.mark.parametrize("count", [40, 400])
-def test_one_value_in_four_hundred_exceeds_a_limit_of_novelty_however_few_it_is_told_from(count: int) -> None:
+def test_one_in_four_hundred_exceeds_a_novelty_limit_for_any_sample_size(count: int) -> None:
     from dovetail.network.novelty import _limit
 
     generator = np.random.default_rng(3)
@@ -203,7 +203,7 @@ def test_a_dataset_of_another_assembly_is_refused(collet: dovetail.Assembly, dat
         dovetail.train(collet, dataset)
 
 
-def test_a_network_without_a_finite_answer_on_noise_is_trained_all_the_same(assemblies, tmp_path):
+def test_a_network_without_finite_predictions_on_noise_is_trained(assemblies, tmp_path):
     """Far from what it saw, the logarithms that it answers overflow: it is as unlike the measurement as can be."""
     ranges = "k: {range: [1e5 N/m, 1e7 N/m], scale: log}, c: {range: [1 N s/m, 100 N s/m], scale: log}"
     (tmp_path / "wide.yaml").write_text(

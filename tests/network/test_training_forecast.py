@@ -71,19 +71,19 @@ def forecast(clock, reducer, context=CONTEXT):
     return training._forecast(assembly, features, generator.random((ROWS, 1)), context)
 
 
-def test_the_time_is_told_from_a_few_samples(clock):
+def test_the_duration_is_forecast_from_a_few_samples(clock):
     reducer = Reducer(clock)
     reducing, regressing = ROWS * SECONDS_PER_ROW, ROWS * SECONDS_PER_EPOCH_AND_ROW * EPOCHS
     assert forecast(clock, reducer) == f"; about {reducing:.0f} s, then the regressor at most {regressing:.0f} s"
     assert sum(reducer.fitted) < 0.1 * ROWS
 
 
-def test_a_time_that_was_asked_for_holds(clock):
+def test_a_time_limit_replaces_the_forecast(clock):
     assert forecast(clock, Reducer(clock), replace(CONTEXT, seconds=600.0)).endswith("at most 10 min")
 
 
 @pytest.mark.parametrize(("limit", "said"), [(0.0, True), (1e9, False)])
-def test_a_training_says_it_where_the_frfs_took_long(small, monkeypatch, limit, said):
+def test_the_forecast_is_shown_if_the_frfs_took_long(small, monkeypatch, limit, said):
     told = []
     monkeypatch.setattr(training, "_WORTH_FORECASTING", limit)
     trained = dovetail.train(small, progress=lambda *what: told.append(what))
@@ -102,5 +102,5 @@ def small(assemblies, tmp_path_factory):
     return dovetail.load(path)
 
 
-def test_where_so_few_samples_fail_nothing_is_said(clock):
+def test_a_failing_pilot_shows_no_forecast(clock):
     assert forecast(clock, Failing()) == ""

@@ -75,20 +75,20 @@ def share_told(model, truths, spoil):
 
 
 @pytest.mark.parametrize("spoil", [proportional(0.05), proportional(0.2), of_another_quantity, hum])
-def test_noise_that_was_not_trained_is_told(model, truths, spoil):
+def test_noise_unlike_the_training_is_reported(model, truths, spoil):
     assert share_told(model, truths, spoil) >= 0.95
 
 
-def test_smooth_errors_that_were_not_trained_are_told(model, truths):
+def test_smooth_errors_unlike_the_training_are_reported(model, truths):
     assert share_told(model, truths, ripple) >= 0.9
 
 
 @pytest.mark.parametrize("level", [0.0, 0.002, 0.005])
-def test_noise_as_in_the_training_is_not_told(model, truths, level):
+def test_noise_like_the_training_is_not_reported(model, truths, level):
     assert share_told(model, truths, proportional(level)) <= 0.02
 
 
-def test_the_warning_says_where_how_much_and_what_to_do(model):
+def test_the_warning_has_the_band_the_ratio_and_a_remedy(model):
     frf = proportional(0.05)(simulated(model, model.assembly.vector({"k": 4e6, "c": 80.0})), 1)
     (text,) = (text for text in model.identify(frf, "network").warnings if UNKNOWN in text)
     assert " Hz: " in text
@@ -108,7 +108,7 @@ def test_the_measured_noise_in_the_training_is_the_remedy(model, truths, tmp_pat
     assert again.identify(simulated(model, truths[0]), "network").posterior is not None
 
 
-def test_a_network_that_was_trained_without_noise_says_that(truths):
+def test_training_without_noise_is_mentioned_in_the_warning(truths):
     model = trained(augmentation=None)
     assert share_told(model, truths[:20], lambda frf, _: frf) <= 0.05
     frf = proportional(0.02)(simulated(model, truths[0]), 1)

@@ -60,14 +60,14 @@ def test_a_transformer_is_its_own_before_and_after_it_is_stored(name, options):
     np.testing.assert_array_equal(again.transform(FEATURES), fitted.transform(FEATURES))
 
 
-def test_a_sparse_answer_becomes_a_full_one():
+def test_a_sparse_result_is_converted_to_a_dense_one():
     features = np.tile([[0.0, 2.0], [1.0, 2.0], [1.0, 5.0]], (4, 1)).astype(np.float32)
     fitted = reducer("OneHotEncoder").fit(features, seed=0)
     expected = [[1, 0, 1, 0], [0, 1, 1, 0], [0, 1, 0, 1]]
     np.testing.assert_array_equal(fitted.transform(features[:3]), expected)
 
 
-def test_what_answers_otherwise_when_it_is_made_of_its_arrays_is_refused(monkeypatch):
+def test_an_estimator_that_differs_after_restoring_is_refused(monkeypatch):
     """By a hundredth, where a ten-thousandth is allowed."""
     decode = scikit_learn._decode
 
@@ -112,7 +112,7 @@ def test_the_callers_random_numbers_go_on_as_if_nothing_had_been_fitted():
     np.testing.assert_array_equal(np.random.random(4), expected)  # noqa: NPY002
 
 
-def test_what_a_state_gives_out_is_a_copy():
+def test_a_state_returns_copies():
     fitted = reducer("PCA", n_components=2).fit(FEATURES, seed=0)
     before = fitted.transform(FEATURES)
     for value in fitted.state().values():

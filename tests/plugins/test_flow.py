@@ -72,7 +72,7 @@ def test_its_intervals_hold_the_truth_as_often_as_they_say(fitted):
     assert np.mean(np.abs(2.0 * below - 1.0) < 0.5) == pytest.approx(0.5, abs=0.06)
 
 
-def test_a_row_alone_gives_what_it_gives_in_any_batch(fitted, rows):
+def test_a_row_gives_the_same_result_in_any_batch(fitted, rows):
     together, means = fitted.predict_distribution(rows).samples, fitted.predict(rows)
     assert (together.shape, together.dtype) == ((40, 500, 1), np.float64)
     alone = np.concatenate([fitted.predict_distribution(row[np.newaxis]).samples for row in rows])
@@ -81,7 +81,7 @@ def test_a_row_alone_gives_what_it_gives_in_any_batch(fitted, rows):
     np.testing.assert_allclose(means, together.mean(axis=1), atol=0.03)
 
 
-def test_it_is_the_same_whatever_the_number_of_threads(rows):
+def test_the_number_of_threads_does_not_matter(rows):
     import torch
 
     before, states, answers = torch.get_num_threads(), [], []
@@ -135,7 +135,7 @@ def test_a_state_that_is_not_of_a_flow_is_refused(fitted, rows):
             Flow().restore(damaged)
 
 
-def test_without_its_package_an_error_says_what_to_install(monkeypatch):
+def test_a_missing_package_is_an_error_with_the_install_command(monkeypatch):
     monkeypatch.setitem(sys.modules, "zuko", None)
     with pytest.raises(dovetail.DovetailError) as error:
         Flow().fit(*parabola(20, 1), seed=0)
@@ -150,7 +150,7 @@ def described(**changes: object) -> dovetail.Assembly:
     return dovetail.load({**BLOCK, "identification": {**section, **changes, "regressor": regressor}})
 
 
-def test_a_network_with_a_flow_tells_intervals_and_is_kept(tmp_path):
+def test_a_network_with_a_flow_has_intervals_and_is_stored(tmp_path):
     model = dovetail.train(described(samples=500, max_epochs=10))
     result = model.identify(model.assembly.simulate({"k": 4e6, "c": 80.0}), "network")
     low, high = result.interval["k"]

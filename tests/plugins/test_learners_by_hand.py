@@ -72,14 +72,14 @@ def test_few_directions_hold_nearly_all_variance():
     assert len(Compression.fit(strong, "euclidean", fewest=99, seed=0).directions) == 20
 
 
-def test_rows_without_a_length_are_no_fault():
+def test_rows_of_length_zero_are_accepted():
     rows = np.vstack([np.zeros(4), np.full(4, 3.0), random_rows(30, 4)]).astype(np.float32)
     for metric in ("correlation", "cosine", "euclidean"):
         assert np.isfinite(Compression.fit(rows, metric, fewest=2, seed=0).project(rows)).all()
 
 
 @pytest.mark.parametrize(("spread", "count"), [(1.0, 400), (1e-5, 400), (1.0, 3011), (1e-5, 3011)])
-def test_the_nearest_are_exact_where_single_precision_cannot_tell_them_apart(spread, count):
+def test_nearest_neighbours_are_exact_beyond_single_precision(spread, count):
     """Also of rows that are ranked in groups, of which some are left."""
     rows = 1.0 + spread * np.random.default_rng(0).standard_normal((count, 6))
     points = rows[:300] + 0.1 * spread
@@ -192,7 +192,7 @@ def test_the_training_of_the_perceptron_written_out():
         np.testing.assert_allclose(fitted.state()[f"weight{index}"], weight, rtol=1e-4, atol=1e-6)
 
 
-def test_samples_that_change_are_asked_for_once_an_epoch_in_order():
+def test_epochs_are_requested_once_and_in_order():
     asked: list[int] = []
 
     def epoch(number: int):
@@ -214,7 +214,7 @@ def test_samples_that_change_are_asked_for_once_an_epoch_in_order():
     )
 
 
-def test_what_a_network_is_asked_wrongly_is_told_in_its_name():
+def test_wrong_inputs_of_a_network_are_errors_with_its_name():
     fitted = MLP(MLP.Config(hidden=(4, 4), max_epochs=1)).fit(random_rows(9, 2), random_rows(9, 1), seed=0)
     with pytest.raises(dovetail.DovetailError, match="regressor 'mlp'\n  it was given 3 columns, but was fitted to 2"):
         fitted.predict(random_rows(5, 3))
@@ -250,7 +250,7 @@ def test_a_table_of_whole_numbers_is_one():
     assert checked_rows(np.ones((2, 2), dtype=np.uint8), "someone", width=2).shape == (2, 2)
 
 
-def test_what_a_state_holds_is_looked_at():
+def test_a_state_is_checked():
     state = {"mean": np.zeros((2, 3)), "text": "x", "bad": np.array([np.nan]), "count": 4}
     assert state_array(state, "mean", "someone", (None, 3)).shape == (2, 3)
     assert state_number(state, "count", "someone") == 4.0

@@ -55,7 +55,7 @@ def test_few_nodes_by_their_names_and_the_rest_inside(tmp_path):
     np.testing.assert_allclose(found.frf(), truth(tmp_path).frf(), rtol=1e-7)
 
 
-def test_an_option_of_a_part_without_rotations_may_be_sought(tmp_path):
+def test_an_option_of_a_part_without_rotations_can_be_identified(tmp_path):
     springs = 1e6 * np.array([[1.0, -1.0], [-1.0, 1.0]])
     columns = {"nodes": ["1", "2"], "directions": ["x", "x"], "positions": [0.0, 0.1]}
     part = write(tmp_path, "npz", matrices={"M": np.diag([0.2, 0.4]), "K": springs, "D": None}, columns=columns)
@@ -220,7 +220,7 @@ def test_parts_of_a_sparse_matrix_that_do_not_fit(tmp_path):
         load(tmp_path, part)
 
 
-def test_a_node_that_is_not_there_is_named_with_the_nearest_spelling(tmp_path):
+def test_an_unknown_node_is_reported_with_the_nearest_spelling(tmp_path):
     part = write(tmp_path, "npz")
     with pytest.raises(DescriptionError) as caught:
         load(tmp_path, part, at=("n1", "nn9"))

@@ -64,7 +64,7 @@ def written(folder, values, frequency=FREQUENCY):
     return {"model": "measured", "file": str(file)}
 
 
-def test_a_measured_part_stands_for_the_part_itself(tmp_path):
+def test_a_measured_part_replaces_the_modelled_part(tmp_path):
     found, whole = coupled(written(tmp_path, receptance())), coupled(beam())
     np.testing.assert_allclose(found.frf(), whole.frf(), rtol=1e-6)
 
@@ -145,7 +145,7 @@ def test_a_part_without_rotation_is_one_clear_error(tmp_path):
     )
 
 
-def test_displacements_and_rotations_of_very_different_size_are_no_fault(tmp_path):
+def test_displacements_and_rotations_of_very_different_size_are_accepted(tmp_path):
     """In other units the same receptance has a condition of 1e16; only what rows share counts."""
     values = receptance() * np.array([[1.0, 1e8], [1e8, 1e16]])
     assert np.linalg.cond(values).min() > 1e12

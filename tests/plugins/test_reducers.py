@@ -68,7 +68,7 @@ def case(request: pytest.FixtureRequest, fits: dict) -> tuple[dovetail.Reducer, 
 
 
 class TestEveryReducer:
-    def test_one_row_alone_gives_what_it_gives_in_any_batch(self, case, training, test_rows):
+    def test_one_row_gives_the_same_result_in_any_batch(self, case, training, test_rows):
         _, fitted = case
         rows = np.concatenate([test_rows, training])
         together = fitted.transform(rows)
@@ -141,7 +141,7 @@ print(*{{"torch", "umap", "numba", "sklearn"}} & set(sys.modules))
             case[1].transform(test_rows[:, :-1])
 
     @pytest.mark.parametrize("shape", [(200,), (0, 200), (3, 0), (2, 3, 200)])
-    def test_what_is_no_table_is_refused(self, case, shape):
+    def test_other_files_are_refused_as_tables(self, case, shape):
         with pytest.raises(dovetail.DovetailError, match="with shape"):
             case[1].transform(np.zeros(shape, dtype=np.float32))
 
@@ -186,7 +186,7 @@ class TestUMAP:
         assert told_stiffness(*our_places) > told_stiffness(*their_places) - 0.01
         assert kept_neighbours(*our_places) > kept_neighbours(*their_places) - 0.05
 
-    def test_what_is_compiled_is_kept_for_the_next_process(self, fits):
+    def test_compiled_code_is_cached_for_the_next_process(self, fits):
         umap_, layouts = pytest.importorskip("umap.umap_"), pytest.importorskip("umap.layouts")
         for function in (umap_.smooth_knn_dist, layouts._nb_optimize_layout_euclidean_single_epoch):
             assert function.stats.cache_path is not None
@@ -230,7 +230,7 @@ class TestUMAP:
             UMAP().restore({**fits["umap"].state(), "metric": "manhattan"})
 
     @pytest.mark.parametrize("key", ["rows", "embedding", "mean"])
-    def test_state_arrays_that_do_not_belong_together_are_refused(self, fits, key):
+    def test_inconsistent_state_arrays_are_refused(self, fits, key):
         state = dict(fits["umap"].state())
         state[key] = state[key][..., :-1] if key == "rows" else state[key][:-1]
         with pytest.raises(dovetail.DovetailError, match="its state has"):
@@ -252,7 +252,7 @@ class TestNeighbours:
         np.testing.assert_allclose(squares, np.sort(distances, axis=1)[:, :15], rtol=1e-12, atol=1e-18)
         np.testing.assert_allclose(np.take_along_axis(distances, indices, axis=1), squares, rtol=1e-12, atol=1e-18)
 
-    def test_they_are_found_where_rounding_hides_them_from_the_matrix_product(self):
+    def test_neighbours_hidden_by_rounding_are_found(self):
         near = 1e6 + 1e-5 * np.arange(23.0)[::-1, np.newaxis] * np.ones((1, 3))
         indices, _ = Neighbours(np.concatenate([near, near + 1.0])).nearest(near[22:], 15)
         np.testing.assert_array_equal(indices, [np.arange(22, 7, -1)])
@@ -267,11 +267,11 @@ class TestNeighbours:
         ]
         np.testing.assert_allclose(membership_strengths(distances), wanted.reshape(distances.shape), atol=1e-4)
 
-    def test_strengths_of_a_point_do_not_depend_on_the_points_beside_it(self):
+    def test_strengths_of_a_point_do_not_depend_on_other_points(self):
         distances = np.array([[0.0] * 14 + [1e-3], [1.0] * 15])
         np.testing.assert_array_equal(membership_strengths(distances)[:1], membership_strengths(distances[:1]))
 
-    def test_neighbours_at_no_distance_count_alike(self):
+    def test_neighbours_at_zero_distance_have_equal_weights(self):
         np.testing.assert_array_equal(membership_strengths(np.zeros((1, 5))), np.ones((1, 5)))
 
     @pytest.mark.parametrize("metric", METRICS)

@@ -81,7 +81,7 @@ def test_prediction_is_the_forward_pass_of_torch(training, rows, unit):
 
 
 @pytest.mark.skipif(torch.accelerator.is_available(), reason="a GPU rounds otherwise than the processor")
-def test_where_there_is_no_gpu_the_processor_trains(training, rows):
+def test_the_processor_trains_without_a_gpu(training, rows):
     fitted = [recipe(max_epochs=3, device=device).fit(*training, seed=0) for device in ("auto", "cpu")]
     np.testing.assert_array_equal(*(one.predict(rows) for one in fitted))
 
@@ -103,12 +103,12 @@ def test_a_training_step_leaves_nothing_on_the_processor(options):
     assert {loss.device.type, *(one.grad.device.type for one in network.parameters())} == {"meta"}
 
 
-def test_there_are_two_hidden_layers_of_the_sizes_asked_for(fitted):
+def test_the_two_hidden_layers_have_the_given_sizes(fitted):
     shapes = [fitted.state()[f"weight{layer}"].shape for layer in range(3)]
     assert shapes == [(4, 24), (24, 12), (12, 2)]
 
 
-def test_one_row_alone_gives_what_it_gives_in_any_batch(fitted, rows):
+def test_one_row_gives_the_same_result_in_any_batch(fitted, rows):
     together = fitted.predict(rows)
     assert together.dtype == np.float64
     alone = np.concatenate([fitted.predict(rows[i : i + 1]) for i in range(len(rows))])
@@ -160,7 +160,7 @@ def test_training_does_not_depend_on_the_callers_random_numbers(training):
     np.testing.assert_array_equal(recipe(max_epochs=2, dropout=0.3).fit(*training, seed=0).state()["weight0"], first)
 
 
-def test_progress_tells_every_epoch_and_its_validation_loss(training):
+def test_progress_reports_every_epoch_and_its_validation_loss(training):
     log = Log()
     recipe(max_epochs=5).fit(*training, seed=0, progress=log)
     assert [call[:3] for call in log.calls] == [("regressor", epoch, 5) for epoch in range(1, 6)]
@@ -198,7 +198,7 @@ def test_the_network_of_the_best_epoch_is_kept():
     np.testing.assert_array_equal(one_more.state()["weight0"], until_best.state()["weight0"])
 
 
-def test_gated_layers_answer_as_torch_does_and_learn_a_product_sooner(training, rows):
+def test_gated_layers_agree_with_torch_and_learn_products_faster(training, rows):
     """One half of the units multiplies the other, which is what a curved valley needs."""
     features, _ = training
     product = (features[:, :1] * features[:, 1:2] * features[:, 2:3]).astype(np.float64)
@@ -250,14 +250,14 @@ def test_l2_regularisation_makes_the_weights_smaller(training):
     assert np.linalg.norm(held.state()["weight0"]) < 0.5 * np.linalg.norm(free.state()["weight0"])
 
 
-def test_adamw_shrinks_the_weights_by_itself(training):
+def test_adamw_decays_the_weights(training):
     """In the loss a factor so small does nothing that is seen beside the gradients."""
     options = {"max_epochs": 30, "learning_rate": 3e-3, "weight_decay": 2.0, "optimizer": "adamw"}
     held, free = (recipe(**options | change).fit(*training, seed=0) for change in ({}, {"weight_decay": 0.0}))
     assert np.linalg.norm(held.state()["weight0"]) < 0.8 * np.linalg.norm(free.state()["weight0"])
 
 
-def test_intervals_hold_90_percent_with_little_noise_and_with_much_whatever_its_tails():
+def test_intervals_contain_90_percent_for_small_and_large_noise_with_any_tails():
     """The likeliest Gaussian follows the variance, and holds up to 96 %."""
 
     def draw(count, seed):
@@ -391,7 +391,7 @@ def test_training_that_diverges_is_explained(training):
         recipe(learning_rate=1e30, max_epochs=20).fit(*training, seed=0)
 
 
-def test_training_takes_arrays_that_must_not_be_written_and_leaves_the_others_alone(training):
+def test_training_accepts_read_only_arrays_and_changes_no_others(training):
     features, targets = training[0].copy(), training[1].astype(np.float32)
     writable = recipe(max_epochs=2).fit(features, targets, seed=0).state()["weight0"]
     np.testing.assert_array_equal(features, training[0])
@@ -420,7 +420,7 @@ def test_a_steep_factor_is_inverted():
     np.testing.assert_allclose(factor @ inverse, np.eye(12)[np.newaxis], atol=1e-6)
 
 
-def test_with_the_squared_error_what_is_known_least_is_learnt_sooner():
+def test_the_squared_error_speeds_up_uncertain_targets():
     """Eleven targets that are told exactly outweigh in the likelihood one that is told within its noise."""
     generator = np.random.default_rng(0)
     features = generator.standard_normal((2000, 12)).astype(np.float32)
@@ -434,7 +434,7 @@ def test_with_the_squared_error_what_is_known_least_is_learnt_sooner():
     assert error(10.0) < 0.8 * error(0.0)
 
 
-def test_mixed_precision_rounds_the_blocks_of_a_training_alone(training, monkeypatch):
+def test_mixed_precision_rounds_only_during_training(training, monkeypatch):
     """The processor's speed decides whether it does; what it learns is the same but for rounding."""
     network = GatedNetwork(4, (16, 16), 3, 0.0, mixed=True)
     inputs = torch.from_numpy(training[0])

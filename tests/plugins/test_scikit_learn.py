@@ -82,7 +82,7 @@ def test_regressors_of_one_or_several_targets(features, targets, name):
         (reducer, {"estimator": "PCA", "tol": {"a": 1}}, "options.tol"),
     ],
 )
-def test_what_the_description_may_not_say(make, options, said):
+def test_wrong_options_in_a_description_are_refused(make, options, said):
     with pytest.raises(ValidationError, match=said):
         make(**options)
 
@@ -94,12 +94,12 @@ def test_what_the_description_may_not_say(make, options, said):
         ("GaussianProcessRegressor", r"GaussianProcessRegressor\.kernel_: .*no model could be stored without pickle"),
     ],
 )
-def test_what_is_not_arrays_is_refused_when_it_is_fitted(features, targets, name, said):
+def test_estimators_with_other_state_than_arrays_are_refused(features, targets, name, said):
     with pytest.raises(dovetail.DovetailError, match=said):
         regressor(name).fit(features, targets, seed=0)
 
 
-def test_an_estimator_that_cannot_be_fitted_says_why(features):
+def test_an_estimator_that_fails_to_fit_is_an_error_with_its_reason(features):
     with pytest.raises(dovetail.DovetailError, match=r"\(SelectKBest\)\n  it cannot be fitted: estimator requires y"):
         reducer("SelectKBest").fit(features, seed=0)
 
@@ -139,7 +139,7 @@ def test_a_description_with_both_is_trained_stored_and_loaded(assemblies, tmp_pa
     np.testing.assert_allclose(again, model.predict_parameters(amplitude), rtol=1e-9)
 
 
-def test_a_misspelt_option_is_told_with_its_place(assemblies, tmp_path):
+def test_a_misspelt_option_is_reported_with_its_position(assemblies, tmp_path):
     description = tmp_path / "small.yaml"
     description.write_text(
         f"extends: {assemblies / 'sdof.yaml'}\n"

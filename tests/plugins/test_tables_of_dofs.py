@@ -76,7 +76,7 @@ def test_the_table_in_an_archive_may_hold_numbers_and_matlabs_cells():
             table_in(lacking, "part.mat", 1)
 
 
-def test_a_fraction_and_an_empty_cell_stay_what_they_are():
+def test_fractions_and_empty_cells_are_kept():
     cells = np.empty(2, dtype=object)
     cells[0], cells[1] = np.array([]), 1.5
     assert table_in({"nodes": cells, "directions": ["x", "x"]}, "part.mat", 2).nodes == ("", "1.5")
@@ -114,7 +114,7 @@ def test_whole_numbers_are_real_numbers_and_repeated_entries_add_up():
         (sp.csc_array(np.array([[1.0, 0.0], [0.0, -np.inf]])), "the entry (2, 2) of M is -inf"),
     ],
 )
-def test_what_is_no_sound_matrix_is_refused_with_its_entry(values, fault):
+def test_an_invalid_matrix_is_refused_with_the_entry_at_fault(values, fault):
     with pytest.raises(dovetail.DovetailError) as caught:
         sound_matrix("M", values, "part.npz")
     assert fault in str(caught.value)

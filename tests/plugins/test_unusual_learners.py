@@ -79,7 +79,7 @@ def identified(measured, method, **options):
     return dovetail.identify(dovetail.load(BLOCK), measured, method, cause_seconds=0.0, **options)
 
 
-def test_an_estimate_far_from_the_best_fit_is_told(measured):
+def test_an_estimate_far_from_the_best_fit_is_reported(measured):
     wrong = identified(measured, Guess(), **{"lambda": 1.02e6})
     assert wrong.fit.chi_squared > 100.0
     assert any("not the best fit" in warning for warning in wrong.warnings)
@@ -88,7 +88,7 @@ def test_an_estimate_far_from_the_best_fit_is_told(measured):
     assert not any("not the best fit" in warning for warning in near.warnings)
 
 
-def test_few_samples_are_no_interval_and_single_precision_may_touch_the_end(measured):
+def test_few_samples_give_no_interval_and_single_precision_may_reach_the_end(measured):
     class Few(Guess):
         samples = TRUTH[None]
 
@@ -233,7 +233,7 @@ def test_a_new_plugin_has_no_name_that_breaks_its_code(tmp_path, kind, name):
     assert not (tmp_path / "package").exists()
 
 
-def test_a_reader_may_tell_the_response_alone(tmp_path):
+def test_a_reader_may_give_only_the_response(tmp_path):
     file = tmp_path / "a.one"
     file.write_text('{"response": "1-x"}')
     assert dovetail.read_frf(file, plugins=[PLUGIN]).values[0] == 1j

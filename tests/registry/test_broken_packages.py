@@ -177,11 +177,11 @@ def test_everything_else_goes_on_working(installed, tmp_path, assemblies):
         ("silk", "joint 'j' (silk) returns ndarray, not StructuralMatrices."),
     ],
 )
-def test_an_assembly_that_uses_a_broken_one_is_told_in_one_block(installed, tmp_path, model, message):
+def test_an_assembly_with_a_broken_plugin_is_one_error(installed, tmp_path, model, message):
     assert message in installed.run("check", assembly(tmp_path, model), code=1).stderr
 
 
-def test_the_kit_tells_each_of_them_too(installed):
+def test_the_kit_reports_each_of_them(installed):
     assert "no licence" in installed.run("check-plugin", "glass", code=1).stdout
     assert "matrices returned ndarray" in installed.run("check-plugin", "silk", code=1).stdout
     assert "offered by first_of_two 1.0 and second" in installed.run("check-plugin", "twin", code=1).stderr
@@ -266,7 +266,7 @@ def test_a_plugin_file_that_ends_the_process_is_an_error(tmp_path, code, reason)
     assert error.value.faults[0].problem.startswith(reason)
 
 
-def test_ctrl_c_while_a_plugin_is_imported_is_no_failure_of_it(tmp_path):
+def test_ctrl_c_during_an_import_is_not_a_load_failure(tmp_path):
     (tmp_path / "pad.py").write_text("raise KeyboardInterrupt\n")
     with pytest.raises(KeyboardInterrupt):
         Registry().load_file(tmp_path / "pad.py")

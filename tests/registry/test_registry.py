@@ -142,7 +142,7 @@ def test_a_name_offered_twice_names_both_and_leaves_the_others_usable():
         registry.find("joint", "felts:pad")
 
 
-def test_the_same_class_offered_twice_is_no_conflict():
+def test_offering_the_same_class_twice_is_accepted():
     registry, component = Registry(), joint()
     registry.add(plugin(component), "pads 1.0")
     registry.add(plugin(component), "pads 1.0, again")
@@ -255,7 +255,7 @@ def test_a_component_for_this_and_other_interface_versions_comes_in(monkeypatch)
         ("x = 1\n", "", "it has no hook 'dovetail_components' marked with @dovetail.hookimpl."),
     ],
 )
-def test_a_broken_plugin_file_says_where_and_why(tmp_path, code, where, message):
+def test_a_broken_plugin_file_is_an_error_with_line_and_reason(tmp_path, code, where, message):
     file = tmp_path / "pad.py"
     file.write_text(code)
     with pytest.raises(PluginError) as error:
@@ -351,7 +351,7 @@ def test_a_default_means_the_model_of_the_plugin_that_gives_it(tmp_path):
 
 
 @pytest.mark.parametrize("returned", [["pca"], "pca", 3])
-def test_defaults_that_are_no_mapping_are_refused(returned):
+def test_defaults_other_than_a_mapping_are_refused(returned):
     with pytest.raises(PluginError) as error:
         Registry().add(_Giving(returned), "pads 1.0")
     assert problem_of(error) == f"its hook 'dovetail_defaults' returned {returned!r}."

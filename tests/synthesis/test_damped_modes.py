@@ -151,7 +151,7 @@ def test_a_mass_that_nothing_holds_has_no_pole(seed, inertia):
 
 
 @pytest.mark.parametrize("moving", [True, False])
-def test_a_mass_within_a_joint_between_what_does_not_move_has_a_pole(moving):
+def test_a_mass_inside_a_joint_between_fixed_ends_has_a_pole(moving):
     """4 k (1 + g (s / 200 pi)^alpha) + m s^2 = 0, with or without another mass somewhere."""
     k, g, alpha, m = 1e6, 0.05, 0.5, 0.01
     description = copy.deepcopy(ONE)

@@ -266,7 +266,7 @@ def test_a_substructure_that_takes_other_arguments():
 
 @pytest.mark.parametrize("answer", ANSWERS)
 @pytest.mark.parametrize("method", OF_JOINT)
-def test_a_joint_that_answers_with_something_else(method, answer):
+def test_wrong_results_of_a_joint_are_errors(method, answer):
     base = Shifted if method.startswith("dynamic") else Sprung
     with pytest.raises(PluginError, match=rf"^{HERE}(:\d+)?\n?  ") as error:
         assembly("odd", more=odd(base, method, answer)).frf_jacobian()
@@ -274,7 +274,7 @@ def test_a_joint_that_answers_with_something_else(method, answer):
 
 
 @pytest.mark.parametrize(("method", "answer"), sorted({*product(OF_PART, ANSWERS)} - SOUND))
-def test_a_substructure_that_answers_with_something_else(method, answer):
+def test_wrong_results_of_a_substructure_are_errors(method, answer):
     base = Measured if method in ("receptance", "absent_dofs") else Block
     with pytest.raises(PluginError, match=rf"^{HERE}(:\d+)?\n?  ") as error:
         use(assembly("sprung", part="odd", more=odd(base, method, answer)))

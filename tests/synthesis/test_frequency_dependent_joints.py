@@ -104,7 +104,7 @@ def test_both_kinds_of_joints_in_one_assembly_and_a_choice_of_parameters():
     np.testing.assert_allclose(chosen.frfs_jacobian(theta)[1][:, 0], jacobian[..., [1, 4, 2]], rtol=1e-9)
 
 
-def test_where_a_pivot_vanishes_its_derivatives_are_solved_with_pivoting():
+def test_derivatives_at_a_vanishing_pivot_are_solved_with_pivoting():
     """An undamped layer: the far mass alone resonates on it at 1000 rad/s."""
     graph, points = chain(Differentiated())
     frequency = np.sort(np.append(FREQUENCY, 1000 / (2 * np.pi)))

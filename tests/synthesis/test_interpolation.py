@@ -48,7 +48,7 @@ def rational(frequency, poles, residues):
 FREQUENCY = np.linspace(100.0, 9000.0, 4451)
 
 
-def test_a_rational_function_of_low_degree_comes_out_exactly_and_says_so():
+def test_a_rational_function_of_low_degree_is_exact_with_a_small_error_estimate():
     poles, residues = np.array([1300 + 9j, 4000 - 30j, 6400 + 80j]), np.array([1.0, -2.0, -0.4 + 0.1j])
     exact = (residues / (FREQUENCY[:, None] - poles)).sum(axis=1)[None, :]
     interpolant = RationalInterpolant(FREQUENCY, chebyshev_lines(9, len(FREQUENCY)))
@@ -58,7 +58,7 @@ def test_a_rational_function_of_low_degree_comes_out_exactly_and_says_so():
     assert estimated[0] < 1e-9
 
 
-def test_where_no_rational_function_passes_through_the_lines_the_error_is_infinite():
+def test_the_error_is_infinite_without_a_fitting_rational_function():
     """The same value at every line: any weights would do, so that the equations for them are singular."""
     interpolant = RationalInterpolant(FREQUENCY, chebyshev_lines(9, len(FREQUENCY)))
     estimated = interpolant.fill(np.full((3, 9), 2.0 - 1.0j), np.empty((3, len(FREQUENCY)), dtype=complex))
@@ -148,7 +148,7 @@ def test_a_tolerance_that_means_nothing_is_refused(collet, tolerance):
         collet.interpolated(tolerance)
 
 
-def test_a_dataset_of_interpolated_frfs_says_so_and_can_be_resumed(collet, tmp_path):
+def test_a_dataset_of_interpolated_frfs_is_marked_and_can_be_resumed(collet, tmp_path):
     whole = dovetail.generate(collet, tmp_path / "whole", samples=600, interpolation=1e-9)
     exact = dovetail.generate(collet, tmp_path / "exact", samples=600)
     assert (whole.attributes["interpolation"], exact.attributes["interpolation"]) == (1e-9, None)

@@ -78,7 +78,7 @@ def test_a_very_stiff_joint_is_a_rigid_one(model):
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_a_very_soft_joint_leaves_the_parts_apart(model):
+def test_a_very_soft_joint_decouples_the_parts(model):
     bar = {"model": "timoshenko_beam", "material": STEEL}
     nodes = MODELS[model][3]
     lap = 0.02 * (nodes - 1)

@@ -41,13 +41,13 @@ def frequencies(form, M, K, count):
 @pytest.mark.parametrize("form", ["dense", "sparse"])
 @pytest.mark.parametrize("count", [1, 3, 10])
 @pytest.mark.parametrize("held", [True, False])
-def test_as_many_as_are_asked_for_and_the_lowest_of_them(form, count, held):
+def test_the_requested_number_of_lowest_modes_is_returned(form, count, held):
     M, K = chain(12, held=held)
     np.testing.assert_allclose(frequencies(form, M, K, count), closed_form(12, held=held)[:count], rtol=1e-9)
 
 
 @pytest.mark.parametrize(("form", "count"), [("dense", 8), ("sparse", 7)])
-def test_all_modes_that_there_are(form, count):
+def test_all_modes_are_returned_if_more_are_requested(form, count):
     """Lanczos gives one mode less than there are masses."""
     M, K = chain(8)
     np.testing.assert_allclose(frequencies(form, M, K, 100), closed_form(8)[:count], rtol=1e-9)
@@ -61,7 +61,7 @@ def test_massless_dofs_at_a_free_end_change_nothing(form):
 
 
 @pytest.mark.parametrize("form", ["dense", "sparse"])
-def test_what_no_mass_is_connected_with_has_no_mode(form):
+def test_dofs_without_mass_have_no_mode(form):
     M, K = chain(6)
     apart = np.zeros((9, 9))
     apart[6:, 6:] = STIFFNESS * (2 * np.eye(3) - np.eye(3, k=1) - np.eye(3, k=-1))

@@ -60,7 +60,7 @@ def test_merging_goes_on_through_several_joints_in_any_order():
     assert graph.size == 4
 
 
-def test_what_is_merged_with_the_ground_is_held_on_either_side_of_the_joint():
+def test_dofs_merged_with_the_ground_are_fixed_on_both_sides():
     for ends in ((("wall", 1), ("b", 0)), (("b", 0), ("wall", 1))):
         parts = {"a": mass(), "wall": component("substructure", "ground", positions=[0.0, 1.0]), "b": mass()}
         graph = joined(parts, weld=(WELD, *ends), hinge=(HINGE, ("a", 0), ("b", 0)))
@@ -68,7 +68,7 @@ def test_what_is_merged_with_the_ground_is_held_on_either_side_of_the_joint():
         assert graph.size == 1
 
 
-def test_an_elastic_joint_merges_its_contacts_where_it_is_taken_for_rigid():
+def test_a_joint_taken_as_rigid_merges_its_contacts():
     parts = {"a": mass(), "b": mass()}
     assert numbers(joined(parts, s=(SPRING, ("a", 0), ("b", 0), True))) == {"a": [0, 1], "b": [0, 2]}
     assert numbers(joined(parts, s=(SPRING, ("a", 0), ("b", 0), False))) == {"a": [0, 1], "b": [2, 3]}
@@ -115,7 +115,7 @@ def test_of_equal_degrees_the_one_that_fills_least_goes_first():
 
 
 @pytest.mark.parametrize("kept", [[2], [2, 0], [0, 1, 2]])
-def test_what_is_kept_keeps_its_order_and_holds_the_schur_complement(kept):
+def test_kept_dofs_keep_their_order_and_the_schur_complement(kept):
     """Springs of 2, 3 and 5 N/m in a row from a wall; with the third kept alone: 1 / (1/2 + 1/3 + 1/5)."""
     K = np.array([[5.0, -3.0, 0.0], [-3.0, 8.0, -5.0], [0.0, -5.0, 5.0]])
     program = plan_elimination(K != 0, kept)

@@ -121,7 +121,7 @@ def test_a_part_without_any_mass_of_its_own_on_a_bearing():
     np.testing.assert_allclose(assembly.natural_frequencies(theta, 2), np.sqrt([5e7, 1e8]) / (2 * np.pi), rtol=1e-12)
 
 
-def test_masses_that_nothing_holds_are_rigid_body_modes_whatever_rounding_makes_of_them():
+def test_free_masses_are_rigid_body_modes_despite_rounding():
     """Four digits of an assembly that was drawn: two pairs on springs, a free mass and a free inertia between them."""
     K, M = np.zeros((2, 6, 6))
     K[0, 0], K[4, 4], K[0, 4], K[4, 0] = 5.537e9, 5.520e9, -5.520e9, -5.520e9

@@ -98,7 +98,7 @@ def test_the_lap_of_two_equal_bars_has_a_quarter_of_the_bending_stiffness_of_a_s
     assert turning @ K @ turning / 0.12 == pytest.approx(0.75 * whole, rel=1e-9)
 
 
-def test_check_says_by_how_much(tmp_path):
+def test_check_reports_the_change_of_frequencies(tmp_path):
     file = tmp_path / "lap.yaml"
     file.write_text(lap().description.text)
     printed = " ".join(CliRunner().invoke(app, ["check", str(file)]).output.split())

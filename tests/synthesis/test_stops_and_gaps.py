@@ -115,7 +115,7 @@ def rotational_damper(k: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("joint", "law"), [(RotationalStop, rotational_stop), (RotationalDamper, rotational_damper)])
-def test_what_bears_beyond_the_probes_is_in_the_frf(joint, law):
+def test_contacts_outside_the_probes_are_in_the_frf(joint, law):
     engine = engine_of(joint(joint.Config()), "rz")
     theta = np.array([BELOW, ABOVE, [9.99e6, 20.0], BELOW])
     frf = engine.frfs({"j": theta})[:, 0]
@@ -147,7 +147,7 @@ def test_close_to_the_stop_the_derivative_is_that_of_its_side(distance):
     assert not jacobian[1].any()
 
 
-def test_a_derivative_that_is_zero_at_every_probe_is_found_where_it_is_not():
+def test_a_derivative_that_is_zero_at_all_probes_is_found():
     joint = Window(Window.Config())
     engine = engine_of(joint, probes=[BELOW, [1e5, 1.0], [1e7, 100.0]])
     k = (joint.low + joint.high) / 2.0 - 1e4
@@ -193,7 +193,7 @@ def test_a_joint_that_depends_on_frequency_may_have_a_stop_too():
     assert not jacobian[0].any()
 
 
-def test_such_a_stop_is_in_the_receptance_between_points_that_is_asked_for_first():
+def test_a_stop_is_in_a_receptance_that_is_requested_first():
     graph, points = bodies(Stray(Stray.Config()), direction="rz")
     engine = Engine(graph, FREQUENCY, [("m1", 1), *points], {"j": np.array([[1e6, 1e3, 0.5]])})
     between = engine.receptance({"j": np.array([[4e6, 1e3, 0.5]])}, [("m1", 1)], [("m1", 1)])
@@ -314,7 +314,7 @@ class Vague(Spring):
             )
 
 
-def test_what_is_wrong_beyond_the_probes_is_refused():
+def test_faults_outside_the_probes_are_refused():
     engine = engine_of(Lopsided(Lopsided.Config()))
     engine.frfs({"j": np.array([BELOW])})
     with pytest.raises(PluginError, match=r"joint 'j' \(spring_with_stop\) returns a matrix K that is not symmetric"):

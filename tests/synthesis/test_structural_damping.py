@@ -25,7 +25,7 @@ def damped(name, structural="159 Hz", **changes):
     return dovetail.load(description | changes)
 
 
-def test_the_loss_factor_is_that_of_the_damper_at_the_stated_frequency():
+def test_the_loss_factor_equals_that_of_the_damper_at_the_given_frequency():
     """One mass: -omega^2 / (k (1 + i eta) - omega^2 m), with eta = omega c / k at that frequency."""
     model = damped("sdof.yaml")
     omega, eta = 2.0 * np.pi * model.frequency, 2.0 * np.pi * AT * C / K
@@ -36,7 +36,7 @@ def test_the_loss_factor_is_that_of_the_damper_at_the_stated_frequency():
     assert np.allclose(jacobian[:, 1], by_damper, rtol=1e-9, atol=0.0)
 
 
-def test_an_exponential_window_leaves_structural_damping_as_it_is():
+def test_an_exponential_window_does_not_change_structural_damping():
     """It moves the frequency to omega - i s, on which the stiffness k (1 + i eta) does not depend."""
     response = {"at": "mass", "position": 0, "quantity": "receptance", "calibration": {"window": "20 1/s"}}
     model = damped("sdof.yaml", response=response)
@@ -45,7 +45,7 @@ def test_an_exponential_window_leaves_structural_damping_as_it_is():
 
 
 @pytest.mark.parametrize("name", ["bolted_lap_beam.yaml", "bt40_er32_quick.yaml"])
-def test_it_is_the_viscous_joint_at_the_stated_frequency_and_no_other(name):
+def test_it_equals_the_viscous_joint_only_at_the_given_frequency(name):
     model, viscous = damped(name), dovetail.load(ASSEMBLIES / name)
     theta = viscous.from_unit(np.full(len(viscous.parameters), 0.9))
     axis = np.array([0.5, 1.0, 2.0]) * AT

@@ -83,7 +83,7 @@ def test_natural_frequencies_at_both_torques(collet, torque_20, torque_100):
         np.testing.assert_allclose(collet.natural_frequencies(undamped), expected, atol=0.5)
 
 
-def test_frf_peaks_stand_at_the_natural_frequencies_where_damping_is_light(collet, torque_20):
+def test_frf_peaks_are_at_the_natural_frequencies_for_light_damping(collet, torque_20):
     light = torque_20.copy()
     light[[6, 7, 10, 11]] = [10, 0.01, 10, 0.01]
     amplitude = np.abs(collet.frf(light))
@@ -228,7 +228,7 @@ def test_several_joints_are_identified_together_under_their_full_names():
     np.testing.assert_allclose(assembly.natural_frequencies(k, count=4), modes, rtol=1e-10)
 
 
-def test_fewer_elastic_modes_than_asked_for_are_nan(sdof):
+def test_missing_elastic_modes_are_nan(sdof):
     assert np.isnan(sdof.natural_frequencies(count=3)[1:]).all()
 
 

@@ -106,7 +106,7 @@ def test_all_of_them_and_a_joint_and_a_tip_mass_at_once():
         assert difference(jacobian[0, :, column], by_differences(assembly, theta[0], column)) < 2e-5
 
 
-def test_a_part_without_a_batch_of_matrices_is_made_anew_for_each_value(monkeypatch):
+def test_a_part_without_batched_matrices_is_constructed_for_each_value(monkeypatch):
     sought = with_option(PLAIN, "substructures.arm.material.young", {"range": [190e9, 220e9]})
     theta = np.array([[195e9], [214e9]])
     with_batch = dovetail.load(sought).frf(theta)
@@ -276,7 +276,7 @@ def in_common(chain: dict[str, object], **more: object) -> dovetail.Assembly:
     return dovetail.load({**several, "responses": responses, "calibration": chain, **more})
 
 
-def test_sensors_that_all_responses_share_are_all_there_at_once():
+def test_sensors_shared_by_all_responses_are_present_together():
     assembly = in_common({"mass": {"range": ["0 g", "50 g"]}})
     lumped = copy.deepcopy(PLAIN)
     for number, node in enumerate(("n8", "n5")):
@@ -339,7 +339,7 @@ def test_faults_of_what_responses_share(chain, fault):
         in_common(chain)
 
 
-def test_what_is_shared_is_not_stated_again_by_a_response():
+def test_a_shared_parameter_cannot_be_repeated_by_a_response():
     response = {**PLAIN["response"], "calibration": {"gain": 1.1}}
     with pytest.raises(dovetail.DescriptionError, match="'calibration' has 'gain' for all responses"):
         dovetail.load({**PLAIN, "response": response, "calibration": {"gain": 1.2}})

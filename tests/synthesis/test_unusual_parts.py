@@ -104,7 +104,7 @@ def test_a_finer_mesh_keeps_which_of_two_nodes_in_one_place_is_meant():
         assert part.substructures["twin"].nodes[there].label == "l0"
 
 
-def test_a_part_whose_option_is_sought_may_be_named_with_its_package():
+def test_a_part_with_unknown_options_may_be_named_with_its_package():
     parts = {
         "bar": {"model": "unusual_parts:few_modes", "first": {"range": ["150 Hz", "250 Hz"]}},
         "base": {"model": "ground"},
@@ -115,7 +115,7 @@ def test_a_part_whose_option_is_sought_may_be_named_with_its_package():
 
 
 @pytest.mark.parametrize(("stated", "prior"), [({}, "normal"), ({"k": {"range": [2e5, 2e6]}}, "uniform")])
-def test_a_stated_range_is_even_whatever_the_joint_says_of_its_own(stated, prior):
+def test_a_given_range_is_uniform_for_any_prior_of_the_joint(stated, prior):
     parts = {"mass": {"model": "lumped", "masses": [{"mass": 1.0}]}, "base": {"model": "ground"}}
     joint = {**spring("mass", "base"), "model": "known_before", "parameters": stated}
     del joint["direction"]

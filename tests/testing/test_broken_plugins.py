@@ -49,7 +49,7 @@ def red(results):
 
 
 @pytest.mark.parametrize(("kind", "check"), CASES)
-def test_the_fault_is_found_by_the_check_that_is_there_for_it(kind, check):
+def test_each_fault_is_found_by_its_check(kind, check):
     assert red(each_check(BROKEN[kind][check], {check})) == {check}
 
 

@@ -49,7 +49,7 @@ def test_the_parametrisation_names_model_and_check_and_fails_with_the_reason():
         red()
 
 
-def test_what_builds_on_a_failed_check_is_listed_as_not_run():
+def test_checks_after_a_failed_prerequisite_are_listed_as_not_run():
     results = check_component(BROKEN["joint"]["matrices_have_the_shape_of_the_dofs"])
     names = list(check_names("joint"))
     after = names[names.index("matrices_have_the_shape_of_the_dofs") + 1 :]
@@ -92,7 +92,7 @@ class Spring(SubstructureModel):
         return StructuralMatrices(np.zeros((4, 4)), stiffness)
 
 
-def test_a_part_without_mass_conforms_and_has_no_receptance_by_itself():
+def test_a_part_without_mass_conforms_without_receptance():
     results = {result.name: result for result in check_component(Spring)}
     assert [result for result in results.values() if not result.ok] == []
     assert results["receptance_has_its_shape"].outcome == "not applicable"
@@ -101,7 +101,7 @@ def test_a_part_without_mass_conforms_and_has_no_receptance_by_itself():
         assert results[name].outcome == "passed"
 
 
-def test_no_examples_are_no_way_out():
+def test_a_component_without_examples_fails():
     empty = type("Empty", (SoundJoint,), {"__doc__": "Empty.", "examples": classmethod(lambda cls, folder: ())})
     outcomes = {result.name: result.outcome for result in check_component(empty)}
     assert outcomes["examples_make_components"] == "failed"
@@ -121,7 +121,7 @@ def test_no_check_knows_a_class_by_its_name():
         assert not names & classes, file
 
 
-def test_an_exception_in_a_plugin_is_told_with_its_place():
+def test_an_exception_in_a_plugin_is_reported_with_its_line():
     class Raising(SoundJoint):
         """It raises."""
 
@@ -135,7 +135,7 @@ def test_an_exception_in_a_plugin_is_told_with_its_place():
     assert "ZeroDivisionError: division by zero" in red.problem
 
 
-def test_a_name_that_is_not_there_says_what_failed_to_load():
+def test_an_unknown_name_reports_what_failed_to_load():
     registry = Registry()
     registry.add(_plugin(SoundJoint, dovetail.ComponentConfig), "pads 1.0")
     assert check_component("sound_joint", registry=registry)[0] == CheckResult(
