@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from typing import Any, Literal, get_args
 
 import numpy as np
 
 import dovetail
 from dovetail.measurement import complex_noise
-from dovetail.synthesis.natural_frequencies import elastic_frequencies
+from dovetail.synthesis.natural_frequencies import dense_modes
 from dovetail.synthesis.reference import assembly_matrices
 
 JOINTS = ("collet", "bolted", "interference_fit", "spring_damper", "bearing", "rigid")
@@ -256,8 +257,8 @@ def _built(rng: np.random.Generator, first: str | None) -> dict[str, Any] | None
 
 def undamped_frequencies(assembly: dovetail.Assembly, theta: np.ndarray | None, count: int) -> np.ndarray:
     """Return natural frequencies (<= count,) [Hz] without dampers, so that structures stay those of earlier studies."""
-    vector = assembly.vector(theta)
-    return elastic_frequencies(assembly_matrices(assembly.graph, assembly.by_joint(vector)), count)
+    matrices = assembly_matrices(assembly.graph, assembly.by_joint(assembly.vector(theta)))
+    return np.array([frequency for frequency, _ in islice(dense_modes(matrices.K, matrices.M), count)])
 
 
 def draw_theta(assembly: dovetail.Assembly, rng: np.random.Generator) -> np.ndarray:

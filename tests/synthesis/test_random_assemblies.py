@@ -12,7 +12,6 @@ from hypothesis import given, seed, settings
 from scipy.linalg import eigh
 
 import dovetail
-from dovetail.synthesis.natural_frequencies import elastic_frequencies
 from support.dense_comparison import (
     QUICK,
     Tally,
@@ -24,6 +23,7 @@ from support.dense_comparison import (
 )
 from support.dense_solve import DenseAssembly
 from support.random_assemblies import drawn_assemblies
+from support.undamped_modes import elastic_frequencies
 
 
 @pytest.mark.parametrize("count", [40, pytest.param(100, marks=pytest.mark.slow)])

@@ -15,7 +15,6 @@ from scipy.sparse import issparse
 from scipy.sparse.csgraph import connected_components
 
 from dovetail.errors import DovetailError
-from dovetail.interfaces import SparseMatrices, StructuralMatrices
 from dovetail.synthesis.pole_search import Pencil, Wanted, few_poles, searched
 
 _BASIS_DOFS, _DENSE_DOFS = 40, 120
@@ -42,7 +41,6 @@ _BELOW, _ABOVE, _HIGHEST = 20.0, 20.0, 1e6
 it does not find enough poles: a joint may have a mass within its dynamic stiffness."""
 _MOST_COLUMNS = 60
 """Number of DOFs of viscous dampers up to which the response to their forces is in the first basis."""
-_RIGID_BODY_MODES = 6
 _STRAIN_FLOOR = 1e-13
 """Strain energy of a mode, over the largest possible one with its amplitudes, below which it is a rigid-body mode.
 Rounding gives a hundredth of this; a beam of 2500 elements in its first bending mode has twice as much."""
@@ -51,37 +49,6 @@ _SINGULAR = 1e-9
 _SHIFT_FLOOR = 1e-14
 """Squared frequency [1/s^2], over the shift, below which it is rounding. A mass that nothing holds has only the strain
 of rounding errors in its shape, which relative to its amplitudes may be as large as that of an elastic mode."""
-
-
-def elastic_frequencies(matrices: StructuralMatrices | SparseMatrices, count: int) -> NDArray[np.float64]:
-    """Return the lowest natural frequencies of the modes that deform the structure.
-
-    Parameters
-    ----------
-    matrices : StructuralMatrices or SparseMatrices
-        (d, d); damping is ignored.
-    count : int
-
-    Returns
-    -------
-    (<= count,) array
-        Hz, increasing; fewer if the model has fewer elastic modes.
-
-    Raises
-    ------
-    DovetailError
-        The structure is not stable, since a stiffness or a mass is negative; or Lanczos does not converge.
-
-    Notes
-    -----
-    Massless DOFs and rigid-body modes need no special treatment. Dense matrices: M phi = mu (K + s M) phi. Sparse ones:
-    shift-invert Lanczos with a shift below zero.
-    """
-    if (matrices.M.diagonal() < 0).any():
-        raise DovetailError("there are no natural frequencies: with these parameters a mass is negative.")
-    if isinstance(matrices, SparseMatrices):
-        return _sparse_elastic_frequencies(matrices, count)
-    return np.array([frequency for frequency, _ in islice(dense_modes(matrices.K, matrices.M), count)])
 
 
 def dense_modes(K: NDArray[np.float64], M: NDArray[np.float64]) -> Iterator[tuple[float, NDArray[np.float64]]]:
@@ -196,20 +163,6 @@ def _sparse_shapes(K: Any, M: Any, count: int, shift: float, factors: Any) -> ND
     if values.min() < -shift:
         raise DovetailError("there are no natural frequencies: with these parameters a stiffness is negative.")
     return np.asarray(shapes[:, np.argsort(values)])
-
-
-def _sparse_elastic_frequencies(matrices: SparseMatrices, count: int) -> NDArray[np.float64]:
-    active = dofs_with_inertia(abs(matrices.K) + abs(matrices.M), matrices.M.diagonal())
-    K, M = matrices.K[active][:, active], matrices.M[active][:, active]
-    most = int(np.count_nonzero(M.diagonal() > 0)) - 1
-    wanted = min(count + _RIGID_BODY_MODES, most)
-    while wanted > 0:
-        frequencies, _, _ = lowest_modes(K, M, wanted)
-        elastic = frequencies[frequencies > 0.0][:count]
-        if len(elastic) == count or wanted == most:
-            return elastic
-        wanted = min(2 * wanted, most)
-    return np.empty(0)
 
 
 def dofs_with_inertia(pattern: Any, inertia: NDArray[np.float64]) -> NDArray[np.intp]:
