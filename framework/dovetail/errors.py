@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from typing import Self
+from typing import Any, Self
 
 from dovetail.plain_text import terminal_text
 
@@ -162,11 +162,22 @@ def limit_exceeded(error: Exception, where: str) -> DovetailError | None:
     return None
 
 
-def require_package(name: str, extra: str, where: str) -> None:
-    """Raise a DovetailError with the command to install an optional package, if it is missing."""
-    if importlib.util.find_spec(name) is None:
-        problem = f"this needs the package {name}, which is not installed."
-        raise DovetailError(Fault(where, problem, remedy=f'Install it by: pip install "dovetail-frf[{extra}]"'))
+def require_package(name: str, extra: str, where: str, *, load: bool = True) -> Any:
+    """Return an optional package, or raise a DovetailError at `where` that says what to install.
+
+    With ``load=False`` the package is only looked for, for work that another process does.
+    """
+    reason = "is not installed"
+    try:
+        if load:
+            return __import__(name)
+        if importlib.util.find_spec(name) is not None:
+            return None
+    except (ImportError, ValueError) as error:  # a ValueError: a module without a specification stands in its place
+        if getattr(error, "name", None) not in (None, name):
+            reason = f"is installed but cannot be loaded ({error})"
+    problem = f"this needs the package {name}, which {reason}."
+    raise DovetailError(Fault(where, problem, remedy=f'Install it by: pip install "dovetail-frf[{extra}]"'))
 
 
 @contextmanager

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from dovetail.errors import DovetailError, Fault
+from dovetail.errors import require_package
 from dovetail.inference.fitting.fit import end_reached
 from dovetail.inference.posterior.distribution import Posterior
 from dovetail.inference.posterior.verdicts import NOT_TRUSTWORTHY, Group, Verdict
@@ -258,18 +258,9 @@ def _is_outside(value: float | None, low: float | None, high: float | None) -> b
     return None if value is None or low is None or high is None else not low <= value <= high
 
 
-def _missing(library: str) -> DovetailError:
-    remedy = f'Install it: pip install "dovetail-frf[{library}]".'
-    return DovetailError(Fault(library, "this library is needed here, and is not installed.", remedy=remedy))
-
-
 def dataframe(rows: Sequence[Mapping[str, Any]], index: Sequence[str]) -> Any:
     """Return rows as a data frame with some of their columns as its index."""
-    try:
-        import pandas as pd
-    except ImportError:
-        raise _missing("pandas") from None
-    frame = pd.DataFrame.from_records(list(rows))
+    frame = require_package("pandas", "pandas", "to_dataframe").DataFrame.from_records(list(rows))
     return frame.set_index(list(index)) if len(frame) else frame
 
 
@@ -277,10 +268,7 @@ def inference_data(
     posterior: Posterior, parameters: Sequence[Parameter], draws: int, seed: int, about: Mapping[str, str]
 ) -> Any:
     """Return samples of posterior and prior, of equal weight, and the posterior's log-likelihoods, as one chain."""
-    try:
-        import arviz
-    except ImportError:
-        raise _missing("arviz") from None
+    arviz = require_package("arviz", "arviz", "to_inferencedata")
     random = np.random.default_rng([seed, 6])
     chosen = posterior.draw(draws, random)
     prior = {p.name: p.from_unit(random.random(draws))[np.newaxis] for p in parameters}

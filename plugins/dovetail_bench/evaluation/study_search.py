@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from dovetail.description import SearchRange
-from dovetail.errors import DovetailError, Fault
+from dovetail.errors import require_package
 from dovetail_bench.evaluation.study_ledger import Trial
 
 _FEWEST = 4
@@ -39,12 +39,7 @@ class SearchSpace:
     def __init__(
         self, options: Mapping[str, SearchRange | tuple[Any, ...]], described: Mapping[str, Any], trials: int, seed: int
     ) -> None:
-        try:
-            import optuna
-        except ImportError:
-            remedy = 'Install it: pip install "dovetail-frf[study]".'
-            problem = "a joint search needs this library, which is not installed."
-            raise DovetailError(Fault("optuna", problem, remedy=remedy)) from None
+        optuna = require_package("optuna", "study", "the joint search over settings")
         optuna.logging.set_verbosity(optuna.logging.ERROR)
         self._optuna, self._options, self._described = optuna, options, described
         self._startup, self._seed = min(10, 1 + trials // 3), seed

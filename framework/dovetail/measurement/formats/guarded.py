@@ -79,7 +79,7 @@ def _ask(path: Path, content: bytes, question: Mapping[str, Any]) -> dict[str, A
     else:
         hdf5.check_signature(path, content)
     if form != "MATLAB 5":
-        require_package("h5py", "hdf5", str(path))
+        require_package("h5py", "hdf5", str(path), load=False)
     return call_guarded(answer, path, content, form, dict(question), error=MeasurementError)
 
 

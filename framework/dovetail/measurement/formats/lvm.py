@@ -128,9 +128,7 @@ def read_segments(path: Path, content: bytes) -> list[Segment]:
     MeasurementError, DovetailError
         As in `decode`.
     """
-    require_package("lvm_read", "lvm", str(path))
-    import lvm_read
-
+    lvm_read = require_package("lvm_read", "lvm", str(path))
     text = "\n".join(split_lines(path, content))
     if not text.lstrip().startswith("LabVIEW Measurement"):
         problem = "this is no LabVIEW measurement file: it does not begin with 'LabVIEW Measurement'."
