@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from types import TracebackType
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskID, TextColumn, TimeRemainingColumn
 from rich.text import Text
+
+from dovetail.errors import DovetailError, require_package
 
 
 class _Clock(ProgressColumn):
@@ -23,6 +26,18 @@ class _Clock(ProgressColumn):
             return self._left.render(task)
         minutes, seconds = divmod(int(task.elapsed or 0), 60)
         return Text(f"{minutes:02d}:{seconds:02d}", style="progress.elapsed")
+
+
+def _can_be_drawn(console: Console) -> bool:
+    """Return whether bars can be shown: on a terminal, or in a notebook that has ipywidgets."""
+    if not console.is_jupyter:
+        return sys.stderr.isatty()
+    try:
+        require_package("ipywidgets", "notebook", "progress bars")
+    except DovetailError as error:
+        warnings.warn(" ".join(str(error).split()), stacklevel=4)
+        return False
+    return True
 
 
 class StageBars:
@@ -48,7 +63,7 @@ class StageBars:
             transient=transient,
             redirect_stdout=not transient,
             redirect_stderr=not transient,
-            disable=not (console.is_jupyter or sys.stderr.isatty()),
+            disable=not _can_be_drawn(console),
         )
         self._stage = ""
         self._task: TaskID | None = None

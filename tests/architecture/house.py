@@ -96,6 +96,10 @@ def _reached(start: str, graph: Mapping[str, set[str]]) -> set[str]:
 
 def code_lines(file: Path) -> int:
     """Count the lines of a file that are neither blank nor part of a docstring."""
+    return len(_lines_of_code(file))
+
+
+def _lines_of_code(file: Path) -> set[int]:
     source = file.read_text(encoding="utf-8")
     docstrings = {
         line
@@ -103,7 +107,19 @@ def code_lines(file: Path) -> int:
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
         for line in range(node.lineno, (node.end_lineno or node.lineno) + 1)
     }
-    return sum(bool(text.strip()) and line not in docstrings for line, text in enumerate(source.splitlines(), 1))
+    return {line for line, text in enumerate(source.splitlines(), 1) if text.strip() and line not in docstrings}
+
+
+def function_lengths(file: Path) -> dict[str, int]:
+    """Count the lines of code of each function of a file, docstrings left out; the keys are ``file:line name``."""
+    tree, coded = ast.parse(file.read_text(encoding="utf-8")), _lines_of_code(file)
+    return {
+        f"{file.relative_to(ROOT)}:{node.lineno} {node.name}": len(
+            coded & set(range(node.lineno, (node.end_lineno or node.lineno) + 1))
+        )
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+    }
 
 
 def shares() -> dict[str, float]:
@@ -172,4 +188,7 @@ if __name__ == "__main__":
     for file in files:
         if (length := len(file.read_text(encoding="utf-8").splitlines())) > 400:
             print(f"{file.relative_to(ROOT)}: {length} lines")
+        for function, length in function_lengths(file).items():
+            if length > 60:
+                print(f"{function}: {length} lines of code")
         print(*empty_names(file), sep="\n", end="\n" if any(empty_names(file)) else "")

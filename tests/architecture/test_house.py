@@ -8,10 +8,16 @@ import sys
 from pathlib import Path
 
 import house
+import measurement_path
 import pytest
 
+LONGEST_FUNCTION = 87
+"""Most lines of code of a function, without its docstring. The aim is 60; commands with many options are longer."""
 LARGEST_SHARE = 0.18
 """Largest share of the code that one package of the framework may hold."""
+
+MOST_STOPS, MOST_RETURNS, MOST_SEPARATE = 25, 10, 42
+"""Modules that a measurement enters, returns to a module that it had left, and functions with both as parameters."""
 
 
 def test_there_are_no_circular_imports():
@@ -23,6 +29,11 @@ def test_no_file_is_longer_than_400_lines():
     assert {name: length for name, length in lengths.items() if length > 400} == {}
 
 
+def test_no_function_is_longer_than_the_limit():
+    lengths = {name: length for file in house.source_files() for name, length in house.function_lengths(file).items()}
+    assert {name: length for name, length in lengths.items() if length > LONGEST_FUNCTION} == {}
+
+
 def test_no_package_holds_too_large_a_share_of_the_code():
     shares = house.shares()
     assert {package: share for package, share in shares.items() if share > LARGEST_SHARE} == {}
@@ -30,6 +41,23 @@ def test_no_package_holds_too_large_a_share_of_the_code():
 
 def test_names_that_say_nothing_are_used_within_few_lines_only():
     assert [use for file in house.source_files() for use in house.empty_names(file)] == []
+
+
+@pytest.fixture(scope="module")
+def code() -> measurement_path.Code:
+    return measurement_path.Code(house.ROOT)
+
+
+def test_a_measurement_stops_at_few_modules_on_its_way_through_the_posterior_method(code):
+    walk = measurement_path.posterior_walk(code)
+    assert len(walk.places) > 10
+    assert len(walk.modules) <= MOST_STOPS, walk.modules
+    assert len(walk.returns) <= MOST_RETURNS, walk.returns
+
+
+def test_few_functions_take_an_assembly_and_a_measurement(code):
+    places = measurement_path.separate_parameters(code)
+    assert len(places) <= MOST_SEPARATE, "\n".join(map(str, places))
 
 
 @pytest.fixture(scope="module")
