@@ -5,7 +5,9 @@ from __future__ import annotations
 import builtins
 import json
 import pickle
+import sys
 from dataclasses import asdict, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -134,6 +136,32 @@ def test_inference_data(result, sdof):
     bounds = sdof.parameters[0].lower, sdof.parameters[0].upper
     assert bounds[0] <= prior.min() < prior.max() <= bounds[1]
     assert abs(prior.mean() - np.mean(bounds)) < 0.1 * np.ptp(bounds)
+
+
+@pytest.mark.filterwarnings("ignore::FutureWarning")
+def test_inference_data_says_where_it_comes_from(result):
+    data = result.to_inferencedata(draws=10)
+    assert (data.attrs["warning"], data.attrs["measurement"]) == (result.warning, result.measured.label)
+
+
+@pytest.mark.parametrize("version", ["0.x", "1.x"])
+def test_every_version_of_arviz_gets_the_same_groups(result, monkeypatch, version):
+    """With stand-ins that have the arguments of each version."""
+    arrays = SimpleNamespace(attrs={})
+    made = {}
+
+    def from_dict(data=None, *, attrs, **groups):
+        assert (data is None) == (version == "0.x")
+        made.update(groups or data)
+        made["attrs"] = attrs if version == "0.x" else attrs["/"]
+        return {name: dict.fromkeys(group, arrays) for name, group in (groups or data).items()}
+
+    names = {"InferenceData": object} if version == "0.x" else {}
+    monkeypatch.setitem(sys.modules, "arviz", SimpleNamespace(from_dict=from_dict, **names))
+    result.to_inferencedata(draws=30)
+    assert set(made) == {"posterior", "prior", "log_likelihood", "attrs"}
+    assert made["posterior"]["k"].shape == made["prior"]["c"].shape == (1, 30)
+    assert made["attrs"]["measurement"] == result.measured.label
 
 
 def test_without_a_posterior_there_is_no_inference_data(sdof):

@@ -278,7 +278,10 @@ def inference_data(
     }
     if posterior.log_likelihood is not None:
         groups["log_likelihood"] = {"frf": posterior.log_likelihood[np.newaxis, chosen]}
-    data = arviz.from_dict(**groups, attrs=dict(about))
+    if hasattr(arviz, "InferenceData"):  # ArviZ 0.x
+        data = arviz.from_dict(**groups, attrs=dict(about))
+    else:
+        data = arviz.from_dict(groups, attrs={"/": dict(about)})
     for name, parameter in zip(posterior.names, parameters, strict=True):
         for group in ("posterior", "prior"):
             data[group][name].attrs["units"] = parameter.unit

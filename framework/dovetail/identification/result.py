@@ -246,8 +246,8 @@ class Identification(_Answer):
 
         Returns
         -------
-        arviz.InferenceData
-            The log-likelihood is that of the whole measurement, with the errors that the model is allowed.
+        arviz.InferenceData or xarray.DataTree
+            The latter from ArviZ 1.0 on. The log-likelihood is that of the whole measurement, with the errors that the model is allowed.
 
         Raises
         ------

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -176,13 +175,13 @@ def _network(sizes: Sequence[int], dropout: float) -> Any:
     DovetailError
         Zuko is not installed.
     """
-    if importlib.util.find_spec("zuko") is None:
+    try:
+        import zuko
+    except ImportError:
         remedy = 'Install it by: pip install "dovetail-frf[flow]"'
-        raise dovetail.DovetailError(
-            dovetail.Fault(_OWNER, "this needs the package zuko, which is not installed.", remedy=remedy)
-        )
+        problem = "this needs the package zuko, which is not installed."
+        raise dovetail.DovetailError(dovetail.Fault(_OWNER, problem, remedy=remedy)) from None
     import torch
-    import zuko
 
     n_features, n_targets, transforms, units, bins, *hidden = sizes
     layers: list[torch.nn.Module] = []
