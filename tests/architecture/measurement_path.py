@@ -55,14 +55,14 @@ class Place:
 
 
 class Code:
-    """All modules of the framework below a folder."""
+    """All modules of the framework and of the plugins in a checkout."""
 
     def __init__(self, root: Path) -> None:
-        package = root / "framework" / "dovetail"
         self.modules: dict[str, Module] = {}
-        for file in sorted(package.rglob("*.py")):
-            name = ".".join(file.relative_to(package.parent).with_suffix("").parts).removesuffix(".__init__")
-            self.modules[name] = _module(name, ast.parse(file.read_text(encoding="utf-8")))
+        for folder in (root / "framework", root / "plugins"):
+            for file in sorted(folder.glob("dovetail*/**/*.py")):
+                name = ".".join(file.relative_to(folder).with_suffix("").parts).removesuffix(".__init__")
+                self.modules[name] = _module(name, ast.parse(file.read_text(encoding="utf-8")))
 
     def find(self, module: str, name: str) -> tuple[Module, ast.AST] | None:
         """Return the definition of a name in a module, wherever it was imported from."""
@@ -256,7 +256,7 @@ def makers(code: Code) -> dict[str, list[str]]:
 
 def posterior_walk(code: Code) -> Walk:
     """Walk from the posterior method."""
-    places = [place for place, _ in code.functions() if not place.owner and "identification" in place.module]
+    places = [place for place, _ in code.functions() if not place.owner and "dovetail.identification" in place.module]
     start = next(place for name in STARTS for place in places if place.name == name)
     return Walk(code, start)
 

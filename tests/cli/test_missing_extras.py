@@ -63,9 +63,9 @@ DOORS: dict[str, list[str | tuple[str, ...]]] = {
         ("identify", "small.yaml", "batch", "-o", "batch_results", *SCHEDULER),
         ("study", "study.yaml", "-o", "study", *SCHEDULER),
         "dovetail.generate('small.yaml', 'data.zarr', scheduler='tcp://127.0.0.1:1')",
-        "dovetail.calibrate('small.yaml', cases=2, scheduler='tcp://127.0.0.1:1')",
+        "dovetail_bench.calibrate('small.yaml', cases=2, scheduler='tcp://127.0.0.1:1')",
         "dovetail.identify_many('small.yaml', ['measured.csv'], scheduler='tcp://127.0.0.1:1')",
-        "dovetail.study('study.yaml', 'study', scheduler='tcp://127.0.0.1:1')",
+        "dovetail_bench.study('study.yaml', 'study', scheduler='tcp://127.0.0.1:1')",
     ],
     "flow": [
         ("train", "flow.yaml", "-o", "model"),
@@ -75,7 +75,7 @@ DOORS: dict[str, list[str | tuple[str, ...]]] = {
     ],
     "study": [
         ("study", "study.yaml", "-o", "study"),
-        "dovetail.study('study.yaml', 'study')",
+        "dovetail_bench.study('study.yaml', 'study')",
     ],
     "notebook": [],
 }

@@ -32,8 +32,9 @@ CALL = """\
 import contextlib, io, json, sys, warnings
 import numpy as np
 import dovetail
+import dovetail_bench
 from typer.testing import CliRunner
-from dovetail.cli import app
+from dovetail.cli.app import app
 
 answers = []
 for door in json.loads(sys.argv[1]):

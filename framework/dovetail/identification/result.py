@@ -247,7 +247,8 @@ class Identification(_Answer):
         Returns
         -------
         arviz.InferenceData or xarray.DataTree
-            The latter from ArviZ 1.0 on. The log-likelihood is that of the whole measurement, with the errors that the model is allowed.
+            A DataTree from ArviZ 1.0 on. The log-likelihood is that of the whole measurement, with the errors that the
+            model is allowed.
 
         Raises
         ------
