@@ -70,7 +70,7 @@ DOORS: dict[str, list[str | tuple[str, ...]]] = {
     "flow": [
         ("train", "flow.yaml", "-o", "model"),
         ("identify", "flow.yaml", "measured.csv", "--method", "network"),
-        ("robustness", "flow.yaml", "--levels", "0"),
+        ("robustness", "flow.yaml", "--models", "none", "--levels", "0"),
         "dovetail.train('flow.yaml')",
     ],
     "study": [
