@@ -25,12 +25,12 @@ def interpolated(collet):
 
 @pytest.mark.parametrize("count", [1000, pytest.param(50_000, marks=pytest.mark.slow)])
 def test_every_line_of_random_frfs_is_within_ten_times_the_tolerance(collet, interpolated, count):
-    worst, refused = 0.0, interpolated.engine.rejections
+    worst, refused = 0.0, interpolated.interpolation.rejections
     for seed in range(count // 500):
         theta = latin_hypercube(collet, 500, seed=seed)
         worst = max(worst, float(error(interpolated.frf(theta), collet.frf(theta)).max()))
-    assert len(interpolated.engine.interpolant.lines) < 50
-    assert interpolated.engine.rejections - refused < 0.05 * count
+    assert len(interpolated.interpolation.interpolant.lines) < 50
+    assert interpolated.interpolation.rejections - refused < 0.05 * count
     assert 0 < worst < 1e-8
 
 
@@ -86,7 +86,7 @@ def test_the_estimate_is_the_difference_of_both_functions_written_out():
 @pytest.mark.parametrize("width", [0.05, 0.5, 5.0])
 def test_a_resonance_that_the_lines_do_not_resolve_is_noticed(collet, interpolated, width):
     """A weak mode between two exact lines, which changes the FRF there by a few per cent at the most."""
-    interpolant = interpolated.engine.interpolant
+    interpolant = interpolated.interpolation.interpolant
     exact = collet.frf(latin_hypercube(collet, 40, seed=2))
     centre = FREQUENCY[interpolant.lines[10] : interpolant.lines[11] + 1].mean()
     disturbed = exact * (1 + 0.02 * width / (FREQUENCY - (centre + width * 1j)))
@@ -98,7 +98,7 @@ def test_a_resonance_that_the_lines_do_not_resolve_is_noticed(collet, interpolat
 
 def test_an_frf_that_cannot_be_interpolated_is_computed_exactly(collet):
     demanding = collet.interpolated(1e-9)
-    interpolant = demanding.engine.interpolant
+    interpolant = demanding.interpolation.interpolant
     fill = interpolant.fill
     some = [3, 50, 199]
 
@@ -110,26 +110,26 @@ def test_an_frf_that_cannot_be_interpolated_is_computed_exactly(collet):
             result[:] = 0.0
             return np.full_like(estimated, np.nan)
 
-    demanding.engine.__dict__["interpolant"] = Doubtful()
+    demanding.interpolation.__dict__["interpolant"] = Doubtful()
     theta = latin_hypercube(collet, 200, seed=3)
     np.testing.assert_array_equal(
         demanding.accelerance_amplitude(theta)[some], collet.accelerance_amplitude(theta)[some]
     )
-    assert demanding.engine.rejections == 200
+    assert demanding.interpolation.rejections == 200
 
 
 def test_few_frfs_small_systems_sensitivities_and_measured_parts_are_exact(collet, sdof, assemblies, interpolated):
     theta = latin_hypercube(collet, 5, seed=4)
     np.testing.assert_array_equal(interpolated.frf(theta), collet.frf(theta))
     np.testing.assert_array_equal(interpolated.frf_jacobian(theta)[1], collet.frf_jacobian(theta)[1])
-    assert sdof.interpolated().engine.interpolant is None
+    assert sdof.interpolated().interpolation.interpolant is None
     spindle = dovetail.load(assemblies / "campaign" / "sf_h2_t1.yaml")  # a spline through a measurement is not rational
     many = latin_hypercube(spindle, 40, seed=5)
     np.testing.assert_array_equal(spindle.interpolated().frf(many), spindle.frf(many))
 
 
 def test_it_stays_interpolated_at_other_frequencies(collet):
-    assert collet.interpolated().on(FREQUENCY[:-1]).engine.interpolant is not None
+    assert collet.interpolated().on(FREQUENCY[:-1]).interpolation.interpolant is not None
 
 
 def test_threads_change_nothing(collet):

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import dovetail
 from dovetail.dataset import latin_hypercube
-from dovetail.synthesis import Engine, InterpolatedEngine
+from dovetail.synthesis import Engine, InterpolatedFrfs
 from dovetail.synthesis import plan as plan_module
 from dovetail.synthesis.plan import Settings
 from support.dense_comparison import EPS, QUICK, SETTINGS, UNUSUAL_JOINTS, Tally, check_shares
@@ -282,8 +282,8 @@ def test_threads_change_nothing_of_several_frfs(collet, places):
 def test_several_frfs_are_interpolated_too(collet, places):
     pairs, trial = [(0, 0), (3, 1), (2, 0)], collet.by_joint(latin_hypercube(collet, 64, seed=1))
     theta = collet.by_joint(latin_hypercube(collet, 40, seed=2))
-    system = collet.graph, collet.frequency, places, trial, None
-    engine, exact = InterpolatedEngine(*system, 1e-8, trial, pairs=pairs), Engine(*system, pairs=pairs)
+    exact = Engine(collet.graph, collet.frequency, places, trial, pairs=pairs)
+    engine = InterpolatedFrfs(exact, 1e-8, trial)
     factors = np.array([[1.0], [2j], [-3.0]]) * collet.frequency
     expected = exact.frfs(theta, factors)
     frfs = engine.frfs(theta, factors)

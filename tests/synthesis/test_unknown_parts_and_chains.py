@@ -290,8 +290,7 @@ def test_sensors_shared_by_all_responses_are_present_together():
     assert difference(assembly.frfs([0.02]), expected) < 1e-8
     assert difference(assembly.frfs([0.0]), expected) > 1e-2
     first, second = assembly.each_response
-    assert first.shares_structure_with(second)
-    both = first.together(assembly.description.responses)
+    both = first.combined([second])
     assert difference(both.frfs(np.array([[0.02]]))[0], expected) < 1e-8
     jacobian = both.jacobian(np.array([[0.02]]))[1]
     for response in (0, 1):
@@ -314,14 +313,13 @@ def test_a_window_a_gain_and_a_delay_for_all_responses():
     assert [p.name for p in shared.parameters] == ["calibration.window"]
     assert difference(shared.frfs([12.0]), apart.frfs([12.0])) < 1e-12
     first, second = shared.each_response
-    assert first.shares_structure_with(second)
+    jacobian = first.combined([second]).jacobian(np.array([[12.0]]))[1]
+    assert difference(jacobian[0, 1, :, 0], by_differences(second, np.array([12.0]), 0)) < 1e-6
     responses[1]["calibration"] = own
     first_alone, second_alone = dovetail.load(
         {**{k: v for k, v in PLAIN.items() if k != "response"}, "responses": responses}
     ).each_response
-    assert not first_alone.shares_structure_with(second_alone)
-    jacobian = first.together(shared.description.responses).jacobian(np.array([[12.0]]))[1]
-    assert difference(jacobian[0, 1, :, 0], by_differences(second, np.array([12.0]), 0)) < 1e-6
+    assert first_alone.combined([second_alone]) is None
 
 
 @pytest.mark.parametrize(

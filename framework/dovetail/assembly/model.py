@@ -20,7 +20,7 @@ from dovetail.errors import Fault, ParameterError
 from dovetail.frf import Frf
 from dovetail.interfaces import Parameter
 from dovetail.plain_text import html_table
-from dovetail.synthesis import Engine, Graph, InterpolatedEngine, Point
+from dovetail.synthesis import Engine, FrfSource, Graph, InterpolatedFrfs, Point
 
 _Axes: TypeAlias = Sequence[NDArray[np.float64]]
 _STRUCTURE_SAMPLES = 5
@@ -100,20 +100,32 @@ class Assembly:
         """The synthesis engine of the first response."""
         return self._first.engine
 
+    @property
+    def interpolation(self) -> InterpolatedFrfs | None:
+        """The interpolation of the first response's FRFs, or None if all lines are computed; see `interpolated`."""
+        return self._first.source if isinstance(self._first.source, InterpolatedFrfs) else None
+
     @cached_property
     def _first(self) -> ResponseFrfs:
-        return self.together(self.description.responses[:1])
+        return self._frfs_at(self.description.responses[:1])
 
-    def shares_structure_with(self, other: Assembly) -> bool:
-        """Return whether another of `each_response` sees the same structure on the same lines."""
-        same = type(self) is type(other) is Assembly and self._rigid == other._rigid
-        return same and self._added == other._added and _same_axes(self._axes[:1], other._axes[:1])
+    def combined(self, others: Sequence[Assembly], /) -> ResponseFrfs | None:
+        """Return the FRFs of the first responses of this and others by one elimination, if they see one structure."""
+        for other in others:
+            same = type(self) is type(other) and (self._rigid, self._added) == (other._rigid, other._added)
+            if not same or type(self) is not Assembly or not np.array_equal(self.frequency, other.frequency):
+                return None
+        return self._frfs_at([model.description.response for model in (self, *others)])
 
-    def together(self, responses: Sequence[Response]) -> ResponseFrfs:
-        """Return the FRFs of some responses that see the same structure as the first, at its frequencies."""
+    def _frfs_at(self, responses: Sequence[Response]) -> ResponseFrfs:
+        """Return the FRFs of responses that see the same structure as the first, at its frequencies."""
         points, pairs = points_and_pairs(responses)
-        engine = self.engine_of(points, self._interpolation, pairs)
-        return ResponseFrfs(engine, self._map, responses, self.description.calibrations)
+        engine = self.engine_of(points, pairs)
+        source: FrfSource = engine
+        if self._interpolation is not None:
+            drawn = np.random.default_rng(1).random((_INTERPOLATION_SAMPLES, len(self.parameters)))
+            source = InterpolatedFrfs(engine, self._interpolation, self.by_joint(self.from_unit(drawn)))
+        return ResponseFrfs(engine, source, self._map, responses, self.description.calibrations)
 
     @cached_property
     def _further(self) -> tuple[Assembly, ...]:
@@ -134,20 +146,13 @@ class Assembly:
         """
         return self.with_description(replace(self.description.at(index), frequency=self._axes[index]))
 
-    def engine_of(
-        self, points: Sequence[Point], interpolation: float | None = None, pairs: Sequence[tuple[int, int]] = ((0, 0),)
-    ) -> Engine:
+    def engine_of(self, points: Sequence[Point], pairs: Sequence[tuple[int, int]] = ((0, 0),)) -> Engine:
         """Return a synthesis engine for FRFs between pairs of some points, by their numbers: output and input."""
         inside = np.random.default_rng(0).random((_STRUCTURE_SAMPLES, len(self.parameters)))
         ends = np.repeat([[0.0], [1.0]], len(self.parameters), axis=1)
         probe_theta = self.by_joint(self.from_unit(np.concatenate([inside, ends])))
         columns = {name: self._map.varying_columns(name) for name in self.graph.connections}
-        system = (graph_between(self.graph, points), self.frequency, points, probe_theta, columns)
-        if interpolation is None:
-            return Engine(*system, pairs=pairs)
-        drawn = np.random.default_rng(1).random((_INTERPOLATION_SAMPLES, len(self.parameters)))
-        trial = self.by_joint(self.from_unit(drawn))
-        return InterpolatedEngine(*system, tolerance=interpolation, trial=trial, pairs=pairs)
+        return Engine(graph_between(self.graph, points), self.frequency, points, probe_theta, columns, pairs=pairs)
 
     def by_joint(self, theta: Theta = None) -> dict[str, NDArray[np.float64]]:
         """Split parameter vectors into all parameters of each joint and unknown part, fixed and tied ones included.
@@ -167,13 +172,11 @@ class Assembly:
 
     def from_unit(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
         """Map fractions of the ranges, (..., n_params) from 0 to 1 on the parameters' scales, to SI values."""
-        columns = [p.from_unit(fraction[..., i]) for i, p in enumerate(self.parameters)]
-        return np.stack(columns, axis=-1) if columns else np.empty(fraction.shape)
+        return self._space.from_unit(fraction)
 
     def to_unit(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
         """Map SI values (..., n_params) to fractions of the ranges on the parameters' scales."""
-        columns = [p.to_unit(theta[..., i]) for i, p in enumerate(self.parameters)]
-        return np.stack(columns, axis=-1) if columns else np.empty(theta.shape)
+        return self._space.to_unit(theta)
 
     def vector(self, theta: Theta) -> NDArray[np.float64]:
         """Return a parameter vector (n_params,) in SI from any form of `theta`.

@@ -16,7 +16,7 @@ from dovetail.description.checked import ParameterEntry, Response, Tie, resolve
 from dovetail.errors import Fault, ParameterError, UnitError, did_you_mean, listing
 from dovetail.frf import conversion
 from dovetail.interfaces import Parameter
-from dovetail.synthesis import Engine, Point
+from dovetail.synthesis import Engine, FrfSource, Point
 from dovetail.units import format_quantity, to_si
 
 Theta: TypeAlias = ArrayLike | Mapping[str, float | str] | None
@@ -172,6 +172,16 @@ class ParameterSpace:
         """(n_params,) middle of each range on the scale of the parameter."""
         return np.array([float(parameter.from_unit(np.array(0.5))) for parameter in self.parameters])
 
+    def from_unit(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return SI values (..., n_params) for fractions of the ranges."""
+        columns = [p.from_unit(fraction[..., i]) for i, p in enumerate(self.parameters)]
+        return np.stack(columns, axis=-1) if columns else np.empty(fraction.shape)
+
+    def to_unit(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return fractions of the ranges (..., n_params) for SI values."""
+        columns = [p.to_unit(theta[..., i]) for i, p in enumerate(self.parameters)]
+        return np.stack(columns, axis=-1) if columns else np.empty(theta.shape)
+
     def batch(self, theta: Theta) -> tuple[NDArray[np.float64], bool]:
         """Return theta as (n, n_params), and whether it was a single vector.
 
@@ -246,6 +256,8 @@ class ResponseFrfs:
     ----------
     engine : Engine
         With a pair for each response, which differentiates by all values that depend on theta.
+    source : FrfSource
+        The same engine, or one that interpolates its FRFs.
     parameter_map : ParameterMap
     responses : sequence of Response
     calibrations : mapping of str to ParameterEntry
@@ -255,11 +267,13 @@ class ResponseFrfs:
     def __init__(
         self,
         engine: Engine,
+        source: FrfSource,
         parameter_map: ParameterMap,
         responses: Sequence[Response],
         calibrations: Mapping[str, ParameterEntry],
     ) -> None:
         self.engine = engine
+        self.source = source
         self._map = parameter_map
         self._chains = [index for index, response in enumerate(responses) if response.name in calibrations]
         self._calibrations = calibrations
@@ -271,7 +285,7 @@ class ResponseFrfs:
     def frfs(self, batch: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return FRFs (n, n_responses, n_freq) of parameter vectors (n, n_params)."""
         by_owner = self._map.by_component(batch)
-        values = _for_each(batch, self.engine.frfs(by_owner, self._to_quantity))
+        values = _for_each(batch, self.source.frfs(by_owner, self._to_quantity))
         for index in self._chains:
             values[:, index] *= self._chain(index, by_owner).factor
         return values
@@ -279,7 +293,7 @@ class ResponseFrfs:
     def amplitudes(self, batch: NDArray[np.float64]) -> NDArray[np.float32]:
         """Return amplitudes of the accelerances (n, n_responses, n_freq) in single precision."""
         by_owner = self._map.by_component(batch)
-        values = _for_each(batch, self.engine.amplitudes(by_owner, self._to_accelerance))
+        values = _for_each(batch, self.source.amplitudes(by_owner, self._to_accelerance))
         for index in self._chains:
             values[:, index] *= np.abs(self._chain(index, by_owner).factor)
         return values

@@ -82,10 +82,7 @@ class ModelFrfs:
     def _together(self) -> ResponseFrfs | None:
         """All responses computed together by one elimination, if they see the same structure on the same lines."""
         first, *others = self.assemblies
-        same = all(first.shares_structure_with(other) for other in others)
-        return (
-            first.together([assembly.description.response for assembly in self.assemblies]) if others and same else None
-        )
+        return first.combined(others) if others else None
 
     def at(self, lines: NDArray[np.intp]) -> ModelFrfs:
         """Return the FRFs at some lines (increasing indices), without responses that have none of them."""

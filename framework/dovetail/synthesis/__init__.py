@@ -3,8 +3,9 @@
 from dovetail.synthesis.coupled_system import Point
 from dovetail.synthesis.damped_modes import DampedModes, Poles
 from dovetail.synthesis.engine import Engine
+from dovetail.synthesis.frf_source import FrfSource
 from dovetail.synthesis.graph import Attachment, Connection, Graph
-from dovetail.synthesis.interpolation import InterpolatedEngine
+from dovetail.synthesis.interpolation import InterpolatedFrfs
 from dovetail.synthesis.reference import LiteralSynthesis, assembly_matrices, direct_receptance
 
 __all__ = [
@@ -12,8 +13,9 @@ __all__ = [
     "Connection",
     "DampedModes",
     "Engine",
+    "FrfSource",
     "Graph",
-    "InterpolatedEngine",
+    "InterpolatedFrfs",
     "LiteralSynthesis",
     "Point",
     "Poles",

@@ -1,11 +1,11 @@
-"""An engine that computes a few lines of each FRF and interpolates the others with a rational function.
+"""FRFs of an engine at a few lines, interpolated at the others with a rational function.
 
 An FRF whose estimated error exceeds the tolerance is computed at every line.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,9 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.parallel import one_blas_thread
-from dovetail.synthesis.coupled_system import Point
 from dovetail.synthesis.engine import Engine
-from dovetail.synthesis.graph import Graph
 from dovetail.synthesis.joint_evaluation import Theta, sample_count
 from dovetail.synthesis.plan import FactorsLike
 
@@ -44,16 +42,16 @@ class Settings:
 SETTINGS = Settings()
 
 
-class InterpolatedEngine(Engine):
-    """An engine whose FRFs are interpolated between exact lines.
+class InterpolatedFrfs:
+    """FRFs of an engine, interpolated between exact lines (`FrfSource`).
 
     Parameters
     ----------
-    graph, frequency, points, probe_theta, jacobian_columns, pairs
-        As in `Engine`.
+    engine : Engine
+        Computes the FRFs that are not interpolated.
     tolerance : float
         Largest estimated relative error at any line. If an FRF of a parameter vector exceeds it, all its FRFs are
-        computed exactly; so are calls for a few vectors, Jacobians and `receptance`.
+        computed exactly; so are calls for a few vectors.
     trial : mapping of str to (n, n_params) array
         Parameter vectors with which the number of exact lines is chosen.
 
@@ -63,19 +61,8 @@ class InterpolatedEngine(Engine):
         Number of FRFs so far that were computed exactly because of their estimated error.
     """
 
-    def __init__(
-        self,
-        graph: Graph,
-        frequency: NDArray[np.float64],
-        points: Sequence[Point],
-        probe_theta: Theta,
-        jacobian_columns: Mapping[str, list[int]] | None,
-        tolerance: float,
-        trial: Theta,
-        *,
-        pairs: Sequence[tuple[int, int]],
-    ) -> None:
-        super().__init__(graph, frequency, points, probe_theta, jacobian_columns, pairs=pairs)
+    def __init__(self, engine: Engine, tolerance: float, trial: Theta) -> None:
+        self._engine = engine
         self.tolerance = tolerance
         self.rejections = 0
         self._trial = trial
@@ -83,14 +70,15 @@ class InterpolatedEngine(Engine):
     @cached_property
     def interpolant(self) -> RationalInterpolant | None:
         """The interpolant with the fewest exact lines that suffice, or None if interpolation saves no time."""
-        if self.program.multiplications < SETTINGS.fewest_multiplications:
+        engine, frequency = self._engine, self._engine.frequency
+        if engine.program.multiplications < SETTINGS.fewest_multiplications:
             return None
-        exact = super().frfs(self._trial).reshape(-1, len(self.frequency))
+        exact = engine.frfs(self._trial).reshape(-1, len(frequency))
         interpolated = np.empty_like(exact)
         for count in SETTINGS.counts:
-            if count > SETTINGS.most_exact * len(self.frequency):
+            if count > SETTINGS.most_exact * len(frequency):
                 break
-            interpolant = RationalInterpolant(self.frequency, chebyshev_lines(count, len(self.frequency)))
+            interpolant = RationalInterpolant(frequency, chebyshev_lines(count, len(frequency)))
             accepted = interpolant.fill(exact[:, interpolant.lines], interpolated) <= self.tolerance
             error = np.max(np.abs(interpolated - exact) / np.abs(exact), axis=1)
             if np.mean(accepted) >= 1 - SETTINGS.most_rejected and np.all(error[accepted] <= 10 * self.tolerance):
@@ -100,16 +88,16 @@ class InterpolatedEngine(Engine):
     @cached_property
     def _exact_engine(self) -> Engine:
         assert self.interpolant is not None
-        frequency = self.frequency[self.interpolant.lines]
-        return Engine(self.graph, frequency, self.system.points, self.probe_theta, pairs=self.pairs)
+        engine, frequency = self._engine, self._engine.frequency[self.interpolant.lines]
+        return Engine(engine.graph, frequency, engine.system.points, engine.probe_theta, pairs=engine.pairs)
 
     def frfs(self, theta: Theta, factors: FactorsLike = None) -> NDArray[np.complex128]:
         """Return the FRFs of all pairs for each parameter vector, as `Engine.frfs` does."""
-        return self._interpolate(theta, factors, np.complex128, super().frfs)
+        return self._interpolate(theta, factors, np.complex128, self._engine.frfs)
 
     def amplitudes(self, theta: Theta, factors: FactorsLike) -> NDArray[np.float32]:
         """Return the magnitudes of the FRFs of all pairs, as `Engine.amplitudes` does."""
-        return self._interpolate(theta, factors, np.float32, super().amplitudes)
+        return self._interpolate(theta, factors, np.float32, self._engine.amplitudes)
 
     def _interpolate(
         self, theta: Theta, factors: FactorsLike, dtype: type[np.generic], exactly: Callable[..., NDArray[Any]]
@@ -118,24 +106,24 @@ class InterpolatedEngine(Engine):
         if sample_count(theta) < SETTINGS.fewest_samples or self.interpolant is None:
             return exactly(theta, factors)
         interpolant, size = self.interpolant, SETTINGS.samples_at_once
-        self._exact_engine.threads = self.threads
-        exact = self._exact_engine.frfs(theta, self.prepared(factors).values[:, interpolant.lines])
+        self._exact_engine.threads = self._engine.threads
+        exact = self._exact_engine.frfs(theta, self._engine.prepared(factors).values[:, interpolant.lines])
         shape = exact.shape[:2]
         exact = exact.reshape(-1, exact.shape[-1])
-        result = np.empty((len(exact), len(self.frequency)), dtype=dtype)
+        result = np.empty((len(exact), len(self._engine.frequency)), dtype=dtype)
         error = np.empty(len(exact))
 
         def fill_block(first: int) -> None:
             block = slice(first, first + size)
             error[block] = interpolant.fill(exact[block], result[block])
 
-        with one_blas_thread(), ThreadPoolExecutor(self.threads) as pool:
+        with one_blas_thread(), ThreadPoolExecutor(self._engine.threads) as pool:
             list(pool.map(fill_block, range(0, len(exact), size)))
         result = result.reshape(*shape, -1)
         rejected = ~(error <= self.tolerance).reshape(shape).all(axis=1)
         if rejected.any():
             result[rejected] = exactly({name: values[rejected] for name, values in theta.items()}, factors)
-            self.rejections += int(np.count_nonzero(rejected)) * len(self.pairs)
+            self.rejections += int(np.count_nonzero(rejected)) * len(self._engine.pairs)
         return result
 
 
