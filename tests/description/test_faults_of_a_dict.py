@@ -78,7 +78,7 @@ def test_keys_that_are_no_texts(document, faults):
     document["joints"]["collet"]["parameters"]["a\x07"] = 1
     assert faults(document) == (
         "<dict>  joints.collet.parameters\n  the key is 5.\n  Accepted: a text\n"
-        "<dict>  joints.collet.parameters\n  a key holds the character U+0007."
+        "<dict>  joints.collet.parameters\n  a key contains the character U+0007."
     )
 
 

@@ -80,7 +80,7 @@ CASES = {
     ),
     "directive": (
         {"dovetail: 1": "%YAML 1.1\n---\ndovetail: 1"},
-        "test.yaml:2:1\n  the file asks for YAML 1.1.\n  Accepted: YAML 1.2",
+        "test.yaml:2:1\n  the file requires YAML 1.1.\n  Accepted: YAML 1.2",
     ),
     "two_documents": (
         {"response:": "---\nresponse:"},

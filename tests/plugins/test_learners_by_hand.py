@@ -141,7 +141,7 @@ def test_umap_places_a_row_at_the_weighted_mean_of_its_neighbours():
         if accepted:
             assert UMAP().restore(changed).state()["n_neighbors"] == neighbours
         else:
-            with pytest.raises(dovetail.DovetailError, match=f"holds {neighbours} neighbours among 4 rows"):
+            with pytest.raises(dovetail.DovetailError, match=f"has {neighbours} neighbours among 4 rows"):
                 UMAP().restore(changed)
 
 

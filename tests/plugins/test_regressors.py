@@ -356,7 +356,7 @@ def test_a_damaged_state_is_refused(fitted, name):
 
 
 def test_an_unknown_activation_is_refused(fitted):
-    with pytest.raises(dovetail.DovetailError, match="holds the activation 'step'"):
+    with pytest.raises(dovetail.DovetailError, match="has the activation 'step'"):
         MLP().restore({**fitted.state(), "activation": "step"})
 
 

@@ -54,7 +54,7 @@ class ReceptanceMatrix:
                 f"a receptance matrix of the shape {self.values.shape} does not fit {self.frequency.shape} frequencies."
             )
         if not (np.isfinite(self.frequency).all() and np.isfinite(self.values).all()):
-            raise MeasurementError("a receptance matrix holds values that are not finite.")
+            raise MeasurementError("a receptance matrix has values that are not finite.")
         if np.any(np.diff(self.frequency, prepend=0.0) <= 0):
             raise MeasurementError("the frequencies of a receptance matrix must be positive and increase.")
 

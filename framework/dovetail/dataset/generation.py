@@ -91,12 +91,12 @@ def generate(
     if not assembly.parameters:
         raise DatasetError(Fault(assembly.description.source, "there are no parameters to sample."))
     if plan.samples < 1:
-        raise DatasetError(f"{plan.samples} samples were asked for; at least 1 is needed.")
+        raise DatasetError(f"{plan.samples} samples were requested; at least 1 is needed.")
     check_sample_count(assembly, plan.samples)
     if not 1 <= shard[0] <= shard[1]:
         raise DatasetError(Fault("shard", f"there is no shard {shard[0]} of {shard[1]}.", "1/1, or i/n with i up to n"))
     if storage not in get_args(Storage):
-        raise DatasetError(Fault("storage", f"{storage!r} was asked for.", listing(get_args(Storage))))
+        raise DatasetError(Fault("storage", f"{storage!r} is not a storage.", listing(get_args(Storage))))
     if interpolation is not None:
         assembly = assembly.interpolated(interpolation)
     if scheduler is not None:

@@ -22,7 +22,7 @@ _LARGEST_CHUNK = 200_000_000
 LARGEST_ARRAY = 500_000_000
 """Bytes of an array that is read whole: parameters, frequencies, flags."""
 _LARGEST_METADATA = 16_000_000
-"""Bytes; the attributes of the group hold the description."""
+"""Bytes; the attributes of the group contain the description."""
 _CODECS = ([["bytes"], ["bytes", "crc32c"]], "bytes, crc32c")
 _REMEDY = "Generate the dataset again, or restore a copy."
 _ATTRIBUTES: dict[str, type] = {"name": str, "description": str, "fingerprint": str, "seed": int}
@@ -50,7 +50,7 @@ def check_metadata(folder: Path, array: str, dtype: str) -> None:
     ----------
     folder : Path
     array, dtype : str
-        Name and type of the array that holds the FRFs.
+        Name and type of the array of the FRFs.
 
     Raises
     ------
@@ -58,7 +58,7 @@ def check_metadata(folder: Path, array: str, dtype: str) -> None:
     """
     wanted = {"parameters": ("float64", 2), "frequency": ("float64", 1), array: (dtype, 2), "written": ("uint8", 1)}
     arrays = {name: _checked(folder / name, *kind, whole=name != array) for name, kind in wanted.items()}
-    (samples, _), (lines,), (rows, width), (flags,) = (tuple(held["shape"]) for held in arrays.values())
+    (samples, _), (lines,), (rows, width), (flags,) = (tuple(metadata["shape"]) for metadata in arrays.values())
     chunk = arrays[array]["chunk_grid"]["configuration"]["chunk_shape"]
     if rows != samples or not lines or width % lines or chunk[1] != width or flags != -(-rows // chunk[0]):
         problem = f"its arrays are inconsistent: {samples} parameter vectors, {rows} FRFs of {width} values, "

@@ -47,4 +47,4 @@ def check_sample_count(assembly: Assembly, samples: int) -> None:
     """
     most = LARGEST_ARRAY // (8 * max(1, len(assembly.parameters)))
     if samples > most:
-        raise DatasetError(Fault("samples", f"{samples:.4g} were asked for.", f"at most {most:,}"))
+        raise DatasetError(Fault("samples", f"{samples:.4g} samples were requested.", f"at most {most:,}"))

@@ -50,7 +50,7 @@ class _Reader:
             if not isinstance(key, str):
                 self._faults.add_at(mark, path, f"the key is {format_value(key)}.", "a text")
             elif match := UNPRINTABLE.search(key):
-                self._faults.add_at(mark, path, f"a key holds the character U+{ord(match.group()):04X}.")
+                self._faults.add_at(mark, path, f"a key contains the character U+{ord(match.group()):04X}.")
             else:
                 entries[key] = Entry(mark, self.item(element, (*path, key)))
         return entries

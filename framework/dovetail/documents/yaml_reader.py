@@ -164,7 +164,7 @@ class _Composer:
         if event.version not in (None, (1, 2)):
             version = ".".join(str(number) for number in event.version)
             mark = replace(self._last, line=event.end_mark.line + 1)  # of the '---' after the directive
-            raise self._fatal(mark, f"the file asks for YAML {version}.", "YAML 1.2")
+            raise self._fatal(mark, f"the file requires YAML {version}.", "YAML 1.2")
         root, _ = self._node(next(self._events), (), 1)
         if not root.is_mapping:
             content = "no description" if self._rank else format_value(root.value)  # do not show an extended file

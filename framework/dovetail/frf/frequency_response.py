@@ -121,7 +121,7 @@ class Frf:
     coherence : (n_freq,) array, optional
         Ordinary coherence of the measurement, from 0 to 1.
     has_phase : bool
-        False for a measurement of the amplitude alone.
+        False for a measurement of amplitudes only.
     label : str
         Its source, for figures and reports.
     note : str

@@ -39,7 +39,7 @@ class ComponentConfig(BaseModel):
     @field_validator("*", mode="before")
     @classmethod
     def _refuse_marks_of_thousands(cls, value: object, info: ValidationInfo) -> object:
-        """Refuse ``10_000`` for a whole number, which pydantic takes for 10000."""
+        """Refuse ``10_000`` for a whole number, which pydantic reads as 10000."""
         field = cls.model_fields.get(info.field_name or "")
         return refuse_marks(value) if field is not None and field.annotation is int else value
 

@@ -26,7 +26,7 @@ class FittedReducer(ABC):
         Returns
         -------
         (n_samples, n_components) array
-            Each row depends only on the same row of `features`, so that an FRF gives the same result alone and in any
+            Each row depends only on the same row of `features`, so that an FRF gives the same result in any
             batch.
         """
 

@@ -121,7 +121,7 @@ def _check_correction(assembly: Assembly) -> None:
     ParameterError
         The training has no fresh samples.
     PluginError
-        The regressor predicts values alone, or fails on a few random rows.
+        The regressor predicts values without a distribution, or fails on a few random rows.
     """
     settings = assembly.description.identification
     if settings.correction is None:

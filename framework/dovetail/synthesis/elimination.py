@@ -124,7 +124,7 @@ def run_elimination(program: Program, slots: NDArray[np.complex128]) -> None:
     ----------
     program : Program
     slots : (n_slots, n_freq) complex array
-        The system's lower triangle; afterwards the kept slots hold the Schur complement.
+        The system's lower triangle; afterwards the kept slots contain the Schur complement.
     """
     for pivot in range(program.pivots):
         column = program.column[program.start[pivot] : program.start[pivot + 1]]

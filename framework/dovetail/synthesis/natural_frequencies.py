@@ -45,9 +45,9 @@ _STRAIN_FLOOR = 1e-13
 """Strain energy of a mode, over the largest possible one with its amplitudes, below which it is a rigid-body mode.
 Rounding gives a hundredth of this; a beam of 2500 elements in its first bending mode has twice as much."""
 _SINGULAR = 1e-9
-"""Part of the diagonal that is added where massless DOFs are connected by dampers alone."""
+"""Part of the diagonal that is added where massless DOFs are connected only by dampers."""
 _SHIFT_FLOOR = 1e-14
-"""Squared frequency [1/s^2], over the shift, below which it is rounding. A mass that nothing holds has only the strain
+"""Squared frequency [1/s^2], over the shift, below which it is rounding. A free mass has only the strain
 of rounding errors in its shape, which relative to its amplitudes may be as large as that of an elastic mode."""
 
 

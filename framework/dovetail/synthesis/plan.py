@@ -39,7 +39,7 @@ SETTINGS = Settings()
 
 
 FactorsLike: TypeAlias = "NDArray[np.complex128] | Factors | None"
-"""A factor for each pair and line, (n_pairs, n_freq), or for each line, (n_freq,); None stands for 1."""
+"""A factor for each pair and line, (n_pairs, n_freq), or for each line, (n_freq,); None means 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +102,7 @@ class Plan:
         wider = CoupledSystem(system.graph, system.frequency, system.points, system.condensed, whole)
         try:
             order = system.active[self.program.order].tolist()
-        except DovetailError:  # a point moves through the new entries alone
+        except DovetailError:  # a point moves only through the new entries
             order = self.order
         return Plan(wider, self.jacobian_columns, self.pairs, order)
 

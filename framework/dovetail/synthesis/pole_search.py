@@ -24,7 +24,7 @@ _DOUBTFUL = 1e-9
 """The same, below which a shape may be that of a rigid-body mode with errors of the eigenvector."""
 _NEAR_ZERO = 1e-5
 """Magnitude of a pole, over the root of all stiffness over all mass, below which the same holds: a double zero has
-errors of the root of rounding, 1e-8, and a mass that nothing holds a shape with the strain of rounding alone."""
+errors of the root of rounding, 1e-8, and a free mass has a shape with nothing but the strain of rounding."""
 _CONVERGED = 1e-6
 """Relative change of a pole in the last step; convergence is cubic, so that another step would change nothing."""
 _MOST_ITERATIONS = 12

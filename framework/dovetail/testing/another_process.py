@@ -91,13 +91,13 @@ def _report_of(model: type[Component], options: tuple[str, ...], imports: tuple[
         folder = Path(name)
         if reason := run_in_fresh_process(__name__, model, request, folder, {**_ENVIRONMENT, **_THREADS}, _LIMIT):
             raise Nonconformity(f"it fails in a fresh process: {reason}", "Compute everything from the options only.")
-        said = json.loads((folder / _REPORT).read_text(encoding="utf-8"))
+        content = json.loads((folder / _REPORT).read_text(encoding="utf-8"))
         arrays = {}
-        for index, config in enumerate(said["configs"]):
+        for index, config in enumerate(content["configs"]):
             with np.load(folder / _ANSWERS.format(index), allow_pickle=False) as archive:
                 arrays[config] = dict(archive)
-    declared = dict(zip(said["configs"], said["declarations"], strict=True))
-    return Report(arrays, declared, said["changed"], said["imported"])
+    declared = dict(zip(content["configs"], content["declarations"], strict=True))
+    return Report(arrays, declared, content["changed"], content["imported"])
 
 
 def main() -> None:
@@ -108,11 +108,11 @@ def main() -> None:
             importlib.import_module(name)
     loaded, before, threads = set(sys.modules), surroundings(), _threads()
     model = requested_class(request)
-    said, configs = [], []
+    declared, configs = [], []
     for index, options in enumerate(request["options"]):
         component = model(model.Config.model_validate_json(options))
         configs.append(written(component.config))
-        said.append(declarations(component))
+        declared.append(declarations(component))
         arrays: dict[str, Any] = copied(answers(component))
         np.savez(folder / _ANSWERS.format(index), **arrays)
     changed = changes(before, surroundings())
@@ -122,7 +122,7 @@ def main() -> None:
         changed.append("the working directory, where it leaves a file,")
     report = {
         "configs": configs,
-        "declarations": said,
+        "declarations": declared,
         "changed": changed,
         "imported": _imported_since(loaded, model) if changed or _imported("torch", loaded) else [],
     }

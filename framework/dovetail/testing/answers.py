@@ -41,20 +41,20 @@ def answers(component: Any, question: int = 0) -> dict[str, Any]:
 def declarations(component: Any) -> dict[str, str]:
     """Return the declarations of a component as texts that can be compared."""
     if isinstance(component, JointModel):
-        said = {name: _read(component, name) for name in _JOINT}
+        values = {name: _read(component, name) for name in _JOINT}
         ends = ({each.name: getattr(each, end) for each in component.parameters} for end in ("lower", "upper"))
-        said["range_objections"] = repr(dict(component.range_objections(*ends)))
-        return said
-    said = {name: _read(component, name) for name in _SUBSTRUCTURE}
-    said["absent_dofs"] = repr(sorted(component.absent_dofs))
-    said["dof_label"] = repr([component.dof_label(dof) for dof in range(len(DIRECTIONS) * len(component.nodes))])
-    return said
+        values["range_objections"] = repr(dict(component.range_objections(*ends)))
+        return values
+    values = {name: _read(component, name) for name in _SUBSTRUCTURE}
+    values["absent_dofs"] = repr(sorted(component.absent_dofs))
+    values["dof_label"] = repr([component.dof_label(dof) for dof in range(len(DIRECTIONS) * len(component.nodes))])
+    return values
 
 
 def has_receptance(part: SubstructureModel, matrices: StructuralMatrices | SparseMatrices | None) -> bool:
     """Return whether forces should move a part with these matrices by finite amounts: no ground, nor free without mass.
 
-    Inner DOFs that move without a force while the nodes are held are no excuse.
+    Inner DOFs that move without a force while the nodes are fixed do not count.
     """
     if part.grounded or matrices is None:
         return not part.grounded
@@ -119,23 +119,23 @@ def _of_joint(joint: JointModel, lines: NDArray[np.float64], question: int) -> d
     columns = [parameter.from_unit(fractions[:, index]) for index, parameter in enumerate(joint.parameters)]
     theta = np.stack(columns, axis=1) if columns else np.empty((_VECTORS, 0))
     matrices = joint.matrices(theta.copy())
-    said = {f"the {noun} matrix": getattr(matrices, part) for part, noun in PARTS.items()}
-    said["the dynamic stiffness"] = joint.dynamic_stiffness(lines.copy(), theta.copy())
+    values = {f"the {noun} matrix": getattr(matrices, part) for part, noun in PARTS.items()}
+    values["the dynamic stiffness"] = joint.dynamic_stiffness(lines.copy(), theta.copy())
     for parameter, derivative in zip(joint.parameters, joint.matrices_jacobian(theta.copy()), strict=True):
-        said |= {f"the derivative of {part} by {parameter.name}": getattr(derivative, part) for part in PARTS}
-    return said
+        values |= {f"the derivative of {part} by {parameter.name}": getattr(derivative, part) for part in PARTS}
+    return values
 
 
 def _of_substructure(substructure: SubstructureModel, lines: NDArray[np.float64]) -> dict[str, Any]:
-    matrices, said = substructure.matrices(), {}
+    matrices, values = substructure.matrices(), {}
     for part, noun in PARTS.items() if matrices is not None else ():
         matrix = getattr(matrices, part)
-        said[f"the {noun} matrix"] = matrix if isinstance(matrices, StructuralMatrices) else matrix.data
+        values[f"the {noun} matrix"] = matrix if isinstance(matrices, StructuralMatrices) else matrix.data
     if has_receptance(substructure, matrices):
         absent = {*substructure.absent_dofs, *_empty(matrices, len(DIRECTIONS) * len(substructure.nodes))}
         dofs = [dof for dof in range(len(DIRECTIONS) * len(substructure.nodes)) if dof not in absent]
-        said["the receptance"] = substructure.receptance(lines.copy(), dofs[:4])
-    return said
+        values["the receptance"] = substructure.receptance(lines.copy(), dofs[:4])
+    return values
 
 
 def _empty(matrices: Any, count: int) -> list[int]:

@@ -17,7 +17,7 @@ from dovetail.units import dimension, is_unit, to_si
 _LONGEST_SUMMARY = 150
 _CONTRACTS = "dovetail.interfaces."
 _NEARLY = 0.85
-"""Similarity (difflib) from which a name is taken for a misspelling: one or two letters in ten."""
+"""Similarity (difflib) above which a name counts as a misspelling: one or two letters in ten."""
 
 
 def check_name_summary_and_references_are_texts(model: type[Component]) -> None:
@@ -120,12 +120,14 @@ def _units(entry: Any) -> Iterator[str]:
 
 def _check_unit(name: str, text: str, units: set[str]) -> None:
     """Compare a unit in brackets, such as "[m]", with the one in which the option is read."""
-    for said in re.findall(r"\[([^\[\]]+)\]", text):
-        if not is_unit(said):
+    for written in re.findall(r"\[([^\[\]]+)\]", text):
+        if not is_unit(written):
             continue
-        if not any(_same_dimension(said, unit) for unit in units):
-            problem = f"the option '{name}' is described in [{said}], but is read in {', '.join(units) or 'no unit'}."
-            raise Nonconformity(problem, f'Annotate it with dovetail.InUnit("{said}"), or correct the description.')
+        if not any(_same_dimension(written, unit) for unit in units):
+            problem = (
+                f"the option '{name}' is described in [{written}], but is read in {', '.join(units) or 'no unit'}."
+            )
+            raise Nonconformity(problem, f'Annotate it with dovetail.InUnit("{written}"), or correct the description.')
 
 
 def _same_dimension(one: str, other: str) -> bool:

@@ -24,7 +24,7 @@ def check_state_is_arrays_and_plain_values(specimen: FittedSpecimen) -> None:
         numbers = isinstance(value, np.ndarray) and value.dtype.kind in "biuf"
         if not isinstance(name, str) or not (numbers or isinstance(value, (bool, int, float, str))):
             kind = f"an array of {value.dtype}" if isinstance(value, np.ndarray) else type(value).__name__
-            problem = f"state() holds '{name}', which is {kind}."
+            problem = f"state() contains '{name}', which is {kind}."
             raise Nonconformity(problem, "Give arrays of numbers, int, float, str and bool only.")
 
 
@@ -73,7 +73,7 @@ def check_storing_twice_changes_nothing(specimen: FittedSpecimen) -> None:
     again = specimen.component.restore(first).state()
     if not _identical(first, again):
         problem = "restored and stored again, its state is another."
-        raise Nonconformity(problem, "Let state() round nothing but what fit rounded before.")
+        raise Nonconformity(problem, "Do not round in state().")
 
 
 def check_state_does_not_grow_with_the_samples(specimen: FittedSpecimen) -> str | None:
@@ -95,13 +95,13 @@ def check_a_fresh_process_gives_the_same_results(specimen: FittedSpecimen) -> No
     wanted = specimen.ask(specimen.fitted, specimen.unseen.features)
     problem = "in a fresh process it answers otherwise"
     answers = specimen.fresh.get("restored")
-    require_agreement(answers, wanted, problem, "Let restore depend on the state and the Config alone.")
+    require_agreement(answers, wanted, problem, "Compute restore from the state and the Config only.")
 
 
 def check_a_fresh_process_fits_the_same(specimen: FittedSpecimen) -> None:
     """Fitted in a fresh process, without earlier fits and with another hash seed, it gives the same output."""
     problem = "fitted in a fresh process it answers otherwise"
-    remedy = "Let fit depend on its samples, the seed and the Config alone: no cache, and no order of a set."
+    remedy = "Compute fit from its samples, the seed and the Config only, without a cache or the order of a set."
     require_agreement(specimen.fresh.get("fitted"), specimen.elsewhere.answers, problem, remedy)
 
 

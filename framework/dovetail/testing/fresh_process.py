@@ -125,8 +125,12 @@ def run_in_fresh_process(
     """
     module = sys.modules[model.__module__]
     path = [str(Path(place or os.curdir).resolve()) for place in sys.path]
-    of_class = {"module": module.__name__, "file": str(getattr(module, "__file__", "")), "name": model.__qualname__}
-    (folder / _REQUEST).write_text(json.dumps({**of_class, **request}), encoding="utf-8")
+    component_class = {
+        "module": module.__name__,
+        "file": str(getattr(module, "__file__", "")),
+        "name": model.__qualname__,
+    }
+    (folder / _REQUEST).write_text(json.dumps({**component_class, **request}), encoding="utf-8")
     (folder / WORK).mkdir()
     salt = "1" if os.environ.get("PYTHONHASHSEED") != "1" else "2"
     done = subprocess.run(

@@ -72,9 +72,9 @@ def check_a_fresh_process_gives_the_same_results(specimen: Specimen) -> None:
     report = report_of_another_process(specimen)
     for component in _one_by_one(specimen):
         options = written(component.config)
-        said, declared = report.answers[options], report.declarations[options]
+        results, declared = report.answers[options], report.declarations[options]
         changed = [name for name, value in declarations(component).items() if declared[name] != value]
-        changed.append(difference(said, copied(answers(component)), _ROUNDING))
+        changed.append(difference(results, copied(answers(component)), _ROUNDING))
         if changed[0]:
             problem = f"in a fresh process {changed[0]} differs."
             remedy = "Compute it from the options only, not from hashes, sets, files or earlier instances."

@@ -20,7 +20,7 @@ _ROUNDING = 1e-9
 _SINGLE = 1e-3
 """Relative to the largest entry, for parameters in single precision: 6e-8, with a margin for powers and differences."""
 _LEAST_EFFORT = 1e-7
-"""Relative to the effort of each DOF alone: a joint's stiffnesses differ by up to 1e8, so that rounding leaves 1e-8."""
+"""Relative to the efforts of single DOFs: a joint's stiffnesses differ by up to 1e8, so that rounding leaves 1e-8."""
 _AT_REST = 1e-3
 """Frequency [Hz] at which inertia is negligible in a frequency-dependent dynamic stiffness."""
 _LOOSE = 1e-12
@@ -124,8 +124,8 @@ def check_each_vector_of_a_batch_is_treated_alone(specimen: JointSpecimen) -> st
             rows = np.arange(start, start + count)[::-1]
             answer = component.matrices(specimen.theta[rows])
             for part, noun in PARTS.items():
-                together = getattr(specimen.matrices, part)[rows]
-                if relative_difference(getattr(answer, part), together) > _ROUNDING:
+                expected = getattr(specimen.matrices, part)[rows]
+                if relative_difference(getattr(answer, part), expected) > _ROUNDING:
                     problem = f"the {noun} matrix of a vector differs between batches of {count} and {many}."
                     remedy = "Use the vectors' own axis: theta is (n, n_params), matrices are (n, d, d)."
                     raise Nonconformity(problem, remedy)
@@ -213,12 +213,12 @@ def check_merged_dofs_have_one_direction(specimen: JointSpecimen) -> None:
 
 def check_inputs_are_left_unchanged(specimen: JointSpecimen) -> None:
     """The caller's arrays `theta` and `frequency` are not changed."""
-    asked = specimen.some(16)
-    theta, frequency = asked.copy(), FREQUENCY.copy()
+    vectors = specimen.some(16)
+    theta, frequency = vectors.copy(), FREQUENCY.copy()
     specimen.component.matrices(theta)
     specimen.component.matrices_jacobian(theta)
     specimen.component.dynamic_stiffness(frequency, theta)
-    if not np.array_equal(theta, asked) or not np.array_equal(frequency, FREQUENCY):
+    if not np.array_equal(theta, vectors) or not np.array_equal(frequency, FREQUENCY):
         raise Nonconformity("the joint changed the caller's arrays.", "Compute with copies: theta = theta.copy().")
 
 

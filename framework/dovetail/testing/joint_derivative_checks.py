@@ -40,8 +40,8 @@ class Settings:
         Step relative to the parameter that double precision resolves and single precision (6e-8) does not.
     shown : float
         Largest factor between the change by a small step and the proportional part of that by the longer of `steps`.
-    alone : float
-        Difference between a vector alone and in a batch, relative to the largest entry of a derivative.
+    single : float
+        Difference between a single vector and a batch, relative to the largest entry of a derivative.
     secant : float
         Steps with which parameters are distinguished, relative to their ranges.
     dependent : float
@@ -57,7 +57,7 @@ class Settings:
     rounding: float = 1e-14
     small: float = 1e-8
     shown: float = 10.0
-    alone: float = 1e-6
+    single: float = 1e-6
     secant: float = 0.05
     dependent: float = 1e-10
 
@@ -156,10 +156,10 @@ def check_jacobian_treats_each_vector_alone(specimen: JointSpecimen) -> None:
     theta = specimen.some(300)
     many = [_copied(each) for each in specimen.component.matrices_jacobian(theta.copy())]
     for row in (0, len(theta) // 3, len(theta) - 1):
-        alone = specimen.component.matrices_jacobian(theta[row : row + 1].copy())
-        for parameter, single, batch in zip(specimen.component.parameters, alone, many, strict=True):
+        derivatives = specimen.component.matrices_jacobian(theta[row : row + 1].copy())
+        for parameter, derivative, batch in zip(specimen.component.parameters, derivatives, many, strict=True):
             for part in PARTS:
-                if relative_difference(getattr(single, part)[0], getattr(batch, part)[row]) > SETTINGS.alone:
+                if relative_difference(getattr(derivative, part)[0], getattr(batch, part)[row]) > SETTINGS.single:
                     problem = (
                         f"the derivative of {part} by '{parameter.name}' differs between a batch and a single vector."
                     )

@@ -58,8 +58,8 @@ def check_dynamic_stiffness_treats_lines_and_vectors_alone(specimen: JointSpecim
     theta = specimen.some(_FEW)
     Z = specimen.stiffness(FREQUENCY, theta)
     for line in range(len(FREQUENCY)):
-        alone = specimen.stiffness(FREQUENCY[line : line + 1], theta[:1])
-        _compare(alone[0, 0], Z[0, line], f"at {FREQUENCY[line]:.4g} Hz alone")
+        single = specimen.stiffness(FREQUENCY[line : line + 1], theta[:1])
+        _compare(single[0, 0], Z[0, line], f"at {FREQUENCY[line]:.4g} Hz in a single line")
     shuffled = np.array([5, 0, 8, 0, 3, 3, 1])
     _compare(specimen.stiffness(FREQUENCY[shuffled], theta), Z[:, shuffled], "at unsorted lines")
     many = np.concatenate([np.linspace(21.0, 1999.0, 500), FREQUENCY])

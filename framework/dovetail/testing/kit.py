@@ -242,20 +242,20 @@ def _outcome(label: str, name: str, check: _Check, subjects: Sequence[tuple[Any,
     reasons: list[str] = []
     remarks: list[str] = []
     doubts: list[CheckResult] = []
-    for subject, component, said in subjects:
+    for subject, component, example in subjects:
         try:
             with plugin_errors(component, label), warnings.catch_warnings():
                 warnings.simplefilter("error", np.exceptions.ComplexWarning)  # damping that would be dropped
                 if measured := check(subject):
-                    remarks.append(f"{said}{measured}")
+                    remarks.append(f"{example}{measured}")
         except NotApplicable as reason:
             reasons.append(str(reason))
         except Reservation as doubt:
-            doubts.append(CheckResult(label, name, "warning", f"{said}{doubt.problem}", doubt.remedy))
+            doubts.append(CheckResult(label, name, "warning", f"{example}{doubt.problem}", doubt.remedy))
         except Nonconformity as fault:
-            return CheckResult(label, name, "failed", f"{said}{fault.problem}", fault.remedy)
+            return CheckResult(label, name, "failed", f"{example}{fault.problem}", fault.remedy)
         except Exception as error:  # a plugin may raise or return anything
-            return CheckResult(label, name, "failed", f"{said}{_failure_text(error)}", _REMEDY)
+            return CheckResult(label, name, "failed", f"{example}{_failure_text(error)}", _REMEDY)
     if doubts:
         return doubts[0]
     if len(reasons) == len(subjects):
@@ -263,7 +263,7 @@ def _outcome(label: str, name: str, check: _Check, subjects: Sequence[tuple[Any,
     return CheckResult(label, name, "passed", "; ".join(remarks))
 
 
-_REMEDY = "The check could not go on."
+_REMEDY = "The check could not be completed."
 
 
 def _failure_text(error: Exception) -> str:

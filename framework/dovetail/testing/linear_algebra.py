@@ -28,7 +28,7 @@ def least_eigenvalue(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
 def least_effort(
     matrices: NDArray[np.float64], held: NDArray[np.intp], motion: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the least effort of a motion of some DOFs, with others free, over the sum of the efforts of each alone.
+    """Return the least effort of a motion of some DOFs, with others free, over the sum of the efforts of single DOFs.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def least_effort(
     """
     diagonal = np.diagonal(matrices, axis1=-2, axis2=-1)
     free = np.setdiff1d(np.arange(matrices.shape[-1]), held)
-    alone = diagonal[..., held] @ motion**2
+    separate = diagonal[..., held] @ motion**2
     scale = 1.0 / np.sqrt(np.where(diagonal[..., free] > 0, diagonal[..., free], 1.0))
     effort = np.einsum("i,...ij,j->...", motion, matrices[..., held[:, None], held], motion)
     if len(free):
@@ -52,7 +52,7 @@ def least_effort(
         coupled = scale * (matrices[..., free[:, None], held] @ motion)
         followed = np.linalg.pinv(inner, rcond=_SINGULAR, hermitian=True) @ coupled[..., None]
         effort = effort - np.einsum("...i,...i->...", coupled, followed[..., 0])
-    return np.asarray(np.where(alone > 0, effort / np.where(alone > 0, alone, 1.0), 0.0))
+    return np.asarray(np.where(separate > 0, effort / np.where(separate > 0, separate, 1.0), 0.0))
 
 
 def condensed(Z: NDArray[np.complex128], count: int) -> NDArray[np.complex128]:
@@ -76,7 +76,7 @@ def unit_free(matrices: NDArray[Any], scale: NDArray[np.float64]) -> NDArray[Any
 
 
 def has_idle_motion(*matrices: NDArray[np.float64]) -> bool:
-    """Return whether some motion needs no effort by any of several (d, d) matrices; DOFs without entries apart."""
+    """Return whether some motion needs no effort by any of several (d, d) matrices, ignoring DOFs without entries."""
     scale = np.zeros(len(matrices[0]))
     for matrix in matrices:
         scale = np.where(scale > 0, scale, np.diag(matrix))

@@ -23,7 +23,7 @@ def check_different_samples_stay_different(specimen: ReducerSpecimen) -> None:
     for samples in (specimen.training, specimen.unseen):
         reduced = specimen.ask(specimen.fitted, samples.features)
         if len(np.unique(reduced, axis=0)) < len(reduced) // 2:
-            raise Nonconformity("most FRFs have the same reduced features.", "Keep what tells one FRF from another.")
+            raise Nonconformity("most FRFs have the same reduced features.", "Keep the features that distinguish FRFs.")
 
 
 def check_small_features_stay_different(specimen: ReducerSpecimen) -> None:

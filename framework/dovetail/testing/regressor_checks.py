@@ -84,22 +84,22 @@ def _require_targets(specimen: RegressorSpecimen, count: int) -> None:
 def check_a_distribution_belongs_to_its_row(specimen: RegressorSpecimen) -> str:
     """A predicted distribution has draws for each row, which do not depend on other rows; `predict` is their mean."""
     features = specimen.unseen.features[:20]
-    told = specimen.fitted.predict_distribution(features.copy())
-    if told is None:
-        raise NotApplicable("it predicts values alone.")
-    samples: Any = getattr(told, "samples", None)
+    distribution = specimen.fitted.predict_distribution(features.copy())
+    if distribution is None:
+        raise NotApplicable("it predicts values without a distribution.")
+    samples: Any = getattr(distribution, "samples", None)
     shape = (len(features), specimen.unseen.targets.shape[1])
     if not isinstance(samples, np.ndarray) or samples.ndim != 3 or (samples.shape[0], samples.shape[2]) != shape:
         raise Nonconformity(f"its samples are {np.shape(samples)}.", "Return a dovetail.TargetDistribution.")
     if samples.shape[1] < _FEWEST_DRAWS or not np.isfinite(samples).all():
         raise Nonconformity(f"of {samples.shape[1]} draws some are not finite, or they are too few.", "Give 200.")
-    alone = specimen.fitted.predict_distribution(features[3:4].copy()).samples
+    single = specimen.fitted.predict_distribution(features[3:4].copy()).samples
     require_agreement(
-        alone[0], samples[3], "a row alone has another distribution", "Compute each row from this row only."
+        single[0], samples[3], "a single row has another distribution", "Compute each row from this row only."
     )
     deviation = samples.std(axis=1) / np.sqrt(_FEWEST_DRAWS)
     if np.any(np.abs(samples.mean(axis=1) - specimen.ask(specimen.fitted, features)) > 3.0 * deviation + 1e-3):
         raise Nonconformity("predict is not the mean of the distribution.", "Return the mean.")
     low, high = np.quantile(samples, [0.05, 0.95], axis=1)
-    held = np.mean((low < specimen.unseen.targets[:20]) & (specimen.unseen.targets[:20] < high))
-    return f"90 % intervals hold {held:.0%} of {held.size * low.size} targets"
+    covered = np.mean((low < specimen.unseen.targets[:20]) & (specimen.unseen.targets[:20] < high))
+    return f"90 % intervals contain {covered:.0%} of {covered.size * low.size} targets"

@@ -153,7 +153,7 @@ def check_rigid_body_modes(specimen: SubstructureSpecimen) -> None:
     if costly and not specimen.component.held:
         problem = f"{costly[0]} as a rigid body needs a force."
         raise Nonconformity(
-            problem, "Rows of K times a rigid-body motion give zero; say `held` where the part is not free."
+            problem, "Rows of K times a rigid-body motion give zero; override `held` if the part is not free."
         )
 
 
@@ -214,8 +214,8 @@ def check_each_line_is_treated_alone(specimen: SubstructureSpecimen) -> None:
     """The receptance at a line is the same for one line and for many, which may be unsorted or repeated."""
     _only_with_receptance(specimen)
     for order in ([1, 4, 7], [3], [6, 0, 2, 2, 5]):
-        alone, whole = specimen.component.receptance(specimen.lines[order], specimen.dofs), specimen.receptance[order]
-        if alone.shape != whole.shape or relative_difference(alone, whole) > _SOLVED:
+        result, whole = specimen.component.receptance(specimen.lines[order], specimen.dofs), specimen.receptance[order]
+        if result.shape != whole.shape or relative_difference(result, whole) > _SOLVED:
             problem = f"at {len(order)} of the lines, in another order, the receptance differs."
             raise Nonconformity(problem, "Compute or interpolate line by line.")
 
@@ -266,11 +266,11 @@ def check_refinement_keeps_the_mass(specimen: SubstructureSpecimen) -> None:
     if any(part is None for part in finer):
         raise NotApplicable("the part has no mesh to refine.")
     twice = finer[1].refined(2)  # type: ignore[union-attr]
-    alike = {"refined(1) is": (specimen.component, finer[0]), "refined(2).refined(2) is": (finer[2], twice)}
-    for said, (part, other) in alike.items():
+    same = {"refined(1) is": (specimen.component, finer[0]), "refined(2).refined(2) is": (finer[2], twice)}
+    for phrase, (part, other) in same.items():
         if not np.isclose(_mass(part), _mass(other), rtol=_ROUNDING, atol=0.0):
             raise Nonconformity(
-                f"{said} a part of another mass.", "Multiply only the number of elements by the factor."
+                f"{phrase} a part of another mass.", "Multiply only the number of elements by the factor."
             )
     ends = [sorted(node.position for node in part.nodes) for part in (specimen.component, *finer[1:])]  # type: ignore[union-attr]
     if not all(np.allclose([each[0], each[-1]], [ends[0][0], ends[0][-1]]) for each in ends):
@@ -278,8 +278,8 @@ def check_refinement_keeps_the_mass(specimen: SubstructureSpecimen) -> None:
     masses = [_mass(part) for part in (specimen.component, *finer[1:])]
     first, second = abs(masses[1] - masses[0]), abs(masses[2] - masses[1])
     if not second <= 0.5 * first + _SOLVED * masses[0] or first > _ORDER * second + _SOLVED * masses[0]:
-        said = " and ".join(f"{mass:.6g}" for mass in masses[1:])
-        problem = f"its mass is {masses[0]:.6g} kg, but {said} kg with meshes twice and four times as fine."
+        refined = " and ".join(f"{mass:.6g}" for mass in masses[1:])
+        problem = f"its mass is {masses[0]:.6g} kg, but {refined} kg with meshes twice and four times as fine."
         raise Nonconformity(problem, "Give each element the mass of its own length, and keep all masses.")
 
 
@@ -362,7 +362,7 @@ def _only_if_movable(specimen: SubstructureSpecimen) -> None:
 def _only_with_receptance(specimen: SubstructureSpecimen) -> None:
     _only_if_movable(specimen)
     if not specimen.has_receptance:
-        raise NotApplicable("some motion of the part by itself needs no force, so that it has no receptance.")
+        raise NotApplicable("some motion of the uncoupled part needs no force, so it has no receptance.")
 
 
 def _check_semidefinite(specimen: SubstructureSpecimen, part: str) -> None:

@@ -34,7 +34,7 @@ def check_progress_is_reported_in_order(specimen: RegressorSpecimen) -> None:
             if not isinstance(stage, str) or not isinstance(note, str):
                 raise Nonconformity(f"progress got the stage {stage!r:.40}.", _HOW_TO_REPORT)
             if _NOT_A_LOSS.search(note):
-                raise Nonconformity(f"progress says {note!r:.60}.", "Stop where a loss is no longer finite.")
+                raise Nonconformity(f"progress reports {note!r:.60}.", "Stop where a loss is no longer finite.")
         done = [step for _, step, _, _ in progress]
         if done != sorted(done) or any(not 0 <= step <= total for _, step, total, _ in progress):
             raise Nonconformity("progress is reported out of order, or beyond the total.", _HOW_TO_REPORT)
@@ -101,7 +101,7 @@ def check_training_can_be_stopped(specimen: RegressorSpecimen) -> None:
         press = _CtrlC()
         observation = observe(partial(press.ends, call))
         if press.times and not observation.answer:
-            raise Nonconformity(f"{call.__name__} goes on after Ctrl-C.", "Let KeyboardInterrupt pass.")
+            raise Nonconformity(f"{call.__name__} continues after Ctrl-C.", "Let KeyboardInterrupt pass.")
         if changed := [*observation.settings, *observation.generators]:
             problem = f"{call.__name__}, when stopped, leaves {', '.join(changed)} changed."
             raise Nonconformity(problem, "Restore it in a `finally`.")

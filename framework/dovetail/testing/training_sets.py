@@ -72,7 +72,7 @@ def regression_samples(samples: int, *, features: int, targets: int, seed: int) 
     ----------
     samples, features, targets : int
     seed : int
-        Of the targets; the functions are always the same, so that samples with another seed test what was learnt.
+        Of the targets; the functions are always the same, so that samples with another seed test what was learned.
     """
     unknown = np.random.default_rng(seed).random((samples, targets))
     generator = np.random.default_rng(features + 100 * targets)

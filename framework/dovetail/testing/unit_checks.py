@@ -79,7 +79,7 @@ def _port_dynamics(specimen: Specimen, name: str) -> NDArray[np.complex128]:
     """Return a joint's dynamic stiffness at its ports, or a part's receptance, in the changed unit."""
     if isinstance(specimen, SubstructureSpecimen):
         if not specimen.has_receptance:
-            raise NotApplicable("the part has no receptance by itself.")
+            raise NotApplicable("the uncoupled part has no receptance.")
         lines = FREQUENCY * _factor("Hz", name)
         return np.array(specimen.component.receptance(lines, list(specimen.dofs)))
     assert isinstance(specimen, JointSpecimen)

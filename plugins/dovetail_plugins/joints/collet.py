@@ -39,7 +39,7 @@ class Collet(JointModel):
     The tool's nodes meet c1, c2, c3 and the holder's c3, c4, c5, each through a spring and a damper in translation
     and in rotation. Micro-slip, preload-dependent stiffness and the slots of the collet are not modelled.
 
-    That nothing but kr_tc and kr_hc resists sliding along the axis leaves no stiffness out, unlike in a bolted lap:
+    Only kr_tc and kr_hc resist sliding along the axis. Other than in a bolted lap, this omits no stiffness:
     tool, collet and holder bend about one axis. With stiff layers the natural frequencies are those of a solid body
     within 1.1 % (``pytest tests/synthesis/test_sliding_faces.py``), the difference of the two beam models in shear.
     """

@@ -31,7 +31,7 @@ class InterferenceFit(JointModel):
     contact, k (1 + g s) with s from -1 at the first node to 1 at the last; the damping stays even. Slip, lift-off at
     the edges and the stiffening of the shaft by the hub's pressure are not modelled.
 
-    That nothing but kr resists sliding along the axis leaves no stiffness out, unlike in a bolted lap: shaft and hub
+    Only kr resists sliding along the axis. Other than in a bolted lap, this omits no stiffness: shaft and hub
     bend about one axis. With a stiff layer the natural frequencies are those of a solid shaft within 0.5 % (``pytest
     tests/synthesis/test_sliding_faces.py``), which is the difference of the two beam models in shear.
     """

@@ -26,7 +26,7 @@ _ROTATION = (
 class SpringDamper(JointModel):
     """A massless contact layer between nodes that face each other, in translation, in rotation or in both.
 
-    In a direction that is left out the parts are not connected. Between bars that lie on each other nothing resists the
+    In a direction that is omitted the parts are not connected. Between bars that lie on each other nothing resists the
     sliding of their faces, see `bolted`.
     """
 

@@ -34,7 +34,7 @@ class FittedPCA(dovetail.FittedReducer):
 
         Notes
         -----
-        In double precision, so that in single precision the sum over the features is the same bit for bit, whatever the
+        In double precision, so that in single precision the sum over the features is the same bit for bit, for any
         number of rows in the matrix product.
         """
         rows = checked_rows(features, _OWNER, width=self._mean.size)

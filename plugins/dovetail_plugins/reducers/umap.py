@@ -140,9 +140,9 @@ class UMAP(dovetail.Reducer):
         values = checked_rows(features, _OWNER)
         fewest = max(config.n_neighbors, config.n_components) + 2
         if len(values) < fewest:
-            asked = f"{config.n_neighbors} neighbours and {config.n_components} components"
+            wanted = f"{config.n_neighbors} neighbours and {config.n_components} components"
             raise dovetail.DovetailError(
-                dovetail.Fault(_OWNER, f"{len(values)} samples are too few for {asked}.", f"{fewest} samples or more")
+                dovetail.Fault(_OWNER, f"{len(values)} samples are too few for {wanted}.", f"{fewest} samples or more")
             )
         compression = Compression.fit(values, config.metric, fewest=config.n_components, seed=seed)
         projected = compression.project(values)

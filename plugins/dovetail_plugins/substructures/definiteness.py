@@ -91,7 +91,7 @@ def _without_noise(matrix: Any) -> Any:
 
 
 def _tied(K: Any, bodies: NDArray[np.intp], ties: NDArray[np.intp]) -> Any:
-    """Return the stiffness of the DOFs that are no multipliers, with stiff springs where multipliers tie them."""
+    """Return the stiffness of the DOFs that are not multipliers, with stiff springs in place of the multipliers."""
     from scipy.sparse import diags_array
 
     free = K[bodies][:, bodies]

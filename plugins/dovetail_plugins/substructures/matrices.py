@@ -196,10 +196,10 @@ class Matrices(SubstructureModel):
         directions = dict.fromkeys(table.directions)
         reached = [n for n, d in zip(table.nodes, table.directions, strict=True) if d in wanted.values()]
         if wanted["displacement"] not in directions:
-            problem = f"no DOF has the direction '{wanted['displacement']}', which is taken for x."
+            problem = f"no DOF has the direction '{wanted['displacement']}', which is used as x."
             raise DovetailError(Fault(table.where, problem, ", ".join(list(directions)[:12]), "Set 'displacement'."))
         if "rotation" in self.config.model_fields_set and wanted["rotation"] not in directions:
-            problem = f"no DOF has the direction '{wanted['rotation']}', which is taken for rz."
+            problem = f"no DOF has the direction '{wanted['rotation']}', which is used as rz."
             raise DovetailError(Fault(table.where, problem, ", ".join(list(directions)[:12]), "Set 'rotation'."))
         labels = tuple(dict.fromkeys(reached))
         chosen = tuple(str(node) for node in self.config.nodes) or labels

@@ -95,12 +95,10 @@ def matrix_market_parts(path: Path, content: bytes) -> dict[str, Any]:
     with _report_damage(path):
         rows, columns, entries, layout, field, symmetry = mminfo(io.BytesIO(content))
         if field not in ("real", "double", "integer", "unsigned-integer"):
-            raise DovetailError(Fault(str(path), f"the file holds {field} entries.", "real numbers"))
+            raise DovetailError(Fault(str(path), f"the file has {field} entries.", "real numbers"))
         most = _LARGEST_DENSE if layout == "array" else _MOST_DOFS
         if 2 * entries > len(content) or max(rows, columns) > most:
-            problem = (
-                f"the file announces {entries} entries of a {rows} x {columns} matrix, more than it holds or may hold."
-            )
+            problem = f"the file announces {entries} entries of a {rows} x {columns} matrix, which is too many."
             raise DovetailError(Fault(str(path), problem))
         if layout == "coordinate" and symmetry == "symmetric":
             return _parts("matrix", _symmetric(mmread(io.BytesIO(_as_general(content))), path), str(path))
@@ -120,7 +118,7 @@ def _symmetric(stored: Any, path: Path) -> Any:
     Raises
     ------
     DovetailError
-        The two halves differ where both hold entries.
+        The two halves have different entries.
     """
     from scipy.sparse import coo_array, diags_array, tril, triu
 
@@ -214,7 +212,7 @@ def sound_matrix(name: str, values: Any, where: str) -> Any:
     if not issparse(matrix) and matrix.shape[0] > _LARGEST_DENSE:
         raise DovetailError(Fault(where, f"the matrix {name} has {matrix.shape[0]} DOFs in full.", "a sparse one"))
     if matrix.dtype.kind not in "fiu":
-        raise DovetailError(Fault(where, f"the matrix {name} holds {matrix.dtype} entries.", "real numbers"))
+        raise DovetailError(Fault(where, f"the matrix {name} has {matrix.dtype} entries.", "real numbers"))
     columns = csc_array(matrix, dtype=np.float64)
     columns.sum_duplicates()
     bad = np.flatnonzero(~(np.abs(columns.data) <= _LARGEST_ENTRY))
