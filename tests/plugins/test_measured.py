@@ -140,7 +140,7 @@ def test_a_part_without_rotation_is_one_clear_error(tmp_path):
     with pytest.raises(dovetail.DovetailError) as caught:
         coupled(written(tmp_path, values)).frf()
     assert str(caught.value) == (
-        "substructure model 'measured'\n  its receptance at 0 mm rz is zero at 50 Hz: as if it were fixed.\n"
+        "substructure model 'measured'\n  its receptance at 0 mm rz is zero at 50 Hz, as if it were fixed.\n"
         "  Replace this DOF by a joint to 'ground'."
     )
 
