@@ -7,14 +7,15 @@ from typing import Annotated, Any
 
 import typer
 
-from dovetail.cli import reading
-from dovetail.cli.options import Overwrite, PluginFiles, one_of, quantity_in
+from dovetail.cli.options import Overwrite, one_of, quantity_in
 from dovetail.cli.output_files import check_new_files
+from dovetail.cli.reading import NOTHING_SET, Reading, warnings_as_notes, with_reading
 from dovetail.cli.terminal import note, say, title
 
 _length = quantity_in("m")
 
 
+@with_reading("none")
 def spindle(
     holder: Annotated[
         Path, typer.Argument(metavar="HOLDER", help="Description of the calibration holder beyond its flange.")
@@ -30,18 +31,11 @@ def spindle(
     tip: Annotated[
         float, typer.Option(metavar="LENGTH", parser=_length, help="Position of a.", show_default="0 mm")
     ] = 0.0,
-    accelerometer_mass: reading.AccelerometerMass = 0.0,
     rotations: Annotated[
         str, typer.Option(metavar="HOW", help="model, or difference (first-order finite differences).")
     ] = "model",
-    quantity: reading.QuantityOfFile = None,
-    unit: reading.UnitOfFile = None,
-    names: reading.Names = None,
-    columns: reading.Columns = None,
-    ignore_dofs: reading.IgnoreDofs = False,
-    reader: reading.Reader = None,
+    reading: Reading = NOTHING_SET,
     overwrite: Overwrite = False,
-    plugin: PluginFiles = None,
 ) -> None:
     """Measure a spindle's flange.
 
@@ -57,13 +51,12 @@ def spindle(
 
     how = one_of(ROTATIONS, rotations, "--rotations")
     check_new_files([output], [".npz"], overwrite)
-    loaded = dovetail.load(holder, plugins=plugin or ())
-    contents = reading.reading_options(quantity, unit, names, columns, reader, plugin, ignore_dofs=ignore_dofs)
-    tests = [reading.read_measured(file, **contents) for file in (drive_a, transfer, drive_b)]
+    loaded = dovetail.load(holder, plugins=reading.plugins)
+    tests = [reading.read(file, accelerometer_mass=0.0) for file in (drive_a, transfer, drive_b)]
     aa, ab, bb = (on_grid(frf, loaded.frequency) for frf in tests)
     arguments = loaded, (aa, ab, bb), (tip, at), flange
-    options: dict[str, Any] = {"accelerometer_mass": accelerometer_mass, "rotations": how}
-    with reading.warnings_as_notes():
+    options: dict[str, Any] = {"accelerometer_mass": reading.accelerometer_mass, "rotations": how}
+    with warnings_as_notes():
         receptance = dovetail_machining.spindle_flange(*arguments, **options)
         gain = np.median(error_gain(receptance, *arguments, **options), axis=0)
     output.parent.mkdir(parents=True, exist_ok=True)

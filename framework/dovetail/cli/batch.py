@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -11,7 +11,7 @@ import typer
 
 from dovetail.cli.commands import INTERRUPTED, exit_unless_trustworthy
 from dovetail.cli.output_files import writing
-from dovetail.cli.reading import read_measured
+from dovetail.cli.reading import Reading
 from dovetail.cli.terminal import heading, note, print_json, progress_bars, say, say_on_stderr, table, title
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def check_batch(truth: Path | None, output: Path | None, *selected: Sequence[obj
 def identify_batch(
     assembly: Assembly,
     measured: Sequence[Path],
-    contents: Mapping[str, Any],
+    reading: Reading,
     method: str | IdentificationMethod,
     model: Identifier | None,
     output: Path | None,
@@ -51,7 +51,7 @@ def identify_batch(
     as_json: bool,
     **options: Any,
 ) -> None:
-    """Identify the joint from each file, read with options of `read_frf`; exit with 1 if a file failed.
+    """Identify the joint from each file, read as options say; exit with 1 if a file failed.
 
     The files of each result are written when it arrives, so that they are there if this process is killed.
     """
@@ -59,7 +59,7 @@ def identify_batch(
     from dovetail.identification.batch import measurement_files, unique_names
     from dovetail.report.batch import BatchFiles, batch_summary
 
-    frfs, unread = _read(measurement_files(measured, contents.get("plugins", ())), contents)
+    frfs, unread = _read(measurement_files(measured, reading.options.get("plugins", ())), reading)
     with TemporaryDirectory(prefix="dovetail-") as staging:
         files = BatchFiles(assembly, unique_names(frfs), output, Path(staging))
         with progress_bars() as progress:
@@ -83,14 +83,14 @@ def identify_batch(
     exit_unless_trustworthy(batch)
 
 
-def _read(files: Sequence[Path], contents: Mapping[str, Any]) -> tuple[list[Frf], dict[str, str]]:
+def _read(files: Sequence[Path], reading: Reading) -> tuple[list[Frf], dict[str, str]]:
     """Return the FRFs of all files that can be read, and by their names why the others cannot be."""
     from dovetail.errors import as_dovetail_error
 
     frfs, unread = [], {}
     for file in files:
         try:
-            frfs.append(read_measured(file, **contents))
+            frfs.append(reading.read(file))
         except Exception as error:  # whatever is wrong with one file, the others are read
             name = file.name if sum(other.name == file.name for other in files) == 1 else str(file)
             unread[name] = str(as_dovetail_error(error, str(file)))

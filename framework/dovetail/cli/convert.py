@@ -7,34 +7,29 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dovetail.cli import reading
-from dovetail.cli.options import Overwrite, PluginFiles
+from dovetail.cli.options import Overwrite
 from dovetail.cli.output_files import check_new_files
+from dovetail.cli.reading import NOTHING_SET, Reading, warnings_as_notes, with_reading
 from dovetail.cli.terminal import note, say, title
 
 if TYPE_CHECKING:
     pass
+
+if TYPE_CHECKING:
+    from dovetail.frf import Frf
 
 _WRITTEN = (".uff", ".unv", ".csv", ".npz")
 
 _OtherFile = typer.Option(metavar="FILE", help="For a transfer FRF: another FRF of the same test.")
 
 
+@with_reading("one")
 def convert(
     source: Annotated[
         Path, typer.Argument(metavar="IN", help="Measured FRF: .uff, .csv, .txt, .npz, .mat, .h5, .frf, .lvm, ...")
     ],
     target: Annotated[Path, typer.Argument(metavar="OUT", help="New file: .uff, .csv or .npz; or a figure.")],
-    quantity: reading.QuantityOfFile = None,
-    unit: reading.UnitOfFile = None,
-    index: reading.Index = None,
-    response: reading.ResponseDof = None,
-    force: reading.ForceDof = None,
-    names: reading.Names = None,
-    columns: reading.Columns = None,
-    ignore_dofs: reading.IgnoreDofs = False,
-    reader: reading.Reader = None,
-    plugin: PluginFiles = None,
+    reading: Reading = NOTHING_SET,
     dofs: Annotated[
         str | None,
         typer.Option(
@@ -45,7 +40,6 @@ def convert(
     to: Annotated[
         str | None, typer.Option("--to", metavar="QUANTITY_OR_UNIT", help="What is written, such as mobility or um/N.")
     ] = None,
-    accelerometer_mass: reading.AccelerometerMass = 0.0,
     drive_point: Annotated[Path | None, _OtherFile] = None,
     to_response: Annotated[Path | None, _OtherFile] = None,
     from_force: Annotated[Path | None, _OtherFile] = None,
@@ -68,22 +62,7 @@ def convert(
     if to is not None and to not in QUANTITIES and target.suffix.lower() in FIGURE_SUFFIXES:
         raise typer.BadParameter(f"a figure is in SI units: {', '.join(QUANTITIES)}.", param_hint="--to")
     others = {"drive": drive_point, "to_response": to_response, "from_force": from_force}
-    if any(others.values()) and not accelerometer_mass:
-        raise typer.BadParameter("the mass is missing, such as '1.2 g'.", param_hint="--accelerometer-mass")
-    contents = reading.reading_options(quantity, unit, names, columns, reader, plugin, ignore_dofs=ignore_dofs)
-    other_frfs = {name: reading.read_measured(file, **contents) for name, file in others.items() if file is not None}
-    frf = reading.read_measured(
-        source,
-        **contents,
-        index=index,
-        response=response,
-        force=force,
-        dofs=_dofs_of(dofs),
-        accelerometer_mass=0.0 if other_frfs else accelerometer_mass,
-    )
-    if other_frfs:
-        with reading.warnings_as_notes():
-            frf = dovetail.remove_accelerometer_mass(frf, accelerometer_mass, **other_frfs)
+    frf = _read(source, reading, {name: file for name, file in others.items() if file is not None}, _dofs_of(dofs))
     wanted = next((known for known in QUANTITIES if known == to), None)
     if to is not None:
         frf = frf.to(wanted or meaning_of_unit(to, "--to").quantity)
@@ -95,6 +74,20 @@ def convert(
     title(f"{source.name} to {target.name}")
     say(describe_frf(frf))
     note(f"Written: {target}")
+
+
+def _read(source: Path, reading: Reading, others: dict[str, Path], dofs: tuple[str, str] | None) -> Frf:
+    """Read an FRF, from which the accelerometer's mass is removed with the other FRFs of the same test, if any."""
+    import dovetail
+
+    if not others:
+        return reading.read(source, **reading.selection, dofs=dofs)
+    if not reading.accelerometer_mass:
+        raise typer.BadParameter("the mass is missing, such as '1.2 g'.", param_hint="--accelerometer-mass")
+    other_frfs = {name: reading.read(file, accelerometer_mass=0.0) for name, file in others.items()}
+    frf = reading.read(source, **reading.selection, dofs=dofs, accelerometer_mass=0.0)
+    with warnings_as_notes():
+        return dovetail.remove_accelerometer_mass(frf, reading.accelerometer_mass, **other_frfs)
 
 
 def _dofs_of(text: str | None) -> tuple[str, str] | None:

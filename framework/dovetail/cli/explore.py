@@ -8,12 +8,13 @@ from typing import Annotated
 
 import typer
 
-from dovetail.cli import reading
 from dovetail.cli.completion import complete_files
-from dovetail.cli.options import AssemblyFile, PluginFiles, load_assembly
+from dovetail.cli.options import AssemblyFile, load_assembly
+from dovetail.cli.reading import NOTHING_SET, Reading, with_reading
 from dovetail.cli.terminal import note, say
 
 
+@with_reading()
 def explore(
     assembly: AssemblyFile,
     measured: Annotated[
@@ -29,17 +30,7 @@ def explore(
         int, typer.Option(metavar="N", min=0, max=65535, help="Of this machine; 0 for any that is free.")
     ] = 0,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")] = True,
-    quantity: reading.QuantityOfFile = None,
-    unit: reading.UnitOfFile = None,
-    index: reading.Indices = None,
-    response: reading.ResponseDofs = None,
-    force: reading.ForceDofs = None,
-    names: reading.Names = None,
-    columns: reading.Columns = None,
-    ignore_dofs: reading.IgnoreDofs = False,
-    reader: reading.Reader = None,
-    accelerometer_mass: reading.AccelerometerMass = 0.0,
-    plugin: PluginFiles = None,
+    reading: Reading = NOTHING_SET,
 ) -> None:
     """Move parameters by hand in a page; the FRF follows.
 
@@ -51,12 +42,9 @@ def explore(
     from dovetail.report.explorer import Explorer
     from dovetail.report.page_server import PageServer
 
-    loaded = load_assembly(assembly, plugin)
-    check_mass(loaded, accelerometer_mass)
-    contents = reading.reading_options(
-        quantity, unit, names, columns, reader, plugin, accelerometer_mass, ignore_dofs=ignore_dofs
-    )
-    frfs = reading.read_selected(measured, index, response, force, **contents) if measured else []
+    loaded = load_assembly(assembly, reading.plugins)
+    check_mass(loaded, reading.accelerometer_mass)
+    frfs = reading.read_selected(measured) if measured else []
     explorer = Explorer(loaded, frfs)
     try:
         server = PageServer(explorer, port)

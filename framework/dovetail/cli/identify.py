@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dovetail.cli import reading
 from dovetail.cli.batch import check_batch, identify_batch, is_batch
+from dovetail.cli.bundles import bundled
 from dovetail.cli.commands import exit_unless_trustworthy, measurement_names, typed
 from dovetail.cli.completion import complete_files, complete_methods
-from dovetail.cli.options import AsJson, PluginFiles, Scheduler, assembly_or_model, chosen_method, part
+from dovetail.cli.options import AsJson, Scheduler, assembly_or_model, chosen_method, part
+from dovetail.cli.reading import NOTHING_SET, Reading, with_reading
 from dovetail.cli.terminal import heading, print_json, progress_bars, say, table, title
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from dovetail.assembly import Assembly
     from dovetail.identification import Identification, Identifier, ModalIdentification
     from dovetail.identification.truth import Truth
@@ -60,7 +63,7 @@ WithNetwork = Annotated[
     typer.Option(
         "--network/--no-network",
         show_default=False,
-        help="Train a network too, which stands beside; or leave out one that was trained before.",
+        help="Also train a network and list its estimates; --no-network ignores one that was trained before.",
     ),
 ]
 Starts = Annotated[int | None, typer.Option(metavar="N", min=1, help="Searches of multistart.", show_default=False)]
@@ -75,7 +78,7 @@ AllowedError = Annotated[
         metavar="PART",
         parser=part,
         show_default=False,
-        help="Relative error of natural frequencies that the model is allowed; told by the measurement by default.",
+        help="Relative error of natural frequencies allowed to the model; by default estimated from the measurement.",
     ),
 ]
 CauseSeconds = Annotated[
@@ -108,120 +111,138 @@ OutputFolder = Annotated[
 Retrain = Annotated[bool, typer.Option("--retrain", help="Train even if there is a model already.")]
 
 
+_FIT: dict[str, tuple[Any, Any]] = {
+    "starts": (Starts, None),
+    "seconds": (Seconds, None),
+    "form": (PosteriorForm, None),
+    "samples": (Samples, None),
+    "model_error": (AllowedError, None),
+    "cause_seconds": (CauseSeconds, None),
+    "objective": (ObjectiveName, None),
+}
+_LINES: dict[str, tuple[Any, Any]] = {"weights": (LineWeights, None), "amplitude_only": (AmplitudeOnly, False)}
+"""Options that take FRFs."""
+
+
+@dataclass(frozen=True)
+class _Job:
+    """What is to be identified, how, and where the result goes."""
+
+    assembly: Assembly
+    measured: list[Path]
+    reading: Reading
+    method: str | IdentificationMethod
+    options: Mapping[str, Any]
+    truth: Path | None
+    output: Path | None
+    as_json: bool
+    model: Callable[[], Identifier | None]
+    """Returns the network to use, which may be trained now."""
+
+    def known(self) -> Truth | None:
+        """Read the true values of parameters that are identified, and of those that are tied to them."""
+        from dovetail.identification.reconstruction import identified_parameters
+        from dovetail.identification.truth import read_truth
+
+        if self.truth is None:
+            return None
+        return read_truth(self.truth, identified_parameters(self.assembly, self.assembly.vector(None)).values())
+
+
+@bundled("fit", _FIT, lambda values: {name: value for name, value in values.items() if value is not None})
+@bundled("lines", _LINES, dict)
+@with_reading()
 def identify(
     context: typer.Context,
     source: ModelOrAssembly,
     measured: Measurements,
     method: Method = None,
     network: WithNetwork = None,
-    starts: Starts = None,
-    seconds: Seconds = None,
-    form: PosteriorForm = None,
-    samples: Samples = None,
-    model_error: AllowedError = None,
-    cause_seconds: CauseSeconds = None,
-    objective: ObjectiveName = None,
-    weights: LineWeights = None,
-    amplitude_only: AmplitudeOnly = False,
-    quantity: reading.QuantityOfFile = None,
-    unit: reading.UnitOfFile = None,
-    index: reading.Indices = None,
-    response: reading.ResponseDofs = None,
-    force: reading.ForceDofs = None,
-    names: reading.Names = None,
-    columns: reading.Columns = None,
-    ignore_dofs: reading.IgnoreDofs = False,
-    reader: reading.Reader = None,
-    accelerometer_mass: reading.AccelerometerMass = 0.0,
+    fit: Mapping[str, Any] = MappingProxyType({}),
+    lines: Mapping[str, Any] = MappingProxyType({}),
+    reading: Reading = NOTHING_SET,
     truth: TruthFile = None,
     output: OutputFolder = None,
     retrain: Retrain = False,
     scheduler: Scheduler = None,
-    plugin: PluginFiles = None,
     as_json: AsJson = False,
 ) -> None:
     """Identify a joint from a measured FRF.
 
     A description with several responses takes one FRF for each, in its order: several files, or one file with --index,
     or --response and --force, once for each. Several files of an assembly with one response, or a folder of files, are
-    identified one by one, side by side, with one table of all of them; what fails is told at the end.
+    identified one by one, side by side, with one table of all of them; what fails is reported at the end.
 
     A table of natural frequencies and damping ratios (CSV) is a measurement too, for the method posterior.
 
     By default the answer is the fit with intervals and verdicts, for which nothing is trained. Where there is a
-    trained network (a model in place of the description, or one kept from an earlier run), the fit begins with its
-    answer, which stands beside. --network trains one if there is none, and --method network is the network's answer
+    trained network (a model in place of the description, or one kept from an earlier run), the fit starts from its
+    estimate, which is listed next to it. --network trains one if there is none, and --method network is the network's answer
     alone, the method of the publication. Networks are kept in the user's cache folder (or where DOVETAIL_CACHE_DIR
     says). Files of an earlier run in the output folder are replaced.
 
     The exit code is 3 where the model does not fit the measurement: the result is shown and written all the same,
     and says so.
     """
+    from dovetail.measurement import is_modal_table
+
+    assembly, model = assembly_or_model(source, reading.plugins)
+    chosen = chosen_method(method, reading.plugins, assembly, fit)
+    trains = True if chosen == "network" or (retrain and network is None) else network
+    given = partial(_model, assembly, model, chosen, trains, reading.plugins, retrain=retrain)
+    job = _Job(assembly, measured, reading, chosen, fit, truth, output, as_json, given)
+    if len(measured) == 1 and is_modal_table(measured[0]):
+        of_methods = (network, retrain, scheduler, "cause_seconds" in fit, method not in (None, "posterior"))
+        if any((*lines.values(), *of_methods, reading.says_more_than_plugins)):
+            raise typer.BadParameter("a table of modal parameters takes no option of an FRF.", param_hint="MEASURED")
+        _identify_from_modes(job)
+        return
+    job = replace(job, options={**fit, "weights": lines["weights"], "phase": not lines["amplitude_only"]})
+    if is_batch(measured, len(assembly.description.responses)):
+        _identify_each(job, scheduler)
+        return
+    if scheduler is not None:
+        raise typer.BadParameter("it divides several measurements, and this is one.", param_hint="--scheduler")
+    _identify_one(job, typed(context), with_network=bool(trains))
+
+
+def _identify_each(job: _Job, scheduler: str | None) -> None:
+    """Identify the joint from each of several measurements."""
+    from dovetail.identification.identify import check_mass
+
+    reading = job.reading
+    check_mass(job.assembly, reading.accelerometer_mass)
+    check_batch(job.truth, job.output, reading.index, reading.response, reading.force)
+    options = {**job.options, "scheduler": scheduler}
+    identify_batch(
+        job.assembly, job.measured, reading, job.method, job.model(), job.output, as_json=job.as_json, **options
+    )
+
+
+def _identify_one(job: _Job, command: str, *, with_network: bool) -> None:
+    """Identify the joint from one measurement, print the result and write its files."""
     import dovetail
     from dovetail.cli.output_files import writing
     from dovetail.identification.identify import check_mass
     from dovetail.identification.measured_lines import MeasuredLines
-    from dovetail.measurement import is_modal_table
     from dovetail.report.result_files import prepare_folder, write_results
 
-    stated = {
-        "starts": starts,
-        "seconds": seconds,
-        "objective": objective,
-        "form": form,
-        "samples": samples,
-        "model_error": model_error,
-        "cause_seconds": cause_seconds,
-    }
-    options: dict[str, Any] = {name: value for name, value in stated.items() if value is not None}
-    assembly, model = assembly_or_model(source, plugin)
-    chosen = chosen_method(method, plugin, assembly, options)
-    if len(measured) == 1 and is_modal_table(measured[0]):
-        of_frf = (weights, amplitude_only, quantity, unit, index, response, force, names, columns, reader)
-        of_methods = (network, retrain, scheduler, cause_seconds is not None, method not in (None, "posterior"))
-        if any((*of_frf, *of_methods, accelerometer_mass)):
-            raise typer.BadParameter("a table of modal parameters takes no option of an FRF.", param_hint="MEASURED")
-        _identify_from_modes(assembly, measured[0], options, truth, output, as_json=as_json)
-        return
-    contents = reading.reading_options(
-        quantity, unit, names, columns, reader, plugin, accelerometer_mass, ignore_dofs=ignore_dofs
-    )
-    options |= {"weights": weights, "phase": not amplitude_only}
-    if chosen == "network" or (retrain and network is None):
-        network = True
-    if is_batch(measured, len(assembly.description.responses)):
-        check_mass(assembly, accelerometer_mass)
-        check_batch(truth, output, index, response, force)
-        model = _model(assembly, model, chosen, network, plugin or [], retrain=retrain)
-        options["scheduler"] = scheduler
-        identify_batch(assembly, measured, contents, chosen, model, output, as_json=as_json, **options)
-        return
-    if scheduler is not None:
-        raise typer.BadParameter("it divides several measurements, and this is one.", param_hint="--scheduler")
-    frfs = reading.read_selected(measured, index, response, force, **contents)
-    check_mass(assembly, accelerometer_mass)
-    lines = MeasuredLines.of(assembly, frfs)  # faults are reported before any work
-    if network:
-        lines.resampled(assembly)
-    known = None if truth is None else _truth(truth, assembly)
-    prepare_folder(output)
-    model = _model(assembly, model, chosen, network, plugin or [], retrain=retrain)
+    frfs = job.reading.read_selected(job.measured)
+    check_mass(job.assembly, job.reading.accelerometer_mass)
+    lines = MeasuredLines.of(job.assembly, frfs)  # faults are reported before any work
+    if with_network:
+        lines.resampled(job.assembly)
+    known = job.known()
+    prepare_folder(job.output)
+    model = job.model()
     with progress_bars() as progress:
-        result = dovetail.identify(assembly, frfs, chosen, model=model, progress=progress, **options)
-    with writing(output, lambda folder: write_results(result, folder, known, assembly, typed(context))):
-        if as_json:
+        result = dovetail.identify(job.assembly, frfs, job.method, model=model, progress=progress, **job.options)
+    with writing(job.output, lambda folder: write_results(result, folder, known, job.assembly, command)):
+        if job.as_json:
             print_json(result.to_dict())
         else:
             _print(result, known)
     exit_unless_trustworthy(result)
-
-
-def _truth(file: Path, assembly: Assembly) -> Truth:
-    """Read the true values of parameters that are sought, and of those that follow them."""
-    from dovetail.identification.reconstruction import identified_parameters
-    from dovetail.identification.truth import read_truth
-
-    return read_truth(file, identified_parameters(assembly, assembly.vector(None)).values())
 
 
 def _model(
@@ -245,21 +266,19 @@ def _model(
     return kept_model(assembly, plugins) if method in _STARTED else None
 
 
-def _identify_from_modes(
-    assembly: Assembly, file: Path, options: dict[str, Any], truth: Path | None, output: Path | None, *, as_json: bool
-) -> None:
+def _identify_from_modes(job: _Job) -> None:
     """Identify the joint from a table of modal parameters, print the result and write its files."""
     import dovetail
     from dovetail.cli.output_files import writing
     from dovetail.report.result_files import MODAL_FILES, prepare_folder, write_modal_results
 
-    modes = dovetail.read_modal_parameters(file)
-    known = None if truth is None else _truth(truth, assembly)
-    prepare_folder(output, MODAL_FILES)
+    modes = dovetail.read_modal_parameters(job.measured[0])
+    known = job.known()
+    prepare_folder(job.output, MODAL_FILES)
     with progress_bars() as progress:
-        result = dovetail.identify(assembly, modes, progress=progress, **options)
-    with writing(output, lambda folder: write_modal_results(result, folder, known)):
-        if as_json:
+        result = dovetail.identify(job.assembly, modes, progress=progress, **job.options)
+    with writing(job.output, lambda folder: write_modal_results(result, folder, known)):
+        if job.as_json:
             print_json(result.to_dict())
         else:
             _print_of_modes(result, known)

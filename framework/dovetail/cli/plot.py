@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dovetail.cli import reading
 from dovetail.cli.completion import complete_files
-from dovetail.cli.options import AsJson, Overwrite, PluginFiles
+from dovetail.cli.options import AsJson, Overwrite
 from dovetail.cli.output_files import check_new_files
+from dovetail.cli.reading import NOTHING_SET, Reading, with_reading
 from dovetail.cli.terminal import note, print_json, table
 
 if TYPE_CHECKING:
@@ -20,6 +20,7 @@ _PEAKS = 6
 """Largest number of resonances of an FRF that are listed."""
 
 
+@with_reading()
 def plot(
     measured: Annotated[
         list[Path],
@@ -29,15 +30,7 @@ def plot(
         list[Path] | None,
         typer.Option("--output", "-o", metavar="FILE", help="Figure: .png, .svg or .html. May be repeated."),
     ] = None,
-    quantity: reading.QuantityOfFile = None,
-    unit: reading.UnitOfFile = None,
-    index: reading.Indices = None,
-    response: reading.ResponseDofs = None,
-    force: reading.ForceDofs = None,
-    names: reading.Names = None,
-    columns: reading.Columns = None,
-    reader: reading.Reader = None,
-    plugin: PluginFiles = None,
+    reading: Reading = NOTHING_SET,
     overwrite: Overwrite = False,
     as_json: AsJson = False,
 ) -> None:
@@ -50,8 +43,7 @@ def plot(
 
     files = output or []
     check_new_files(files, FIGURE_SUFFIXES, overwrite)
-    contents = reading.reading_options(quantity, unit, names, columns, reader, plugin)
-    frfs = reading.read_selected(measured, index, response, force, **contents)
+    frfs = reading.read_selected(measured)
     summaries = [frf_summary(frf) for frf in frfs]
     if as_json:
         print_json(summaries)

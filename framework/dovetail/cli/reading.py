@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import typer
 
-from dovetail.cli.options import quantity_in
+from dovetail.cli.bundles import Command, bundled
+from dovetail.cli.options import PluginFiles, quantity_in
 from dovetail.cli.terminal import note
 
 if TYPE_CHECKING:
@@ -90,40 +92,104 @@ AccelerometerMass = Annotated[
 ]
 
 
-def reading_options(
-    quantity: str | None,
-    unit: str | None,
-    names: Sequence[str] | None,
-    columns: str | None,
-    reader: str | None,
-    plugins: Sequence[Path] | None,
-    accelerometer_mass: float = 0.0,
-    *,
-    ignore_dofs: bool = False,
-) -> dict[str, Any]:
-    """Return the options of `read_frf` that are set on the command line and hold for all files."""
-    options = {
-        "quantity": quantity,
-        "unit": unit,
-        "names": names_of(names or []),
-        "columns": columns_of(columns),
-        "reader": reader,
-        "plugins": plugins,
-        "accelerometer_mass": accelerometer_mass,
-        "ignore_dofs": ignore_dofs,
+@dataclass(frozen=True)
+class Reading:
+    """What the options of a command say about measured files.
+
+    Parameters
+    ----------
+    options : mapping
+        Options of `read_frf` that are set, and hold for all files.
+    index, response, force : tuple
+        Which FRFs are wanted; one value holds for all, several for one FRF each.
+    """
+
+    options: Mapping[str, Any]
+    index: tuple[int, ...] = ()
+    response: tuple[str, ...] = ()
+    force: tuple[str, ...] = ()
+
+    @property
+    def accelerometer_mass(self) -> float:
+        """Mass [kg] whose effect is removed."""
+        return float(self.options.get("accelerometer_mass", 0.0))
+
+    @property
+    def plugins(self) -> list[Path]:
+        """The plugin files."""
+        return list(self.options.get("plugins", ()))
+
+    @property
+    def says_more_than_plugins(self) -> bool:
+        """Whether any option is set but those for plugin files."""
+        return bool(self.options.keys() - {"plugins"} or self.selection)
+
+    @property
+    def selection(self) -> dict[str, Any]:
+        """The options of `read_frf` that select the one FRF that is wanted."""
+        chosen = {"index": self.index, "response": self.response, "force": self.force}
+        return {name: value[0] for name, value in chosen.items() if value}
+
+    def read(self, file: Path, **more: Any) -> Frf:
+        """Read one FRF, with further options; print the meaning of columns and warnings as notes."""
+        import dovetail
+
+        with warnings_as_notes():
+            frf = dovetail.read_frf(file, **{**self.options, **more})
+            if frf.origin:
+                note(f"Read {file.name}: {frf.origin}")
+        return frf
+
+    def read_selected(self, files: Sequence[Path]) -> list[Frf]:
+        """Read the FRFs that files, indices and DOFs select according to `selections`."""
+        selected = selections(files, self.index, self.response, self.force)
+        return [self.read(file, index=number, response=to, force=from_) for file, number, to, from_ in selected]
+
+
+NOTHING_SET = Reading({})
+"""The reading of a command that is called as a function."""
+_CONTENTS: dict[str, tuple[Any, Any]] = {
+    "quantity": (QuantityOfFile, None),
+    "unit": (UnitOfFile, None),
+    "names": (Names, None),
+    "columns": (Columns, None),
+    "ignore_dofs": (IgnoreDofs, False),
+    "reader": (Reader, None),
+    "plugin": (PluginFiles, None),
+}
+_SELECTIONS: dict[str, dict[str, tuple[Any, Any]]] = {
+    "one": {"index": (Index, None), "response": (ResponseDof, None), "force": (ForceDof, None)},
+    "each": {"index": (Indices, None), "response": (ResponseDofs, None), "force": (ForceDofs, None)},
+    "none": {},
+}
+_MASS: dict[str, tuple[Any, Any]] = {"accelerometer_mass": (AccelerometerMass, 0.0)}
+
+
+def with_reading(
+    selects: Literal["one", "each", "none"] = "each", *, mass: bool = True
+) -> Callable[[Command], Command]:
+    """Give a command the options for reading measured files as its one parameter ``reading``, a `Reading`.
+
+    Parameters
+    ----------
+    selects : {"one", "each", "none"}
+        Whether one FRF of a file can be chosen, one for each response, or none.
+    mass : bool
+        Whether the mass of an accelerometer can be removed.
+    """
+    return bundled("reading", _SELECTIONS[selects] | _CONTENTS | (_MASS if mass else {}), _reading)
+
+
+def _reading(values: dict[str, Any]) -> Reading:
+    """Return the options that are set; a selection of one FRF is a selection with one value."""
+    chosen = {name: values.pop(name, None) for name in ("index", "response", "force")}
+    several = {
+        name: tuple(value) if isinstance(value, list) else (() if value is None else (value,))
+        for name, value in chosen.items()
     }
-    return {name: value for name, value in options.items() if value}
-
-
-def read_measured(file: Path, **options: Any) -> Frf:
-    """Read one measured FRF with `read_frf` and its options; print the meaning of columns and warnings as notes."""
-    import dovetail
-
-    with warnings_as_notes():
-        frf = dovetail.read_frf(file, **options)
-        if frf.origin:
-            note(f"Read {file.name}: {frf.origin}")
-    return frf
+    values["names"], values["columns"] = names_of(values["names"] or []), columns_of(values["columns"])
+    values["plugins"] = values.pop("plugin")
+    return Reading({name: value for name, value in values.items() if value}, **several)
 
 
 @contextmanager
@@ -134,20 +200,6 @@ def warnings_as_notes() -> Iterator[None]:
         yield
     for message in dict.fromkeys(str(warning.message) for warning in caught):
         note(f"Note: {message}")
-
-
-def read_selected(
-    files: Sequence[Path],
-    index: Sequence[int] | None,
-    response: Sequence[str] | None,
-    force: Sequence[str] | None,
-    **options: Any,
-) -> list[Frf]:
-    """Read the FRFs that files and DOFs select according to `selections`, all with the same options of `read_frf`."""
-    return [
-        read_measured(file, index=number, response=to, force=from_, **options)
-        for file, number, to, from_ in selections(files, index or [], response or [], force or [])
-    ]
 
 
 def columns_of(text: str | None) -> tuple[str, ...]:

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dovetail.cli import reading
 from dovetail.cli.commands import exit_if_failed, exit_unless_trustworthy, say_warning
-from dovetail.cli.options import AsJson, PluginFiles
+from dovetail.cli.options import AsJson
+from dovetail.cli.reading import NOTHING_SET, Reading, with_reading
 from dovetail.cli.terminal import heading, print_json, progress_bars, table, title
 
 if TYPE_CHECKING:
@@ -27,6 +27,7 @@ _PARAMETERS = [
 ]  # fmt: skip
 
 
+@with_reading("none", mass=False)
 def compare(
     cases: Annotated[Path, typer.Argument(metavar="CASES", help="Measurements of one assembly's joint (YAML).")],
     methods: Annotated[
@@ -45,13 +46,7 @@ def compare(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the report and the tables.")
     ] = None,
-    quantity: reading.QuantityOfFile = None,
-    unit: reading.UnitOfFile = None,
-    names: reading.Names = None,
-    columns: reading.Columns = None,
-    ignore_dofs: reading.IgnoreDofs = False,
-    reader: reading.Reader = None,
-    plugin: PluginFiles = None,
+    reading: Reading = NOTHING_SET,
     as_json: AsJson = False,
 ) -> None:
     """Compare methods of identification.
@@ -64,15 +59,13 @@ def compare(
     from dovetail.cli.output_files import writing
     from dovetail.report.result_files import prepare_folder
 
-    read = dovetail_bench.read_cases(
-        cases, **reading.reading_options(quantity, unit, names, columns, reader, plugin, ignore_dofs=ignore_dofs)
-    )
+    read = dovetail_bench.read_cases(cases, **reading.options)
     known = None if truth is None else dovetail_bench.read_truths(truth)
     chosen = () if methods is None else tuple(name.strip() for name in methods.split(","))
     prepare_folder(output, _FILES, _FILES[0])
     with progress_bars() as progress:
         done = dovetail_bench.compare(
-            read, chosen, samples=samples, data=data, truth=known, plugins=plugin or (), progress=progress
+            read, chosen, samples=samples, data=data, truth=known, plugins=reading.plugins, progress=progress
         )
     with writing(output, lambda folder: _write(done, folder), _FILES[0]):
         if as_json:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dovetail.cli import reading
 from dovetail.cli.commands import exit_if_failed, exit_unless_trustworthy, say_warning
-from dovetail.cli.options import AsJson, PluginFiles, chosen_method
+from dovetail.cli.options import AsJson, chosen_method
+from dovetail.cli.reading import NOTHING_SET, Reading, with_reading
 from dovetail.cli.terminal import print_json, progress_bars, say, table, title
 from dovetail.plain_text import markdown_cell, markdown_table
 
@@ -26,6 +26,7 @@ _HEADERS = ("case", "measured [Hz]", "compensated [Hz]", "predicted [Hz]", "erro
 _SERIES = "series.png"
 
 
+@with_reading("none", mass=False)
 def validate(
     cases: Annotated[
         Path, typer.Argument(metavar="CASES", help="Measurements and the models that predict them (YAML).")
@@ -35,13 +36,7 @@ def validate(
         Path | None,
         typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the report, the table and the figures."),
     ] = None,
-    quantity: reading.QuantityOfFile = None,
-    unit: reading.UnitOfFile = None,
-    names: reading.Names = None,
-    columns: reading.Columns = None,
-    ignore_dofs: reading.IgnoreDofs = False,
-    reader: reading.Reader = None,
-    plugin: PluginFiles = None,
+    reading: Reading = NOTHING_SET,
     as_json: AsJson = False,
 ) -> None:
     """Hold models against measurements.
@@ -54,14 +49,14 @@ def validate(
     from dovetail.cli.output_files import writing
     from dovetail.report.result_files import prepare_folder
 
-    chosen = chosen_method(method, plugin)
-    read = dovetail_bench.read_cases(
-        cases, **reading.reading_options(quantity, unit, names, columns, reader, plugin, ignore_dofs=ignore_dofs)
-    )
+    chosen = chosen_method(method, reading.plugins)
+    read = dovetail_bench.read_cases(cases, **reading.options)
     files = (*_FILES, _SERIES) if read.series else _FILES
     prepare_folder(output, files, _FILES[0])
     with progress_bars() as progress:
-        done = dovetail_bench.validate(read, _method(chosen, plugin or []), plugins=plugin or (), progress=progress)
+        done = dovetail_bench.validate(
+            read, _method(chosen, reading.plugins), plugins=reading.plugins, progress=progress
+        )
     with writing(output, lambda folder: _write(done, folder), _FILES[0]):
         if as_json:
             print_json(done.to_dict())
