@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from types import MappingProxyType
+from typing import Annotated, Any
 
 import typer
 
+from dovetail.cli.bundles import bundled
 from dovetail.cli.options import Overwrite, one_of, quantity_in
 from dovetail.cli.output_files import check_frf_files
 from dovetail.cli.reading import Columns, ForceDof, Names, ResponseDof, columns_of, names_of
@@ -16,6 +19,82 @@ from dovetail.cli.terminal import note, say, title
 _seconds = quantity_in("s")
 
 
+_RECORD: dict[str, tuple[Any, Any]] = {
+    "force_unit": (
+        Annotated[str | None, typer.Option(metavar="UNIT", help="Of the force, if the file does not state it.")],
+        None,
+    ),
+    "response_unit": (
+        Annotated[
+            str | None,
+            typer.Option(
+                metavar="UNIT", help="Of the response, such as m/s^2, g or mm/s, if the file does not state it."
+            ),
+        ],
+        None,
+    ),
+    "force_sensitivity": (
+        Annotated[
+            str | None,
+            typer.Option(metavar="VALUE", help="Of the hammer, such as '2.25 mV/N', if the force is a voltage."),
+        ],
+        None,
+    ),
+    "response_sensitivity": (
+        Annotated[
+            str | None,
+            typer.Option(metavar="VALUE", help="Of the sensor, such as '100 mV/g', if the response is a voltage."),
+        ],
+        None,
+    ),
+    "rate": (
+        Annotated[float | None, typer.Option(metavar="HZ", help="Samples per second, if the file does not say it.")],
+        None,
+    ),
+    "response": (ResponseDof, None),
+    "force": (ForceDof, None),
+    "names": (Names, None),
+    "columns": (Columns, None),
+}
+"""Options that say what the file holds."""
+_ESTIMATE: dict[str, tuple[Any, Any]] = {
+    "estimator": (
+        Annotated[str, typer.Option(metavar="NAME", help="H1 (noise on the response) or H2 (on the force).")],
+        "H1",
+    ),
+    "force_window": (
+        Annotated[
+            float | None,
+            typer.Option(metavar="TIME", parser=_seconds, help="Keep the force up to this time, such as '20 ms'."),
+        ],
+        None,
+    ),
+    "exponential_window": (
+        Annotated[
+            float | None,
+            typer.Option(metavar="VALUE", help="Window on both signals, down to VALUE at the end, such as 0.01."),
+        ],
+        None,
+    ),
+    "leave_out_bad": (
+        Annotated[bool, typer.Option("--leave-out-bad", help="Leave out impacts with overload or a second hit.")],
+        False,
+    ),
+}
+
+
+def _record(values: dict[str, Any]) -> dict[str, Any]:
+    return values | {"names": names_of(values["names"] or []), "columns": columns_of(values["columns"])}
+
+
+def _estimate(values: dict[str, Any]) -> dict[str, Any]:
+    from dovetail.measurement.impact_test.frf_estimation import ESTIMATORS
+
+    return values | {"estimator": one_of(ESTIMATORS, values["estimator"], "--estimator")}
+
+
+@bundled("record", _RECORD, _record)
+@bundled("estimate", _ESTIMATE, _estimate)
 def frf(
     signals: Annotated[
         Path, typer.Argument(metavar="SIGNALS", help="Force and response: .npz, .npy, .mat, .h5, .csv, .uff or .lvm.")
@@ -26,84 +105,28 @@ def frf(
             "--output", "-o", metavar="FILE", help="File for the FRF: .csv, .uff, .npz or .png. May be repeated."
         ),
     ],
-    force_unit: Annotated[
-        str | None, typer.Option(metavar="UNIT", help="Of the force, if the file does not state it.")
-    ] = None,
-    response_unit: Annotated[
-        str | None,
-        typer.Option(metavar="UNIT", help="Of the response, such as m/s^2, g or mm/s, if the file does not state it."),
-    ] = None,
-    force_sensitivity: Annotated[
-        str | None,
-        typer.Option(metavar="VALUE", help="Of the hammer, such as '2.25 mV/N', if the force is a voltage."),
-    ] = None,
-    response_sensitivity: Annotated[
-        str | None,
-        typer.Option(metavar="VALUE", help="Of the sensor, such as '100 mV/g', if the response is a voltage."),
-    ] = None,
-    rate: Annotated[
-        float | None, typer.Option(metavar="HZ", help="Samples per second, if the file does not say it.")
-    ] = None,
-    estimator: Annotated[
-        str, typer.Option(metavar="NAME", help="H1 (noise on the response) or H2 (on the force).")
-    ] = "H1",
-    force_window: Annotated[
-        float | None,
-        typer.Option(metavar="TIME", parser=_seconds, help="Keep the force up to this time, such as '20 ms'."),
-    ] = None,
-    exponential_window: Annotated[
-        float | None,
-        typer.Option(metavar="VALUE", help="Window on both signals, down to VALUE at the end, such as 0.01."),
-    ] = None,
-    leave_out_bad: Annotated[
-        bool, typer.Option("--leave-out-bad", help="Leave out impacts with overload or a second hit.")
-    ] = False,
-    response: ResponseDof = None,
-    force: ForceDof = None,
-    names: Names = None,
-    columns: Columns = None,
+    record: Mapping[str, Any] = MappingProxyType({}),
+    estimate: Mapping[str, Any] = MappingProxyType({}),
     overwrite: Overwrite = False,
 ) -> None:
     """Estimate an FRF with its coherence from hammer signals.
 
     The file holds force and response of one or more impacts; they are averaged. What is wrong with an impact (overload,
-    a second hit, a response that rings on) is said.
+    a second hit, a response that rings on) is reported.
     """
     import dovetail
-    from dovetail.measurement.impact_test.frf_estimation import ESTIMATORS
     from dovetail.measurement.impact_test.signal_files import read_signals
     from dovetail.report.frf_files import describe_frf, write_frf_files
 
-    chosen = one_of(ESTIMATORS, estimator, "--estimator")
     check_frf_files(output, overwrite)
-    read = read_signals(
-        signals,
-        force_unit=force_unit,
-        response_unit=response_unit,
-        force_sensitivity=force_sensitivity,
-        response_sensitivity=response_sensitivity,
-        response=response,
-        force=force,
-        rate=rate,
-        names=names_of(names or []),
-        columns=columns_of(columns),
-    )
+    read = read_signals(signals, **record)
     note(f"Read {signals.name}: {read.origin}")
-    estimated = dovetail.frf_from_signals(
-        read.force,
-        read.response,
-        read.rate,
-        quantity=read.quantity,
-        estimator=chosen,
-        force_window=force_window,
-        exponential_window=exponential_window,
-        leave_out_bad=leave_out_bad,
-        label=signals.name,
-        note=f"{chosen} of {signals.name}",
-    )
+    name = f"{estimate['estimator']} of {signals.name}"
+    options = {"quantity": read.quantity, "label": signals.name, "note": name, **estimate}
+    estimated = dovetail.frf_from_signals(read.force, read.response, read.rate, **options)
     frf = replace(estimated.frf, response=read.response_point, force=read.force_point)
     write_frf_files(frf, output, (), {}, overwrite=overwrite)
-    title(f"{chosen} from {signals.name}")
+    title(f"{estimate['estimator']} from {signals.name}")
     say(describe_frf(frf))
     for warning in (*read.warnings, *estimated.warnings):
         say(f"Note: {warning}")

@@ -177,9 +177,9 @@ def identify(
 
     By default the answer is the fit with intervals and verdicts, for which nothing is trained. Where there is a
     trained network (a model in place of the description, or one kept from an earlier run), the fit starts from its
-    estimate, which is listed next to it. --network trains one if there is none, and --method network is the network's answer
-    alone, the method of the publication. Networks are kept in the user's cache folder (or where DOVETAIL_CACHE_DIR
-    says). Files of an earlier run in the output folder are replaced.
+    estimate, which is listed next to it. --network trains one if there is none, and --method network is the network's
+    estimate alone, the method of the publication. Networks are kept in the user's cache folder (or where
+    DOVETAIL_CACHE_DIR says). Files of an earlier run in the output folder are replaced.
 
     The exit code is 3 where the model does not fit the measurement: the result is shown and written all the same,
     and says so.

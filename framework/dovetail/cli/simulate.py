@@ -25,18 +25,20 @@ from dovetail.cli.terminal import heading, note, print_json, quantity_text, rang
 if TYPE_CHECKING:
     from dovetail.assembly import Assembly
 
+Settings = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="NAME=VALUE",
+        help="Value of a parameter, such as Dc=30mm. May be repeated.",
+        autocompletion=complete_parameters,
+    ),
+]
+
 
 def simulate(
     assembly: AssemblyFile,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="NAME=VALUE",
-            help="Value of a parameter, such as Dc=30mm. May be repeated.",
-            autocompletion=complete_parameters,
-        ),
-    ] = None,
+    settings: Settings = None,
     noise: Annotated[
         float,
         typer.Option(
