@@ -28,9 +28,9 @@ def bundled(
     those = [inspect.Parameter(name, kind, default=d, annotation=a) for name, (a, d) in options.items()]
 
     def decorate(command: Command) -> Command:
-        own = inspect.signature(command, eval_str=True)
+        signature = inspect.signature(command, eval_str=True)
         every: list[inspect.Parameter] = []
-        for known in own.parameters.values():
+        for known in signature.parameters.values():
             every += those if known.name == parameter else [known.replace(kind=kind)]
 
         @wraps(command)
@@ -38,7 +38,7 @@ def bundled(
             taken = {name: values.pop(name) for name in options}
             command(**values, **{parameter: make(taken)})
 
-        vars(run)["__signature__"] = own.replace(parameters=every)  # by which typer knows the options
+        vars(run)["__signature__"] = signature.replace(parameters=every)  # by which typer knows the options
         run.__annotations__ = {known.name: known.annotation for known in every}
         return run
 

@@ -189,8 +189,8 @@ def identify(
     assembly, model = assembly_or_model(source, reading.plugins)
     chosen = chosen_method(method, reading.plugins, assembly, fit)
     trains = True if chosen == "network" or (retrain and network is None) else network
-    given = partial(_model, assembly, model, chosen, trains, reading.plugins, retrain=retrain)
-    job = _Job(assembly, measured, reading, chosen, fit, truth, output, as_json, given)
+    network_to_use = partial(_model, assembly, model, chosen, trains, reading.plugins, retrain=retrain)
+    job = _Job(assembly, measured, reading, chosen, fit, truth, output, as_json, network_to_use)
     if len(measured) == 1 and is_modal_table(measured[0]):
         of_methods = (network, retrain, scheduler, "cause_seconds" in fit, method not in (None, "posterior"))
         if any((*lines.values(), *of_methods, reading.says_more_than_plugins)):
