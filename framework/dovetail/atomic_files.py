@@ -290,24 +290,6 @@ def locked(path: Path, wait: float = _LONGEST_WRITING, on_wait: Callable[[str], 
             lock.release()
 
 
-def is_locked(path: Path) -> bool:
-    """Return whether a living process holds a path; the lock file of a killed one is removed."""
-    from filelock import FileLock, Timeout
-
-    marker = path.absolute().with_name(f".{path.name}.lock")
-    if not marker.exists():
-        return False
-    lock = FileLock(marker)
-    try:
-        lock.acquire(timeout=0)
-    except (Timeout, OSError):
-        return True
-    with suppress(OSError):
-        marker.unlink()
-    lock.release()
-    return False
-
-
 def _write_process_id(marker: Path) -> None:
     """Write this process's id into a lock file, after the byte that Windows locks."""
     with marker.open("r+b", buffering=0) as stream:

@@ -13,7 +13,7 @@ from .evaluation.robustness import RobustnessRow as RobustnessRow
 from .evaluation.robustness import robustness as robustness
 from .evaluation.study import Study as Study
 from .evaluation.study import study as study
-from .evaluation.study_ledger import Trial as Trial
+from .evaluation.study_plan import StudyTrial as StudyTrial
 from .evaluation.study_plan import Sweep as Sweep
 from .evaluation.validation import PeakRow as PeakRow
 from .evaluation.validation import ValidatedCase as ValidatedCase

@@ -10,6 +10,7 @@ import pytest
 
 import dovetail
 
+pytest.importorskip("optuna")
 ASSEMBLY = Path(__file__).resolve().parents[2] / "assemblies" / "sdof.yaml"
 STUDY = f"""\
 extends: {ASSEMBLY}
@@ -31,7 +32,7 @@ def description(tmp_path) -> Path:
     return tmp_path / "study.yaml"
 
 
-def test_tables_figures_and_the_best_description(run, description, tmp_path):
+def test_a_study_writes_tables_figures_and_the_best_description(run, description, tmp_path):
     done = run("study", description, "-o", tmp_path / "out")
     out = tmp_path / "out"
     files = {"study.json", "study.md", "trials.csv", "best.yaml", "sweeps.png", "work"}
@@ -52,7 +53,7 @@ def test_tables_figures_and_the_best_description(run, description, tmp_path):
     assert again == stored
 
 
-def test_a_description_without_a_study_and_a_folder_that_is_a_file(run, description, tmp_path):
+def test_a_description_without_a_study_and_an_output_that_is_a_file_are_refused(run, description, tmp_path):
     assert "the description has no study" in run("study", ASSEMBLY, "-o", tmp_path / "new", code=1).stderr
     (tmp_path / "file").write_text("mine")
     assert "this is a file" in run("study", description, "-o", tmp_path / "file", code=1).stderr

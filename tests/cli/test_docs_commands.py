@@ -108,6 +108,12 @@ def test_a_new_joint_is_checked_and_identified(tmp_path, type_line):
     assert (tmp_path / "pad_results" / "report.html").exists()
 
 
+def test_the_study_of_the_page_finds_the_settings_that_it_shows(tmp_path, type_line):
+    pytest.importorskip("optuna")
+    assert run_page("study.md", tmp_path, type_line, {}) == 1
+    assert dovetail.load(tmp_path / "study" / "best.yaml").description.identification.reducer.config.n_components == 12
+
+
 @pytest.mark.slow
 def test_the_way_from_the_hammer_to_the_tool_tip(tmp_path, type_line):
     """Without the search for what explains the error of the mesh."""

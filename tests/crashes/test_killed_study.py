@@ -1,4 +1,4 @@
-"""A study killed at random moments loses no trial and runs none twice."""
+"""A study whose processes are killed at random moments loses no trial, and repeats only those that were killed."""
 
 from __future__ import annotations
 
@@ -6,89 +6,165 @@ import json
 import os
 import random
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
+from collections import Counter
+from contextlib import closing, suppress
 from pathlib import Path
 
 import pytest
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals are of POSIX")
+pytest.importorskip("optuna")
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGKILL")
 FEW, MANY = 5, 25
-"""Values of one option, for a few kills and for ten."""
+"""Values of one option, for a few kills and for many."""
+PLUGIN = """
+import os
+import time
+from pathlib import Path
+
+import dovetail
+from dovetail_plugins.regressors.scikit_learn import ScikitLearnRegressor
 
 
-def described(sdof, tmp_path: Path, values: int) -> Path:
-    """A folder with a study of many short trials."""
-    description = json.loads(sdof.description.text)
-    ridge = {"model": "sklearn", "estimator": "KernelRidge", "options": {"kernel": "rbf"}}
-    reducer = {"model": "pca", "n_components": 2}
-    description["identification"].update(samples=200, reducer=reducer, regressor=ridge)
-    sweeps = {"reducer.n_components": list(range(1, 1 + values)), "regressor.options.alpha": [1e-6, 1e-4, 1e-2, 1.0]}
-    (tmp_path / "study.yaml").write_text(json.dumps({**description, "study": {"sweeps": sweeps}}))
+def note(word):
+    with Path(os.environ["TRAININGS"]).open("a") as file:
+        file.write(word)
+
+
+class Noted(ScikitLearnRegressor):
+    name, summary = "noted", "Notes each training, independently of the record of the study"
+
+    def fit(self, *words, **options):
+        note("b")
+        time.sleep(0.5)  # long enough to be killed in
+        fitted = super().fit(*words, **options)
+        note("e")
+        return fitted
+
+
+@dovetail.hookimpl
+def dovetail_components():
+    return [Noted]
+"""
+
+
+@pytest.fixture
+def place(sdof, tmp_path) -> Path:
+    (tmp_path / "noted.py").write_text(PLUGIN)
+    (tmp_path / "study-trainings").write_text("")
     return tmp_path
 
 
-def start(place: Path, folder: str) -> subprocess.Popen[bytes]:
-    environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    words = [sys.executable, "-m", "dovetail", "study", "study.yaml", "-o", folder]
+def describe(sdof, place: Path, values: int) -> None:
+    """Write a study of many short trials."""
+    description = json.loads(sdof.description.text)
+    ridge = {"model": "noted", "estimator": "KernelRidge", "options": {"kernel": "rbf"}}
+    reducer = {"model": "pca", "n_components": 2}
+    description["identification"].update(samples=200, reducer=reducer, regressor=ridge)
+    sweeps = {"reducer.n_components": list(range(1, 1 + values)), "regressor.options.alpha": [1e-6, 1e-4, 1e-2, 1.0]}
+    study = {"sweeps": sweeps, "lease": 4}
+    (place / "study.yaml").write_text(json.dumps({**description, "study": study}))
+
+
+def start(place: Path, folder: str = "study") -> subprocess.Popen[bytes]:
+    threads = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    environment = {**os.environ, **threads, "TRAININGS": str(place / f"{folder}-trainings")}
+    words = [sys.executable, "-m", "dovetail", "study", "study.yaml", "-o", folder, "--plugin", "noted.py"]
     return subprocess.Popen(words, cwd=place, stdout=-3, stderr=-1, env=environment)
 
 
-def trials(place: Path) -> list[dict[str, object]]:
-    ledger = place / "study" / "work" / "ledger.json"
-    return json.loads(ledger.read_text())["trials"] if ledger.exists() else []
+def answers(place: Path) -> dict[str, str]:
+    """The answers in the record of the study, by the numbers of their trials."""
+    file = place / "study" / "work" / "trials.db"
+    query = (
+        "SELECT number.value_json, answer.value_json FROM trial_user_attributes number, trial_user_attributes answer "
+        "WHERE number.trial_id = answer.trial_id AND number.key = 'number' AND answer.key = 'answer'"
+    )
+    with suppress(sqlite3.OperationalError):  # there are no tables yet
+        if file.exists():
+            with closing(sqlite3.connect(file, timeout=60.0)) as opened:
+                rows = opened.execute(query).fetchall()
+            assert len(rows) == len(dict(rows))
+            return dict(rows)
+    return {}
 
 
-def ended(place: Path) -> dict[int, str]:
-    """The trials that have an answer, with it."""
-    return {int(str(trial["number"])): json.dumps(trial["answer"]) for trial in trials(place) if trial["answer"]}
+def wait_for(place: Path, number: int, workers: list[subprocess.Popen[bytes]]) -> None:
+    """Wait until so many trials have an answer, or a process has ended."""
+    deadline = time.monotonic() + 200
+    while len(answers(place)) < number and all(worker.poll() is None for worker in workers):
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def trainings(place: Path) -> Counter[str]:
+    """The numbers of trainings that began, 'b', and that ended, 'e'."""
+    return Counter((place / "study-trainings").read_text())
+
+
+def wait_for_training(place: Path) -> None:
+    """Wait until a training begins."""
+    before, deadline = trainings(place)["b"], time.monotonic() + 200
+    while trainings(place)["b"] == before:
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
 
 
 def assert_same_as_undisturbed(place: Path) -> None:
-    without = start(place, "undisturbed")
-    assert without.wait() == 0
+    assert start(place, "undisturbed").wait() == 0
     other = json.loads((place / "undisturbed" / "study.json").read_text())
     done = json.loads((place / "study" / "study.json").read_text())
     errors = [[trial["answer"]["mae"] for trial in study["trials"]] for study in (done, other)]
     assert errors[0] == pytest.approx(errors[1], rel=1e-6)
 
 
-@pytest.mark.parametrize(("kills", "values"), [(2, FEW), pytest.param(10, MANY, marks=pytest.mark.slow)])
-def test_no_trial_is_lost_or_done_twice(sdof, tmp_path, kills, values):
-    place = described(sdof, tmp_path, values)
-    moments, killed, known = random.Random(kills), 0, {}
-    while killed < kills:
-        process = start(place, "study")
-        target = len(known) + moments.randint(0, 2 * values // (3 * kills))
-        deadline = time.monotonic() + 100
-        while len(ended(place)) < target and process.poll() is None and time.monotonic() < deadline:
-            time.sleep(0.02)
-        time.sleep(moments.uniform(0.0, 0.3))
-        process.kill()
-        said = process.communicate()[1].decode()
-        assert process.returncode in (0, -signal.SIGKILL), said
-        killed += process.returncode == -signal.SIGKILL
-        now = ended(place)
-        assert {number: now[number] for number in known} == known  # no answer is lost, and none comes anew
+@pytest.mark.parametrize(
+    ("processes", "rounds", "values"), [(2, 2, FEW), pytest.param(3, 8, MANY, marks=pytest.mark.slow)]
+)
+def test_killed_trials_are_repeated_and_no_others(sdof, place, processes, rounds, values):
+    describe(sdof, place, values)
+    chance, killed, known = random.Random(rounds), 0, dict[str, str]()
+    workers = [start(place) for _ in range(processes)]
+    for round_ in range(rounds):
+        wait_for(place, len(known) + chance.randint(1, 1 + values // rounds), workers)
+        if round_ % 2:
+            wait_for_training(place)
+        else:
+            time.sleep(chance.uniform(0.0, 0.3))
+        victims = workers[: processes if round_ == rounds - 1 else chance.randint(1, processes)]
+        for worker in victims:  # at once; the last time all of them
+            worker.kill()
+        for worker in victims:
+            said = worker.communicate()[1].decode()
+            assert worker.returncode == -signal.SIGKILL, said
+        killed += len(victims)
+        workers = [*workers[len(victims) :], *(start(place) for _ in victims)]
+        now = answers(place)
+        assert {number: now[number] for number in known} == known  # no answer is lost, and none is replaced
         known = now
-        if process.returncode == 0:
-            break
-    assert killed == kills
-    last = [start(place, "study") for _ in range(2)]  # two at once finish what is left
-    for process in last:
-        said = process.communicate()[1].decode()
-        assert process.returncode == 0, said
-    now = ended(place)
+    for worker in workers:
+        said = worker.communicate()[1].decode()
+        assert worker.returncode == 0, said
+    now = answers(place)
     assert {number: now[number] for number in known} == known
-    kinds = [trial["kind"] for trial in trials(place)]
-    assert kinds[: values + 4] == ["described", *["sweep"] * (values + 3)]
-    assert kinds.count("together") <= 1
-    assert kinds.count("test") == 1
-    assert all(trial["state"] == "done" for trial in trials(place))
-    assert sum(int(str(trial["claims"])) for trial in trials(place)) <= len(kinds) + kills
-    assert sorted(path.name for path in (place / "study").iterdir() if path.name.startswith(".")) == []
-    left = [path.name for path in (place / "study" / "work").iterdir() if path.name.startswith(".")]
-    assert left == []
-    if kills > 2:
+    assert_complete(place, values, killed)
+    if rounds > 2:
         assert_same_as_undisturbed(place)
+
+
+def assert_complete(place: Path, values: int, killed: int) -> None:
+    """Each trial is done once, and no more trainings began than there are trials and killed processes."""
+    trials = json.loads((place / "study" / "study.json").read_text())["trials"]
+    kinds = [trial["kind"] for trial in trials]
+    assert kinds[: values + 4] == ["described", *["sweep"] * (values + 3)]
+    assert kinds[values + 4 :] in (["test"], ["together", "test"])
+    assert all(trial["state"] == "done" for trial in trials)
+    assert len(trials) <= sum(trial["attempts"] for trial in trials) <= len(trials) + killed
+    done = trainings(place)
+    assert len(trials) <= done["e"] < done["b"] <= len(trials) + killed
+    hidden = [path.name for folder in ("study", "study/work") for path in (place / folder).glob(".*")]
+    assert hidden == []
+    print(f"{len(trials)} trials, {killed} processes killed, {dict(done)} trainings begun and ended")

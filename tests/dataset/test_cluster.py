@@ -215,12 +215,16 @@ def test_a_worker_that_has_left_does_not_stop_the_start():
         parallel._require_same_versions({**left, "tcp://here:2": ImportError("no module")})
 
 
-def test_a_study_by_a_cluster_tries_each_setting_once_whoever_is_killed(sdof, tmp_path, scheduler, workers):
-    """A worker is killed when two trials have ended; what the others have is what this process finds alone."""
+def test_a_study_by_a_cluster_gives_the_same_trials_as_one_process_if_a_worker_is_killed(
+    sdof, tmp_path, scheduler, workers
+):
+    """The worker is killed when two trials have ended."""
+    pytest.importorskip("optuna")
     regressor = {"model": "sklearn", "estimator": "KernelRidge", "options": {"alpha": 0.1, "kernel": "rbf"}}
     described = json.loads(sdof.description.text)
     described["identification"] = {"samples": 300, "reducer": {"model": "pca"}, "regressor": regressor}
-    described["study"] = {"sweeps": {"reducer.n_components": [2, 4], "regressor.options.alpha": [1e-4, 10.0]}}
+    sweeps = {"reducer.n_components": [2, 4], "regressor.options.alpha": [1e-4, 10.0]}
+    described["study"] = {"sweeps": sweeps, "lease": 4}
     assembly = dovetail.load(described)
     killed = []
 
@@ -236,7 +240,7 @@ def test_a_study_by_a_cluster_tries_each_setting_once_whoever_is_killed(sdof, tm
     found, expected = ({str(t.changes) + t.kind: t.answer["mae"] for t in s.trials} for s in (together, alone))
     assert found == pytest.approx(expected, rel=1e-4)  # threads of linear algebra change the last digits
     assert together.best.changes == alone.best.changes
-    assert not list((tmp_path / "together").glob(".process-*"))
+    assert sum(trial.attempts for trial in together.trials) <= len(together.trials) + 1
 
 
 def test_the_command_that_the_page_shows_lets_a_cluster_work(tmp_path, scheduler, workers):

@@ -77,16 +77,17 @@ def test_the_command_writes_what_is_there_and_exits_with_one(cases, command):
 
 
 def test_a_trial_that_lacks_memory_fails_and_the_study_goes_on(sdof, tmp_path, monkeypatch):
+    pytest.importorskip("optuna")
     ridge = {"model": "sklearn", "estimator": "KernelRidge", "options": {"alpha": 0.1}}
     small = {"samples": 60, "seed": 3, "reducer": {"model": "pca", "n_components": 4}, "regressor": ridge}
     study = {"sweeps": {"reducer.n_components": [4, 8]}}
     described = {**json.loads(sdof.description.text), "identification": small, "study": study}
     answer = _Work._answer
 
-    def faulty(self, trial, progress):
-        if trial.changes and trial.kind != "test":
+    def faulty(self, attempt, progress):
+        if attempt.trial.changes and attempt.trial.kind != "test":
             raise MemoryError
-        return answer(self, trial, progress)
+        return answer(self, attempt, progress)
 
     monkeypatch.setattr(_Work, "_answer", faulty)
     done = dovetail_bench.study(dovetail.load(described), tmp_path / "study")

@@ -181,7 +181,8 @@ def test_features_far_from_zero_keep_their_digits():
     assert r2[1] == pytest.approx(r2[0], abs=0.01)
 
 
-def test_a_study_tries_values_that_are_not_shown(tmp_path):
+def test_a_study_tries_values_of_an_option_that_is_not_printed(tmp_path):
+    pytest.importorskip("optuna")
     description = described(regressor={"model": "line"}) | {"study": {"sweeps": {"regressor.scale": [1.0, 0.1]}}}
     study = dovetail_bench.study(dovetail.load(description, plugins=PLUGIN), tmp_path / "study", plugins=PLUGIN)
     assert len(set(study.sweeps[0].trials)) == 2

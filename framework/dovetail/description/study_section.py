@@ -1,4 +1,4 @@
-"""The section ``study:`` of a description: which options of its training are tried, one by one or together."""
+"""The section ``study:`` of a description: which options of the training to try, one by one or together."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ class _Section(BaseModel):
 def _place(value: str) -> str:
     first, *steps = value.split(".")
     if first not in _OPTIONS or not all(step.isidentifier() or step.isdecimal() for step in steps):
-        raise ValueError(f"'{value}' is no option such as 'reducer.n_neighbors': it begins with {', '.join(_OPTIONS)}")
+        problem = f"'{value}' is not an option of the training, such as 'reducer.n_neighbors'"
+        raise ValueError(f"{problem}: it must begin with {', '.join(_OPTIONS)}")
     return value
 
 
@@ -28,14 +29,14 @@ _Place = Annotated[str, AfterValidator(_place)]
 
 
 class SearchRange(_Section):
-    """Numbers between which an option is sought; whole ones where both ends are whole.
+    """A range of numbers for an option; whole numbers if both ends are whole.
 
     Attributes
     ----------
     range : two numbers
         Lowest and highest.
     scale : 'linear' or 'log'
-        On which they are drawn.
+        Scale on which values are drawn.
     """
 
     range: tuple[int, int] | tuple[float, float]
@@ -59,11 +60,11 @@ class SearchSection(_Section):
     Attributes
     ----------
     trials : int
-        Settings that are tried.
+        Number of settings to try.
     options : section
-        Of each option, by its place in `identification`, a list of choices or a range.
+        For each option, by its place in `identification`, a list of choices or a range.
     prune : bool
-        Train on a quarter of the samples first, and leave out what is then worse than the median of the others.
+        Train on a quarter of the samples first, and drop settings that are then worse than the median of the others.
     """
 
     trials: Annotated[int, Field(ge=1, le=100_000)]
@@ -77,25 +78,25 @@ class StudySection(_Section):
     Attributes
     ----------
     sweeps : section
-        Of each option, by its place in `identification` such as `reducer.n_neighbors`, the values that are tried while
-        all others stay as they are described.
+        For each option, by its place in `identification` such as `reducer.n_neighbors`, the values to try while all
+        others stay as described.
     search : section
         Options that are varied together.
     validation_fraction : float
-        Share of the samples that are not for testing, by which settings are chosen.
+        Share of the samples outside the test part on which settings are compared.
     lease : float
-        Time after which a trial is taken from a process that gives no sign of life [s].
+        Time without a heartbeat of its process after which a trial is repeated, at least 4 [s].
     """
 
     sweeps: dict[_Place, _Tried] = {}
     search: SearchSection | None = None
     validation_fraction: Annotated[float, Field(gt=0, lt=1)] = 0.2
-    lease: Annotated[float, Field(ge=1), InUnit("s")] = 600.0
+    lease: Annotated[float, Field(ge=1), InUnit("s")] = 60.0
 
     @model_validator(mode="after")
     def _has_trials(self) -> Self:
         if not self.sweeps and self.search is None:
-            raise ValueError("a study has 'sweeps', a 'search', or both")
+            raise ValueError("a study needs 'sweeps', a 'search', or both")
         return self
 
 

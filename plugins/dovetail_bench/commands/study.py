@@ -1,4 +1,4 @@
-"""``dovetail study``: the settings of the training with the least error."""
+"""``dovetail study``: the settings of the training with the smallest error."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _WORK = "work"
 def study(
     assembly: AssemblyFile,
     output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for tables, figures and what is known.")
+        Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for tables, figures and the trials.")
     ],
     plugin: PluginFiles = None,
     scheduler: Scheduler = None,
@@ -31,9 +31,9 @@ def study(
 ) -> None:
     """Try settings of the training.
 
-    The section 'study:' of the description says which: options one by one, options together, or both. The best by a
-    validation part are tried once on a test part, and are written as a description that extends the old one. The same
-    command goes on with a study that was interrupted or killed. Given several times, its processes share the trials.
+    The section 'study:' of the description lists them: options one by one, options together, or both. The best on a
+    validation part are evaluated once on a test part, and written as a description that extends the old one. The same
+    command continues a study that was interrupted or killed. Run it several times at once to share the trials.
     """
     import dovetail_bench
     from dovetail.report.result_files import prepare_folder

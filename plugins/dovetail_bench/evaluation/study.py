@@ -1,7 +1,7 @@
-"""A study of settings: which options of reducer and regressor give the least error, one by one and together.
+"""A study of settings: which options of reducer and regressor give the smallest error, one by one and together.
 
-Settings are chosen by a validation part. The test part is a dataset of its own, generated when the choice is made, and
-used once, by the best settings.
+Settings are chosen on a validation part. The test part is a separate dataset, generated after the choice and used once,
+for the best settings.
 """
 
 from __future__ import annotations
@@ -10,80 +10,76 @@ import os
 import socket
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from dovetail.assembly import Assembly, AssemblySource, as_assembly
 from dovetail.atomic_files import locked
 from dovetail.dataset import Dataset, generate
-from dovetail.errors import DatasetError, DovetailError, Fault, FileError, as_dovetail_error
+from dovetail.errors import DatasetError, DovetailError, Fault, FileError, as_dovetail_error, require_package
 from dovetail.interfaces import Progress, progress_reporter, silent
 from dovetail.network.evaluation import Evaluation, parameter_metrics
 from dovetail.network.training import train_and_evaluate
 from dovetail.parallel import on_cluster, require_cluster
 from dovetail.registry import PluginPaths, Registry, components
-from dovetail_bench.evaluation.study_ledger import Ledger, Trial
-from dovetail_bench.evaluation.study_plan import StudyPlan, Sweep
+from dovetail_bench.evaluation.study_plan import StudyPlan, StudyTrial, Sweep
+
+if TYPE_CHECKING:
+    from dovetail_bench.evaluation.study_trials import Attempt
 
 _FIRST_PART = 0.25
-"""Share of the samples on which a search's proposal is tried first."""
+"""Share of the samples on which a search's settings are trained first."""
 _PAUSE = 1.0
-"""Seconds between two looks at what the others are doing."""
+"""Seconds between two looks for a trial to begin."""
 _WARM, _LARGE = 400, 1000
-"""Samples on which a process trains once before it takes the time of a trial, and from how many on it does."""
+"""Samples of the training that loads the libraries, and number of samples from which on it is worth its time."""
 
 
 @dataclass(frozen=True)
 class Study:
-    """What came out of a study.
+    """The results of a study.
 
     Parameters
     ----------
     assembly : Assembly
-        As described.
-    trials : tuple of Trial
+        As described, without changed settings.
+    trials : tuple of StudyTrial
         All that have ended, by number.
     sweeps : tuple of Sweep
-    best : Trial
-        With the least validation error.
-    test : Trial
+    best : StudyTrial
+        With the smallest validation error.
+    test : StudyTrial
         The best settings on the test part.
     identification : mapping
         The section of a description with the best settings.
     described : mapping of str to Any
-        What the description has for each option that was varied.
+        The description's value of each option that was varied.
     """
 
     assembly: Assembly
-    trials: tuple[Trial, ...]
+    trials: tuple[StudyTrial, ...]
     sweeps: tuple[Sweep, ...]
-    best: Trial
-    test: Trial
+    best: StudyTrial
+    test: StudyTrial
     identification: Mapping[str, Any]
     described: Mapping[str, Any]
 
     def to_dict(self) -> dict[str, Any]:
-        """Return everything as plain values, fit for JSON."""
-        plain = [_plain(trial) for trial in self.trials]
+        """Return the results as plain values for JSON."""
         return {
             "assembly": self.assembly.name,
             "best": self.best.number,
             "identification": dict(self.identification),
             "test": self.test.answer,
             "sweeps": [asdict(sweep) for sweep in self.sweeps],
-            "trials": plain,
+            "trials": [asdict(trial) for trial in self.trials],
         }
-
-
-def _plain(trial: Trial) -> dict[str, Any]:
-    row = asdict(trial)
-    return {name: row[name] for name in ("number", "kind", "changes", "state", "first", "answer", "reason", "claims")}
 
 
 def study(
@@ -101,44 +97,58 @@ def study(
     assembly : Assembly or path
         With a section ``study:``.
     folder : path
-        For datasets and what is known so far. A study that was interrupted or killed goes on where it was. Several
-        processes may work on the same one.
+        For datasets and the record of trials. A study that was interrupted or killed continues. Several processes may
+        share one folder.
     plugins : path or iterable of paths
         Plugin files with further reducers and regressors.
     scheduler : str, optional
-        Address of a Dask scheduler, whose workers do the trials. They must see the folder, by the same path.
+        Address of a Dask scheduler whose workers run the trials. They need the folder under the same path.
     progress : bool or callable, optional
-        True shows bars in a terminal or a notebook; a function is called as `Progress` says.
+        True shows bars in a terminal or a notebook; a function is called as described in `Progress`.
 
     Returns
     -------
     Study
-        When all trials have ended, those of other processes too.
+        After all trials have ended, including those of other processes.
 
     Raises
     ------
     DescriptionError
         The description has no study, or a value that an option cannot have.
     DovetailError
-        The folder holds another study; a search needs Optuna, which is not installed; or no trial succeeded.
+        Optuna is not installed, the folder holds another study, or no trial succeeded.
     """
     if scheduler is not None:
         require_cluster(scheduler)  # before a folder is made
-    with progress_reporter(progress) as report:
-        loaded, at, registry = as_assembly(assembly), Path(folder).absolute(), components(plugins)
+    require_package("optuna", "study", "dovetail study")
+    loaded, at, registry = as_assembly(assembly), Path(folder).absolute(), components(plugins)
+    with progress_reporter(progress) as report, _storage_errors(at):
         work = _Work(loaded, at, registry, report)
         if scheduler is None:
-            with work.ledger.at_work():
-                work.run(report)
+            work.run(report)
         else:
             for _ in on_cluster(_Worker(loaded, at, registry), work.turns(report), scheduler):
                 pass
-    return work.result()
+        return work.result()
+
+
+@contextmanager
+def _storage_errors(folder: Path) -> Iterator[None]:
+    """Convert errors of the storage of trials to one of its folder."""
+    from optuna.exceptions import StorageInternalError
+    from sqlalchemy.exc import SQLAlchemyError
+
+    try:
+        yield
+    except (StorageInternalError, SQLAlchemyError) as error:
+        cause = error.__cause__ or error
+        problem = f"the record of the trials cannot be read or written: {getattr(cause, 'orig', None) or cause}."
+        raise FileError(Fault(str(folder), problem, remedy="Check the disk, or choose another folder.")) from None
 
 
 @dataclass(eq=False)
 class _Worker:
-    """What one worker of a cluster does in a study: take turns at its trials."""
+    """The work of one worker of a cluster on a study, one trial at a time."""
 
     assembly: Assembly
     folder: Path
@@ -146,8 +156,10 @@ class _Worker:
 
     @cached_property
     def _work(self) -> _Work:
-        if not Ledger.is_in(self.folder):
-            remedy = "Give a folder that is on every machine of the cluster, by the same path."
+        from dovetail_bench.evaluation.study_trials import FILE
+
+        if not (self.folder / FILE).exists():
+            remedy = "Give a folder that every machine of the cluster has under the same path."
             problem = f"a worker on {socket.gethostname()} does not find the study there."
             raise DovetailError(Fault(str(self.folder), problem, "a folder that all workers share", remedy))
         work = _Work(self.assembly, self.folder, self.registry, silent)
@@ -155,7 +167,7 @@ class _Worker:
         return work
 
     def __call__(self, _turn: int) -> None:
-        with self._work.ledger.at_work():
+        with _storage_errors(self.folder):
             self._work.take_turn(silent)
 
 
@@ -163,21 +175,25 @@ class _Work:
     """The work of this process on a study."""
 
     def __init__(self, assembly: Assembly, folder: Path, registry: Registry, progress: Progress) -> None:
+        from dovetail_bench.evaluation.study_search import SearchSpace
+        from dovetail_bench.evaluation.study_trials import TrialStore
+
         self.plan = StudyPlan(assembly, registry, progress)
-        self._folder = folder
-        self.ledger = Ledger(folder, self.plan.about(), self.plan.section.lease)
+        self._folder, self._lease, search = folder, self.plan.section.lease, self.plan.section.search
+        space = SearchSpace(search, self.plan.described, self.plan.settings.seed) if search else None
+        self.store = TrialStore(folder, self.plan.about(), self._lease, space)
 
     def run(self, progress: Progress) -> None:
         """Work on trials until all have ended."""
-        if not _is_over(self.ledger.trials()):
+        if not _is_over(self.store.trials()):
             self.load_libraries(progress)
         while not self.take_turn(progress):
             pass
 
     def turns(self, progress: Progress) -> Iterator[int]:
-        """Yield a number for each turn that a worker may take, until all trials have ended."""
+        """Yield a number for each trial that a worker may begin, until all trials have ended."""
         for turn in count():
-            trials = self.ledger.trials()
+            trials = self.store.trials()
             if _is_over(trials):
                 progress("trials", len(trials), len(trials))
                 return
@@ -186,58 +202,58 @@ class _Work:
 
     def take_turn(self, progress: Progress) -> bool:
         """Run a trial, or wait for those of other processes; return whether all have ended."""
-        trial = self.ledger.claim(self.plan.propose)
-        trials = self.ledger.trials()
-        ended = sum(other.ended for other in trials)
-        if trial is not None:
+        attempt = self.store.begin(self.plan.propose)
+        trials = self.store.trials()
+        ended = sum(trial.ended for trial in trials)
+        if attempt is not None:
+            trial = attempt.trial
             progress("trials", ended, max(self._planned_trials, len(trials)), f"{trial.number}: {words(trial)}")
-            self._try(trial, progress)
+            self._try(attempt, progress)
         elif _is_over(trials):
             progress("trials", ended, ended)
             return True
         else:
-            progress("waiting", ended, len(trials), "for trials of other processes")
+            note = f"for other processes, {self._lease:.0f} s for one that was killed"
+            progress("waiting", ended, len(trials), note)
             time.sleep(_PAUSE)
         return False
 
     @property
     def _planned_trials(self) -> int:
-        """The number of trials, as far as it is known from the start."""
+        """The expected number of trials."""
         search = 0 if self.plan.section.search is None else self.plan.section.search.trials
         return len(self.plan.first) + search + (len(self.plan.sweeps) > 1) + 1
 
     def load_libraries(self, progress: Progress) -> None:
-        """Train once on few samples, so that the first trial's times do not include loading and compiling."""
+        """Train once on few samples, so that the times of the first trial exclude loading and compiling."""
         if self.plan.settings.samples - self.plan.test_samples >= _LARGE:
             with suppress(DovetailError):
                 train_and_evaluate(self.plan.variant({}), self._dataset(_WARM, self.plan.settings.seed, progress))
 
-    def _try(self, trial: Trial, progress: Progress) -> None:
-        with self.ledger.signs_of_life(trial):
+    def _try(self, attempt: Attempt, progress: Progress) -> None:
+        with attempt.heartbeats():
             try:
-                answer = self._answer(trial, progress)
+                answer = self._answer(attempt, progress)
             except (DatasetError, FileError):
                 raise
             except Exception as error:  # of these settings, such as too little memory: the other trials go on
-                if trial.kind == "test":
+                if attempt.trial.kind == "test":
                     raise
-                self.ledger.note(trial, state="failed", reason=str(as_dovetail_error(error, "").faults[0].problem))
+                attempt.fail(str(as_dovetail_error(error, "").faults[0].problem))
                 return
             if answer is not None:
-                self.ledger.note(trial, state="done", answer=answer)
+                attempt.succeed(answer)
 
-    def _answer(self, trial: Trial, progress: Progress) -> dict[str, Any] | None:
+    def _answer(self, attempt: Attempt, progress: Progress) -> dict[str, Any] | None:
         """Run a trial and return its errors and times, or None if it was pruned."""
+        trial, samples = attempt.trial, self.plan.settings.samples - self.plan.test_samples
         assembly = self.plan.variant(trial.changes)
-        samples = self.plan.settings.samples - self.plan.test_samples
         if trial.kind == "search" and self.plan.section.search is not None and self.plan.section.search.prune:
             dataset = self._dataset(round(_FIRST_PART * samples), self.plan.settings.seed, progress)
-            first = _mean_error(train_and_evaluate(assembly, dataset, progress)[1])
-            assert self.plan.space is not None
-            hopeless = self.plan.space.is_hopeless(self.ledger.trials(), first)
-            self.ledger.note(trial, first=first, **({"state": "pruned"} if hopeless else {}))
-            if hopeless:
-                return None
+            error = _mean_error(train_and_evaluate(assembly, dataset, progress)[1])
+            with _storage_errors(self._folder):
+                if attempt.is_pruned(error):
+                    return None
         dataset = self._dataset(samples, self.plan.settings.seed, progress)
         network, evaluation = train_and_evaluate(assembly, dataset, progress)
         if trial.kind == "test":
@@ -264,19 +280,19 @@ class _Work:
 
     def result(self) -> Study:
         """Return the results, once all trials have ended."""
-        plan, trials = self.plan, self.ledger.trials()
+        plan, trials = self.plan, self.store.trials()
         best = plan.best(trials)
         test = next(trial for trial in trials if trial.kind == "test")
         sections = plan.complete_sections(best.changes)
         return Study(plan.assembly, tuple(trials), tuple(plan.sweeps), best, test, sections, dict(plan.described))
 
 
-def _is_over(trials: Sequence[Trial]) -> bool:
+def _is_over(trials: Sequence[StudyTrial]) -> bool:
     """Return whether the test, which is proposed after all other trials have ended, has ended."""
     return any(trial.kind == "test" and trial.ended for trial in trials)
 
 
-def words(trial: Trial) -> str:
+def words(trial: StudyTrial) -> str:
     """Describe the settings of a trial in one line."""
     changes = ", ".join(f"{place} = {value}" for place, value in trial.changes.items())
     return f"test of {changes or 'the description'}" if trial.kind == "test" else changes or "as described"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 from dovetail.assembly import Assembly
 from dovetail.dataset import Storage
@@ -14,8 +14,49 @@ from dovetail.errors import DescriptionError, DovetailError, Fault
 from dovetail.interfaces import Progress, silent
 from dovetail.network.training import needs_phase
 from dovetail.registry import Registry
-from dovetail_bench.evaluation.study_ledger import Proposal, Trial
-from dovetail_bench.evaluation.study_search import SearchSpace
+
+Kind: TypeAlias = Literal["described", "sweep", "together", "search", "test"]
+State: TypeAlias = Literal["waiting", "running", "done", "pruned", "failed"]
+
+
+@dataclass(frozen=True)
+class StudyTrial:
+    """The settings of a trial, its state, and its result.
+
+    Parameters
+    ----------
+    number : int
+        From 0.
+    kind : {"described", "sweep", "together", "search", "test"}
+        The settings of the description, one option changed, the best value of each sweep, a search's proposal, or the
+        best settings evaluated on the test part.
+    changes : dict of str to Any
+        Options that differ from the description, by their places in `identification`.
+    state : {"waiting", "running", "done", "pruned", "failed"}
+        Waiting are those that no process has begun, or whose process was interrupted or killed.
+    first : float or None
+        Validation error of a search's proposal on the first part of the samples, by which it is pruned.
+    answer : dict or None
+        Errors, times and sizes.
+    reason : str
+        Why it failed.
+    attempts : int
+        How often it was begun.
+    """
+
+    number: int
+    kind: Kind
+    changes: dict[str, Any]
+    state: State = "waiting"
+    first: float | None = None
+    answer: dict[str, Any] | None = None
+    reason: str = ""
+    attempts: int = 0
+
+    @property
+    def ended(self) -> bool:
+        """Whether no process needs to work on it any more."""
+        return self.state in ("done", "pruned", "failed")
 
 
 @dataclass(frozen=True)
@@ -37,7 +78,7 @@ class Sweep:
 
 
 class StudyPlan:
-    """The trials of a study, as far as they are known from its description and from trials that have ended.
+    """The trials of a study: those that its description names, and those that follow from the results so far.
 
     Parameters
     ----------
@@ -50,12 +91,11 @@ class StudyPlan:
     Attributes
     ----------
     section : StudySection
-    first : list of Proposal
+    first : list of StudyTrial
         The trials known from the start.
     sweeps : list of Sweep
     described : dict of str to Any
         The description's value of each option that is varied.
-    space : SearchSpace or None
 
     Raises
     ------
@@ -78,10 +118,10 @@ class StudyPlan:
         self._values = sum(map(len, section.sweeps.values())) + sum(len(_ends(tried)) for tried in search.values())
         self._seen, self._needs_phase, self._progress = 0, needs_phase(assembly), progress
         self.first, self.sweeps = self._planned()
-        self.space = self._search_space()
+        self._check_search()
 
     def about(self) -> dict[str, Any]:
-        """Return what identifies this study, as plain values."""
+        """Return plain values that identify this study."""
         settings = self.settings
         return {
             "fingerprint": self.assembly.description.fingerprint,
@@ -89,15 +129,15 @@ class StudyPlan:
             "settings": [_key(self.assembly), settings.samples, settings.seed, settings.test_fraction],
         }
 
-    def _planned(self) -> tuple[list[Proposal], list[Sweep]]:
-        """Return the trials known from the start, without repetitions of the same settings, and the sweeps over them.
+    def _planned(self) -> tuple[list[StudyTrial], list[Sweep]]:
+        """Return the trials known from the start, each setting once, and the sweeps over them.
 
         Raises
         ------
         DescriptionError
             Names all values that their options cannot have.
         """
-        first, numbers = [Proposal("described")], {_key(self.assembly): 0}
+        first, numbers = [StudyTrial(0, "described", {})], {_key(self.assembly): 0}
         sweeps, faults = [], list[Fault]()
         for option, values in self.section.sweeps.items():
             trials = []
@@ -110,19 +150,17 @@ class StudyPlan:
                     continue
                 if key not in numbers:
                     numbers[key] = len(first)
-                    first.append(Proposal("sweep", {option: value}))
+                    first.append(StudyTrial(len(first), "sweep", {option: value}))
                 trials.append(numbers[key])
             sweeps.append(Sweep(option, values, tuple(trials)))
         if faults:
             raise DescriptionError(*faults)
         return first, sweeps
 
-    def _search_space(self) -> SearchSpace | None:
-        search = self.section.search
-        if search is None:
-            return None
+    def _check_search(self) -> None:
+        """Raise a DescriptionError that names all options of the search that cannot have one of their values."""
         faults = list[Fault]()
-        for option, tried in search.options.items():
+        for option, tried in (self.section.search.options if self.section.search else {}).items():
             for value in _ends(tried):
                 try:
                     self._examined_variant({option: value})
@@ -131,7 +169,6 @@ class StudyPlan:
                     faults += [replace(fault, where=place) for fault in error.faults]
         if faults:
             raise DescriptionError(*faults)
-        return SearchSpace(search.options, self.described, search.trials, self.settings.seed)
 
     def _examined_variant(self, changes: Mapping[str, Any]) -> Assembly:
         self._progress("settings", self._seen, self._values)
@@ -144,21 +181,21 @@ class StudyPlan:
         """Return the assembly with other settings, and with the validation part instead of the test part."""
         description = read_description({**self._plain, "identification": self.identification(changes)}, self._registry)
         identification = replace(description.identification, test_fraction=self.section.validation_fraction)
-        stated = replace(self.assembly.description, text=description.text, identification=identification)
-        return self.assembly.with_description(stated)
+        varied = replace(self.assembly.description, text=description.text, identification=identification)
+        return self.assembly.with_description(varied)
 
     def identification(self, changes: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the section `identification` with changes; those of whole sections are made before their options'."""
+        """Return the section `identification` with changes, those of whole sections before those of their options."""
         section = dict(self._plain["identification"])
         for place in sorted(changes, key=lambda place: place.count(".")):
             section = _changed(section, place.split("."), changes[place])
         return section
 
     def complete_sections(self, changes: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the changed sections in the form that a description needs that extends this one.
+        """Return the changed sections as a description that extends this one needs them.
 
-        A section that was replaced as a whole states all its options, so that none is inherited from the old one. A
-        reducer comes with the augmentation, which a description that names a reducer does not have by default.
+        A section that was replaced as a whole lists all its options, so that none is inherited. A reducer is written
+        with the augmentation, since a description that names a reducer has none by default.
         """
         sections, settings = self.identification(changes), self.variant(changes).description.identification
         if "augmentation" in changes and settings.augmentation is not None:
@@ -172,8 +209,11 @@ class StudyPlan:
             names["augmentation"] = None
         return {name: sections[name] for name in names}
 
-    def propose(self, trials: Sequence[Trial]) -> Proposal | None:
-        """Return the next trial: a planned one, the best value of each sweep together, a search's, or the test."""
+    def propose(self, trials: Sequence[StudyTrial]) -> StudyTrial | None:
+        """Return the next trial: a planned one, the best value of each sweep together, a search's, or the test.
+
+        The settings of a search's trial are drawn when it begins.
+        """
         number = len(trials)
         if number < len(self.first):
             return self.first[number]
@@ -181,16 +221,16 @@ class StudyPlan:
         if planned_ended and not any(trial.kind == "together" for trial in trials):
             changes = self._together(trials)
             if changes is not None:
-                return Proposal("together", changes)
+                return StudyTrial(number, "together", changes)
         search = self.section.search
         proposed = sum(trial.kind == "search" for trial in trials)
-        if planned_ended and search is not None and self.space is not None and proposed < search.trials:
-            return Proposal("search", self.space.propose(trials, number))
+        if planned_ended and search is not None and proposed < search.trials:
+            return StudyTrial(number, "search", {})
         if not all(trial.ended for trial in trials) or any(trial.kind == "test" for trial in trials):
             return None
-        return Proposal("test", self.best(trials).changes)
+        return StudyTrial(number, "test", self.best(trials).changes)
 
-    def _together(self, trials: Sequence[Trial]) -> dict[str, Any] | None:
+    def _together(self, trials: Sequence[StudyTrial]) -> dict[str, Any] | None:
         """Return the best value of each sweep, or None if these settings have been tried already."""
         changes: dict[str, Any] = {}
         for sweep in self.sweeps:
@@ -200,7 +240,7 @@ class StudyPlan:
         tried = [trial.changes for trial in trials]
         return None if changes in tried else changes
 
-    def best(self, trials: Iterable[Trial]) -> Trial:
+    def best(self, trials: Iterable[StudyTrial]) -> StudyTrial:
         """Return the trial with the least validation error.
 
         Raises
@@ -232,7 +272,7 @@ def _ends(tried: SearchRange | tuple[Any, ...]) -> tuple[Any, ...]:
 
 
 def _key(assembly: Assembly) -> str:
-    """Return a text that is the same for the same settings, whether they are stated or defaults."""
+    """Return a text that is equal for equal settings, whether they are given or defaults."""
     settings = assembly.description.identification
     further = () if settings.correction is None else (settings.correction,)
     components = [(type(one), one.config.model_dump()) for one in (settings.reducer, settings.regressor)]
@@ -260,6 +300,6 @@ def _changed(section: Any, steps: Sequence[str], value: Any) -> Any:
     return {**known, step: _changed(known.get(step), others, value) if others else value}
 
 
-def _error(trial: Trial) -> float:
+def _error(trial: StudyTrial) -> float:
     assert trial.answer is not None
     return float(trial.answer["mae"])

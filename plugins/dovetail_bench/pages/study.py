@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 from dovetail.plain_text import markdown_table
 from dovetail.report.figures import INK, MEASURED, RECONSTRUCTED, new_figure, panel_grid, style_axes
 from dovetail_bench.evaluation.study import Study
-from dovetail_bench.evaluation.study_ledger import Trial
-from dovetail_bench.evaluation.study_plan import Sweep
+from dovetail_bench.evaluation.study_plan import StudyTrial, Sweep
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,7 +24,7 @@ def trial_rows(study: Study) -> list[list[str]]:
     return [_trial_row(trial) for trial in study.trials if trial.kind != "test"]
 
 
-def _trial_row(trial: Trial) -> list[str]:
+def _trial_row(trial: StudyTrial) -> list[str]:
     changes = ", ".join(f"{option} = {_text(value)}" for option, value in trial.changes.items())
     head = [str(trial.number), trial.kind, changes or "as described"]
     if trial.answer is None:
