@@ -144,7 +144,7 @@ def test_declarations_that_do_not_fit_are_refused_with_the_description(load, tmp
     assert text.startswith(
         f"{tmp_path / 'padded.yaml'}:8:3  joints.mount\n  joint model 'pad' ({tmp_path / 'pad.py'}) {said}"
     )
-    assert f"  Mend it in {tmp_path / 'pad.py'}.  {accepted}" in text
+    assert f"  Correct it in {tmp_path / 'pad.py'}.  {accepted}" in text
 
 
 def test_a_property_that_makes_a_bad_parameter(load):

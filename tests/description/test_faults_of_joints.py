@@ -32,7 +32,7 @@ CASES = {
         "test.yaml:15:3  joints.collet\n"
         "  joint model 'portless' (fake 1.0) cannot give its ports: AttributeError: 'Config' object has "
         "no attribute 'missing'.\n"
-        f"  Mend it in {CONFTEST}.",
+        f"  Correct it in {CONFTEST}.",
     ),
     "connect_missing": (
         {

@@ -30,7 +30,7 @@ CASES = {
     "parameter_empty": (
         {"{range: [26 mm, 40 mm]}": "{}"},
         "test.yaml:21:7  joints.collet.parameters.Dc\n"
-        "  nothing is said of the parameter 'Dc'.\n"
+        "  the parameter 'Dc' has neither a range nor a value.\n"
         "  Accepted: range, scale, value, about and sd, or same_as",
     ),
     "parameter_is_a_list": (

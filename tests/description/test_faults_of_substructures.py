@@ -50,7 +50,7 @@ CASES = {
     "model_of_another_kind": (
         {"model: rod\n    material: {young: 580": "model: clamp\n    material: {young: 580"},
         "test.yaml:6:12  substructures.tool.model\n"
-        "  'clamp' is a joint model; a substructure model is wanted here.\n"
+        "  'clamp' is a joint model; a substructure model is needed here.\n"
         "  Accepted: crashing, empty, nodeless, pair, refusing, rod, wall",
     ),
     "model_offered_twice": (

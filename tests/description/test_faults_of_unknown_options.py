@@ -50,8 +50,8 @@ FAULTS = {
         "'abuot' is not a key of the parameter 'material.young'.\n  Did you mean 'about'?",
     ),
     "both": (YOUNG, {"range": [1e11, 2e11], "value": 3}, "the parameter 'material.young' has a value and a range."),
-    "nothing": (YOUNG, {}, "nothing is said of the parameter 'material.young'."),
-    "scale_alone": (YOUNG, {"scale": "linear"}, "nothing is said of the parameter 'material.young'."),
+    "nothing": (YOUNG, {}, "the parameter 'material.young' has neither a range nor a value."),
+    "scale_alone": (YOUNG, {"scale": "linear"}, "the parameter 'material.young' has neither a range nor a value."),
     "whole_number": (
         "substructures.arm.sections.0.elements",
         {"range": [3, 6]},
@@ -60,7 +60,7 @@ FAULTS = {
     "tie_to_another_unit": (
         YOUNG,
         {"same_as": "arm.material.density"},
-        "same_as\n  'arm.material.density' is in kg/m^3, and a quantity in Pa is wanted.",
+        "same_as\n  'arm.material.density' is in kg/m^3, but this option is in Pa.",
     ),
     "tie_to_itself": (YOUNG, {"same_as": "arm.material.young"}, "'arm.material.young' has no value or range"),
     "tie_to_nothing": (YOUNG, {"same_as": "leg.material.young"}, "'leg.material.young' has no value or range"),
@@ -73,7 +73,7 @@ FAULTS = {
     "circle": (FOOT, {"k": {"same_as": "foot.k"}}, "k.same_as\n  'foot.k' is tied to 'foot.k', which is tied to it."),
     "misspelt_chain": (CHAIN, {"gian": 1}, "gian\n  'gian' is not a key of a calibration.\n  Did you mean 'gain'?"),
     "negative_gain": (CHAIN, {"gain": -1}, "gain\n  gain must be positive, but is -1 here.\n  Write 'sign: unknown'"),
-    "no_sign": (CHAIN, {"sign": 2}, "sign\n  2 is no sign.\n  Accepted: 1, -1 or unknown"),
+    "no_sign": (CHAIN, {"sign": 2}, "sign\n  2 is not a sign.\n  Accepted: 1, -1 or unknown"),
     "negative_mass": (CHAIN, {"mass": "-1 g"}, "mass\n  mass must be 0 or more, but is -0.001 kg here."),
     "chain_is_a_number": (CHAIN, 3, "calibration\n  3 is not a section of keys and values."),
     "force_nowhere": (FORCE, {"position": "node n99"}, "force.position\n  substructure 'arm' has no node 'n99'."),

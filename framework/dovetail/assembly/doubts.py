@@ -31,7 +31,7 @@ _MODES, _VECTORS = 60, 8
 
 
 def find_doubts(assembly: Assembly) -> tuple[str, ...]:
-    """Return what looks wrong in an assembly's description, a sentence each; nothing is refused for it.
+    """Return what looks wrong in an assembly's description, a sentence each; none of it is an error.
 
     Parameters
     ----------
@@ -42,14 +42,14 @@ def find_doubts(assembly: Assembly) -> tuple[str, ...]:
     tuple of str
         Moduli, densities and lengths far from any material's or structure's; wide ranges on a linear scale; a band
         without a natural frequency; parts in odd places, or without positions to compare; digits that rounding takes;
-        and what a substructure says of itself (`SubstructureModel.doubts`).
+        and those of the substructures themselves (`SubstructureModel.doubts`).
     """
     doubts = [
         f"substructures.{name}.{problem}"
         for name, part in assembly.description.substructures.items()
-        for problem in _of_options(getattr(part, "config", None))
+        for problem in _option_doubts(getattr(part, "config", None))
     ]
-    doubts += [problem for parameter in assembly.parameters for problem in _of_range(parameter)]
+    doubts += [problem for parameter in assembly.parameters for problem in _range_doubts(parameter)]
     highest = float(assembly.frequency[-1])
     for name, part in assembly.description.substructures.items():
         with plugin_errors(part, f"substructure '{name}' ({part.name})"):
@@ -59,11 +59,11 @@ def find_doubts(assembly: Assembly) -> tuple[str, ...]:
                 raise PluginError(Fault(f"substructure '{name}' ({part.name})", problem, "a list of sentences"))
             doubts += [f"substructures.{name}: {problem}" for problem in problems]
     doubts += placement_doubts(assembly)
-    doubts += _of_rounding(assembly)
-    return (*doubts, *_of_band(assembly))
+    doubts += _rounding_doubts(assembly)
+    return (*doubts, *_band_doubts(assembly))
 
 
-def _of_options(config: object) -> Iterator[str]:
+def _option_doubts(config: object) -> Iterator[str]:
     """Yield the doubts about a component's options with a unit."""
     if not isinstance(config, BaseModel):
         return
@@ -78,7 +78,7 @@ def _of_options(config: object) -> Iterator[str]:
         yield f"{option}: {value:g} {unit} is not within {low:g} to {high:g} {unit}.{hint}"
 
 
-def _of_range(parameter: Parameter) -> Iterator[str]:
+def _range_doubts(parameter: Parameter) -> Iterator[str]:
     """Yield the doubt about a range of decades on a linear scale."""
     if parameter.scale != "linear" or parameter.prior != "uniform":
         return
@@ -90,18 +90,18 @@ def _of_range(parameter: Parameter) -> Iterator[str]:
         )
 
 
-def _of_rounding(assembly: Assembly) -> tuple[str, ...]:
+def _rounding_doubts(assembly: Assembly) -> tuple[str, ...]:
     """Return what rounding takes from the FRF in the middle of the ranges."""
     middle = assembly.from_unit(np.full((1, len(assembly.parameters)), 0.5))
     try:
         return lost_digits(assembly.engine, assembly.by_joint(middle))
     except PluginError:
         raise
-    except DovetailError:  # said where the FRF is computed
+    except DovetailError:  # reported where the FRF is computed
         return ()
 
 
-def _of_band(assembly: Assembly) -> Iterator[str]:
+def _band_doubts(assembly: Assembly) -> Iterator[str]:
     """Yield the doubt about a band that is below or far above all natural frequencies that the ranges allow."""
     low, high = float(assembly.frequency[0]), float(assembly.frequency[-1])
     if not assembly.parameters:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dovetail.assembly.parameters import AffineMap, ParameterSpace, ResponseFrfs, Theta, points_and_pairs
 from dovetail.assembly.structure import entries_at_response, graph_between, graph_of
-from dovetail.assembly.vibration_modes import SeenPoles, VibrationMode, natural
+from dovetail.assembly.vibration_modes import SeenPoles, VibrationMode, natural_frequencies
 from dovetail.description.checked import Description, Response
 from dovetail.description.joints import find_point
 from dovetail.errors import Fault, ParameterError
@@ -306,7 +306,9 @@ class Assembly:
         """
         batch, single = self._space.batch(theta)
         poles = self._poles.at(self.by_joint(batch), len(batch), count)
-        frequencies = np.stack([np.append(found, np.full(count - len(found), np.nan)) for found in map(natural, poles)])
+        frequencies = np.stack(
+            [np.append(found, np.full(count - len(found), np.nan)) for found in map(natural_frequencies, poles)]
+        )
         return frequencies[0] if single else frequencies
 
     def modes(self, theta: Theta = None, count: int = 3) -> tuple[VibrationMode, ...]:

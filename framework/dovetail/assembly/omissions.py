@@ -88,7 +88,7 @@ def _size(assembly: Assembly, connection: Connection, omission: Omission) -> str
         return "How much that changes is not known: its parts do not give their cross-sections."
     added = _Added(connection.model.ports, omission.stiffness)
     graph = assembly.graph
-    name = "what is left out"
+    name = "omitted stiffness"
     whole = replace(graph, connections={**graph.connections, name: replace(connection, model=added, rigid=False)})
     theta = assembly.by_joint(assembly.vector(None)[np.newaxis])
     try:

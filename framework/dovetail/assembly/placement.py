@@ -108,11 +108,11 @@ def _on_one_side(name: str, side: Side, other: Side) -> Iterator[str]:
     extends = [tuple(length > _SLIGHT * sum(reach) for length in reach) for reach in reaches]
     if extends[0] != extends[1] or sum(extends[0]) != 1:
         return
-    beside = min(max(reach) for reach in reaches)
+    overlap = min(max(reach) for reach in reaches)
     yield (
         f"joints.{name}: '{side.part}' and '{other.part}' extend from it to the same side and lie next to each other "
-        f"over {format_quantity(beside, 'm')}. If '{other.part}' extends the other way, it is described from its other "
-        "end: write 'reversed: true' into its section, and list its nodes in the other order."
+        f"over {format_quantity(overlap, 'm')}. If '{other.part}' extends the other way, it is described from its "
+        "other end: write 'reversed: true' into its section, and list its nodes in the other order."
     )
 
 

@@ -84,6 +84,6 @@ class SeenPoles:
         return tuple(modes)
 
 
-def natural(poles: Poles) -> NDArray[np.float64]:
+def natural_frequencies(poles: Poles) -> NDArray[np.float64]:
     """Return the natural frequencies [Hz] of poles."""
     return np.asarray(np.abs(poles.values) / (2.0 * np.pi))

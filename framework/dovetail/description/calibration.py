@@ -82,5 +82,5 @@ def _read_sign(path: Path, sign: Item, faults: FaultList) -> float:
         return np.nan
     if isinstance(sign.value, (int, float)) and not isinstance(sign.value, bool) and abs(sign.value) == 1:
         return float(sign.value)
-    faults.add(path, f"{format_value(plain_values(sign))} is no sign.", "1, -1 or unknown")
+    faults.add(path, f"{format_value(plain_values(sign))} is not a sign.", "1, -1 or unknown")
     return 1.0

@@ -71,7 +71,7 @@ class JointEntry(ParameterEntry):
     ----------
     connection : Connection
     structural_damping : float or None
-        Hz; where the structural damping that its dampers act as is as strong as they are. None for viscous ones.
+        Frequency [Hz] at which its structural damping equals the viscous damping of its dampers; None: viscous.
     """
 
     connection: Connection
@@ -127,7 +127,7 @@ class Response(Place):
 
 @dataclass(frozen=True)
 class IdentificationSettings:
-    """Training of the network, without `augmentation` with the dataset's FRFs as they are; and a plugin's method."""
+    """Settings of the network's training, and the method of a plugin if the description names one."""
 
     samples: int
     seed: int
@@ -165,9 +165,9 @@ class Description:
     responses : tuple of Response
         At least one.
     unknown_parts : mapping of str to JointEntry
-        The substructures of which options are sought. In `substructures` they have the middle of the ranges.
+        The substructures with unknown options. In `substructures` they have the middle of the ranges.
     calibrations : mapping of str to ParameterEntry
-        What is sought or known of the measurement chain of each response, by the response's name, and of all.
+        Parameters of the measurement chains, by the response's name; `SHARED` for those of all responses.
     sensors : tuple of Place
         The nodes with a sensor in the measurements of all responses.
     left_out : tuple of (float, float)
@@ -202,7 +202,7 @@ class Description:
         return self.responses[0]
 
     def chain_of(self, response: Response) -> ParameterEntry:
-        """Return what is sought or known of the measurement chain of a response."""
+        """Return the parameters of the measurement chain of a response."""
         return self.calibrations.get(response.name, ParameterEntry())
 
     @property
@@ -285,7 +285,7 @@ class Description:
         return replace(self, text=_as_json(whole), joints=joints, unknown_parts=parts, calibrations=chains)
 
     def _section_of(self, whole: dict[str, Any], owner: str, name: str) -> tuple[Any, str | int]:
-        """Return the section of the text in which a parameter is stated, and its key there."""
+        """Return the section of the text that defines a parameter, and its key there."""
         if owner in self.joints:
             return whole["joints"][owner].setdefault("parameters", {}), name
         if owner in self.calibrations:

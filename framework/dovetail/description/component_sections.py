@@ -158,7 +158,7 @@ def _offer(kind: Kind, path: Path, faults: FaultList, registry: Registry) -> Off
         fault = error.faults[0]
         other_kinds = registry.kinds_of(name)
         if other_kinds and kind not in other_kinds:
-            problem = f"'{name}' is a {other_kinds[0]} model; a {kind} model is wanted here."
+            problem = f"'{name}' is a {other_kinds[0]} model; a {kind} model is needed here."
             fault = replace(fault, problem=problem, remedy="")
         faults.add((*path, "model"), fault.problem, fault.accepted, fault.remedy)
         return None

@@ -23,7 +23,7 @@ from dovetail.synthesis import Attachment, Connection
 from dovetail.units import format_quantity
 
 _KEYS = ("connect", "parameters", "structural_damping")
-"""Of a joint, beside the options of its model."""
+"""Keys of a joint in addition to the options of its model."""
 
 Substructures = Mapping[str, SubstructureModel | None]
 """Substructures by name; None instead of one with faults."""
@@ -69,7 +69,7 @@ def _with_damping(joint: JointEntry, model: LabelledComponent, path: Path, fault
 
 def add_model_faults(model: LabelledComponent, model_faults: Sequence[Fault], path: Path, faults: FaultList) -> None:
     """Report the faults of a model's code, which no description can correct."""
-    remedy = f"Mend it in {source_file(model.component)}." if source_file(model.component) else ""
+    remedy = f"Correct it in {source_file(model.component)}." if source_file(model.component) else ""
     for fault in model_faults:
         faults.add(path, f"{model.label} {fault.problem}", fault.accepted, remedy, key=True)
 

@@ -232,7 +232,7 @@ def _parameters(model: type[JointModel]) -> Schema:
     entry = {"anyOf": [{"$ref": "#/$defs/parameter"}, _QUANTITY]}
     return {
         "type": "object",
-        "description": "What is known of the parameters: ranges in which they are sought, or values.",
+        "description": "What is known of the parameters: ranges or values.",
         "properties": known,
         "additionalProperties": False if complete else entry,
     }

@@ -18,9 +18,9 @@ from dovetail.interfaces import Parameter, Prior, plugin_errors
 from dovetail.units import to_si
 
 _KINDS = ("value", "about", "same_as", "range")
-"""Keys of which a parameter's section has one."""
+"""A parameter's section has one of these keys."""
 _TOGETHER = {"range": ("scale",), "value": (), "about": ("sd", "scale"), "same_as": ("ratio",)}
-"""The keys that each of them may have beside it."""
+"""Further keys that each of them allows."""
 
 
 @dataclass
@@ -61,7 +61,7 @@ class StatedParameters:
         keys = section.model_fields_set
         if not keys or (self.needs_range and keys == {"scale"}):
             accepted = "range, scale, value, about and sd, or same_as"
-            faults.add(path, f"nothing is said of the parameter '{name}'.", accepted, key=True)
+            faults.add(path, f"the parameter '{name}' has neither a range nor a value.", accepted, key=True)
             return
         kind = next((kind for kind in _KINDS if kind in keys), "range")
         other = next((key for key in sorted(keys) if key != kind and key not in _TOGETHER[kind]), None)
@@ -227,7 +227,7 @@ def _with_range(path: Path, parameter: Parameter, section: ParameterSection, fau
         problem = f"a range on a logarithmic scale must be positive, but this one begins at {begin}."
         faults.add(key, problem, remedy="Write 'scale: linear', or a lower end greater than 0.")
         return parameter
-    prior: Prior = "uniform" if section.range else parameter.prior  # anything within a stated range
+    prior: Prior = "uniform" if section.range else parameter.prior  # a given range replaces the model's prior
     return replace(parameter, lower=lower, upper=upper, scale=scale, prior=prior)
 
 

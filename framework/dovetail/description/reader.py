@@ -1,48 +1,39 @@
 """Reading of a description: its sections one by one, all faults collected, and the `Description` without faults.
 
-Substructures, frequency, responses and identification are read here; joints in `dovetail.description.joints`.
+Substructures are read here, the other sections in modules of their own.
 """
 
 from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any, TypeVar
 
 from dovetail.description.checked import (
     SHARED,
     Description,
-    IdentificationSettings,
     JointEntry,
     ParameterEntry,
-    Response,
 )
 from dovetail.description.component_sections import (
     LabelledComponent,
-    build_component,
     find_model,
-    locate_files,
     make_component,
     read_property,
 )
 from dovetail.description.facing import check_facing, sides_of
+from dovetail.description.frequency_lines import read_frequency
+from dovetail.description.identification_settings import read_identification
 from dovetail.description.joints import Substructures, add_model_faults, check_connected, read_joint
 from dovetail.description.parameter_sections import check_ranges, check_ties, ends_of
 from dovetail.description.responses import RESPONSE, RESPONSES, calibration_place, read_responses
 from dovetail.description.reversed_parts import OrientationSection
 from dovetail.description.sections import (
     FORMAT,
-    AugmentationSection,
     DescriptionSection,
     DescriptionSectionOfSeveral,
-    FrequencyList,
-    FrequencySection,
-    IdentificationSection,
 )
 from dovetail.description.study_section import read_study
 from dovetail.description.unknown_options import (
@@ -53,20 +44,12 @@ from dovetail.description.unknown_options import (
 )
 from dovetail.documents.extends import read_source
 from dovetail.documents.fault_list import FaultList
-from dovetail.documents.mapping_reader import read_mapping
-from dovetail.documents.tree import Entry, Item, Path, format_value, plain_values
+from dovetail.documents.tree import Path, format_value, plain_values
 from dovetail.documents.validation import check_format, validate
-from dovetail.frf import HIGHEST_FREQUENCY, in_bands
 from dovetail.interfaces import SubstructureModel, node_faults
 from dovetail.registry import Offer, Registry
 
-MOST_LINES = 1_000_000
-_FEWEST_LINES = 2
-_FEWEST_SAMPLES = 2
-"""For training and for testing."""
-_OFF_GRID = 1e-6
-"""How far `stop` may be from a line, in steps."""
-_FREQUENCY: Path = ("frequency",)
+_Entry = TypeVar("_Entry")
 
 
 def read_description(
@@ -102,17 +85,14 @@ def read_description(
     substructures, unknown_parts, reversed_parts = _read_substructures(faults, registry)
     joints = _read_joints(substructures, reversed_parts, faults, registry)
     responses, calibrations, sensors = read_responses(substructures, faults)
-    identification = _read_identification(faults, registry)
-    augmentation = identification and identification.augmentation
-    _check_remaining_mass(responses, augmentation.mass if augmentation else 0.0, faults)
+    identification = read_identification(responses, faults, registry)
     study = read_study(faults)
     faults.raise_if_any()
-    sound_substructures = {key: model for key, model in substructures.items() if model is not None}
-    sound_joints = {key: joint for key, joint in joints.items() if joint is not None}
-    _check_parameters(sound_joints, unknown_parts, calibrations, faults)
     assert top is not None
     assert frequency is not None
     assert identification is not None
+    sound_substructures, sound_joints = _without_none(substructures), _without_none(joints)
+    _check_parameters(sound_joints, unknown_parts, calibrations, faults)
     check_connected(sound_substructures, sound_joints, responses, faults)
     faults.raise_if_any()
     return Description(
@@ -120,8 +100,8 @@ def read_description(
         source=name,
         text=json.dumps(plain_values(faults.root), indent=2, ensure_ascii=False, allow_nan=False),
         frequency=frequency,
-        substructures=MappingProxyType(sound_substructures),
-        joints=MappingProxyType(sound_joints),
+        substructures=sound_substructures,
+        joints=sound_joints,
         responses=responses,
         identification=identification,
         unknown_parts=MappingProxyType(unknown_parts),
@@ -134,6 +114,10 @@ def read_description(
     )
 
 
+def _without_none(entries: Mapping[str, _Entry | None]) -> Mapping[str, _Entry]:
+    return MappingProxyType({name: entry for name, entry in entries.items() if entry is not None})
+
+
 def _check_parameters(
     joints: Mapping[str, JointEntry],
     substructures: Mapping[str, JointEntry],
@@ -143,7 +127,7 @@ def _check_parameters(
     """Report parameters of different owners with one name, and ties to parameters that do not exist."""
     for name in substructures:
         if name in joints:
-            problem = f"a joint has the name '{name}' too, so that their parameters cannot be told apart."
+            problem = f"a joint has the name '{name}' too, so that their parameters have the same names."
             faults.add(("substructures", name), problem, key=True)
     for name in calibrations:
         if name in joints or name in substructures:
@@ -211,7 +195,7 @@ def _is_reversed(name: str, part: SubstructureModel, faults: FaultList) -> bool:
     path: Path = ("substructures", name)
     section = faults.root.at(path)
     if section is None or "reversed" not in section.entries or "reversed" in part.Config.model_fields:
-        return False  # not stated, or an option of the model itself
+        return False  # absent, or an option of the model itself
     others = [key for key in section.entries if key != "reversed"]
     orientation = validate(OrientationSection, path, faults, f"'{name}'", reserved=others)
     return orientation is not None and orientation.reversed
@@ -242,150 +226,3 @@ def _read_joints(
             sides = sides_of(joint.connection, sound, reversed_parts)
             check_facing(("joints", name), joint.connection.model, sides, faults)
     return joints
-
-
-def _read_identification(faults: FaultList, registry: Registry) -> IdentificationSettings | None:
-    path = ("identification",)
-    stated = set(_add_defaults(path, faults, registry))
-    noise = (*path, "augmentation")
-    locate_files(AugmentationSection, noise, faults)
-    for place in faults.files:
-        if place[: len(noise)] == noise and not os.path.isfile(faults.files[place]):
-            faults.add(place, f"there is no file '{faults.files[place]}'.")
-    section = validate(IdentificationSection, path, faults, "'identification'", data={})
-    if not stated:  # no section
-        return None
-    reducer = build_component("reducer", (*path, "reducer"), faults, registry)
-    regressor = build_component("regressor", (*path, "regressor"), faults, registry)
-    method = build_component("method", (*path, "method"), faults, registry) if "method" in stated else None
-    if section is None or reducer is None or regressor is None or (method is None and "method" in stated):
-        return None
-    testing = round(section.samples * section.test_fraction)
-    training = section.samples - testing
-    if min(testing, training) < _FEWEST_SAMPLES:
-        problem = f"{testing} of {section.samples} samples would be for testing, {training} for training."
-        remedy = f"Each needs {_FEWEST_SAMPLES} at least."
-        faults.add((*path, "test_fraction"), problem, remedy=remedy)
-        return None
-    return IdentificationSettings(
-        section.samples,
-        section.seed,
-        section.test_fraction,
-        section.features,
-        reducer.component,
-        regressor.component,
-        section.augmentation,
-        section.correction,
-        None if method is None else method.component,
-    )
-
-
-def _check_remaining_mass(responses: Iterable[Response], mass: float, faults: FaultList) -> None:
-    """Report a mass to be added to training FRFs at a point where they do not determine its effect."""
-    if mass and any(response.rotation or not response.is_drive_point for response in responses):
-        problem = "the mass is at the drive point, and a response is a rotation or has its force elsewhere."
-        faults.add(("identification", "augmentation", "mass"), problem, remedy="Leave it out.")
-
-
-def _add_defaults(path: Path, faults: FaultList, registry: Registry) -> Iterable[str]:
-    """Add what the description lacks of its identification, and return the keys that it has then.
-
-    Robust training by default belongs to the default reducer: who names a reducer names all of its training.
-    """
-    section = faults.root.at(path)
-    if section is not None and not section.is_mapping:
-        return ()
-    stated = {} if section is None else section.entries
-    defaults = dict(registry.defaults.get("identification", {}))
-    if "reducer" in stated:
-        defaults.pop("augmentation", None)
-    mark = faults.root.mark if section is None else section.mark
-    whole = {**read_mapping(defaults, FaultList()).entries, **stated}
-    faults.root = Item(faults.root.mark, {**faults.root.entries, "identification": Entry(mark, Item(mark, whole))})
-    return whole
-
-
-_Bands = tuple[tuple[float, float], ...]
-
-
-def read_frequency(faults: FaultList) -> tuple[NDArray[np.float64] | None, _Bands]:
-    """Return the (n_freq,) lines in Hz, read-only, or None if they have faults; and the bands that are left out."""
-    item = faults.root.at(_FREQUENCY)
-    if item is None:
-        return None, ()
-    if isinstance(item.value, tuple):
-        return _read_lines(faults), ()
-    section = validate(FrequencySection, _FREQUENCY, faults, "'frequency'")
-    lines = None if section is None else _read_axis(section, faults)
-    if section is None or lines is None or not _is_low_enough(lines, (*_FREQUENCY, "stop"), faults):
-        return None, ()
-    left_out = (*_between(section.bands, float(lines[0]), float(lines[-1])), *section.without)
-    kept = lines[~in_bands(lines, left_out)]
-    if kept.size < _FEWEST_LINES:
-        key = "bands" if section.bands else "without"
-        faults.add((*_FREQUENCY, key), f"{kept.size} of {lines.size} lines are left to compare.")
-        return None, ()
-    kept.setflags(write=False)
-    return kept, left_out
-
-
-def _read_lines(faults: FaultList) -> NDArray[np.float64] | None:
-    """Return the lines of a list."""
-    listed = validate(FrequencyList, _FREQUENCY, faults, "'frequency'")
-    if listed is None:
-        return None
-    lines = np.array(listed.root)
-    falling = np.flatnonzero(np.diff(lines) <= 0)
-    if falling.size:
-        first = int(falling[0])
-        problem = f"{lines[first + 1]:.10g} Hz does not lie above {lines[first]:.10g} Hz."
-        faults.add((*_FREQUENCY, first + 1), problem, "increasing frequencies")
-        return None
-    if not _is_low_enough(lines, (*_FREQUENCY, len(lines) - 1), faults):
-        return None
-    lines.setflags(write=False)
-    return lines
-
-
-def _is_low_enough(lines: NDArray[np.float64], where: Path, faults: FaultList) -> bool:
-    """Return whether the lines can be computed with; add a fault if not."""
-    if lines[-1] <= HIGHEST_FREQUENCY:
-        return True
-    problem = f"{lines[-1]:.10g} Hz is far above the frequencies of any structure."
-    faults.add(where, problem, f"up to {HIGHEST_FREQUENCY:g} Hz")
-    return False
-
-
-def _between(bands: _Bands, first: float, last: float) -> _Bands:
-    """Return what is between bands, and between them and the ends."""
-    if not bands:
-        return ()
-    gaps, reached = [], np.nextafter(first, 0.0)
-    for low, high in sorted(bands):
-        if low > reached:
-            gaps.append((reached, np.nextafter(low, 0.0)))
-        reached = max(reached, np.nextafter(high, np.inf))
-    return (*gaps, *([(reached, last)] if reached <= last else []))
-
-
-def _read_axis(section: FrequencySection, faults: FaultList) -> NDArray[np.float64] | None:
-    """Return the evenly spaced lines of a section."""
-    start, stop = section.start, section.stop
-    if stop <= start:
-        faults.add((*_FREQUENCY, "stop"), f"stop ({stop:.10g} Hz) must be greater than start ({start:.10g} Hz).")
-        return None
-    if (section.step is None) == (section.lines is None):
-        problem = "the frequency has a step and a number of lines." if section.step else "the frequency has no step."
-        faults.add(_FREQUENCY, problem, "step or lines", key=True)
-        return None
-    steps = (stop - start) / section.step if section.step else float((section.lines or 0) - 1)
-    if steps + 1 > MOST_LINES:
-        faults.add((*_FREQUENCY, "step"), f"{steps + 1:.4g} lines are more than {MOST_LINES}.")
-        return None
-    if abs(steps - round(steps)) > _OFF_GRID or steps < _OFF_GRID:
-        before = start + np.floor(steps) * (section.step or 0.0)
-        problem = f"stop ({stop:.10g} Hz) is not on a line: from {start:.10g} Hz in steps of {section.step:.10g} Hz"
-        remedy = f"The lines nearest to it are {before:.10g} Hz and {before + (section.step or 0.0):.10g} Hz."
-        faults.add((*_FREQUENCY, "stop"), f"{problem}.", remedy=remedy)
-        return None
-    return np.linspace(start, stop, round(steps) + 1)

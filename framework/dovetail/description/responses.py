@@ -57,19 +57,19 @@ def _paths(faults: FaultList) -> list[Path]:
 def _read_sensors(
     shared: ParameterEntry, responses: Sequence[Response], substructures: Substructures, faults: FaultList
 ) -> tuple[Place, ...]:
-    """Return the nodes with a sensor of the shared mass, each once: those stated, or else those of the responses."""
+    """Return the nodes with a sensor of the shared mass, each once: those given, or else those of the responses."""
     path: Path = (SHARED, "at")
-    stated = faults.root.at(path)
+    section = faults.root.at(path)
     if "mass" not in [parameter.name for parameter in shared.parameters]:
-        if stated is not None:
+        if section is not None:
             faults.add(path, "sensors have places and no 'mass'.", key=True)
         return ()
-    if stated is None:
+    if section is None:
         return tuple(dict.fromkeys(Place(r.substructure, r.node, "x") for r in responses))
-    if not isinstance(stated.value, tuple):
-        faults.add(path, f"{format_value(stated.value)} is not a list of places.", key=True)
+    if not isinstance(section.value, tuple):
+        faults.add(path, f"{format_value(section.value)} is not a list of places.", key=True)
         return ()
-    places = [_read_sensor((*path, index), substructures, faults) for index in range(len(stated.value))]
+    places = [_read_sensor((*path, index), substructures, faults) for index in range(len(section.value))]
     return tuple(dict.fromkeys(place for place in places if place is not None))
 
 

@@ -218,8 +218,8 @@ class AugmentationSection(_Section):
         others is real and added to the amplitude: where it drowns the FRF, the two are unlike.
     like : file, or sequence of files
         Measured FRFs, one for all responses or one for each. Each FRF gets complex noise of their random error: the
-        stated variance, the part of the amplitude that follows from coherence and averages, or both as estimated from
-        the scatter from line to line. `additive` and `multiplicative` are 0 then, unless stated.
+        given variance, the part of the amplitude that follows from coherence and averages, or both as estimated from
+        the scatter from line to line. `additive` and `multiplicative` are 0 then by default.
     like_index : int, or sequence of int
         Which FRF of a file with several, from 1, file by file.
     like_decades : float

@@ -96,7 +96,7 @@ def _check_tie(tie: Tie, unit: str, value: float | None, path: Path, faults: Fau
     other = number_unit(config, steps_of(tie.parameter)) if config is not None else None
     name = f"{tie.owner}.{tie.parameter}"
     if other is not None and other != unit:
-        faults.add(path, f"'{name}' is in {other}, and a quantity in {unit} is wanted.")
+        faults.add(path, f"'{name}' is in {other}, but this option is in {unit}.")
     elif value is None:
         faults.add(path, f"'{name}' has no value or range in the description.")
 

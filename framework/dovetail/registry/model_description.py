@@ -108,7 +108,7 @@ def _check(offer: Offer, joint: Mapping[str, Any]) -> None:
             faults += faults_of(joint[name])
     label = f"joint model '{offer.component.name}'"
     if faults:
-        remedy = f"Mend it in {source_file(offer.component)}."
+        remedy = f"Correct it in {source_file(offer.component)}."
         raise PluginError(*(Fault(offer.source, f"{label} {f.problem}", f.accepted, remedy) for f in faults))
 
 
