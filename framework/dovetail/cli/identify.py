@@ -51,6 +51,7 @@ Measurements = Annotated[
 Method = Annotated[
     str | None,
     typer.Option(
+        "--method",
         metavar="METHOD",
         help="posterior (with intervals; the default), refined (least squares alone), multistart, network (as it "
         "is), or that of a plugin.",

@@ -24,11 +24,12 @@ def new_assembly(
     part: Annotated[
         list[str] | None,
         typer.Option(
+            "--part",
             metavar="PART",
             help="Length, outer and inner diameter, such as 'hub: 80 mm x 50 mm x 20 mm of steel'. Twice.",
         ),
     ] = None,
-    band: Annotated[str | None, typer.Option(metavar="BAND", help="Such as '100 Hz to 5 kHz'.")] = None,
+    band: Annotated[str | None, typer.Option("--band", metavar="BAND", help="Such as '100 Hz to 5 kHz'.")] = None,
     response: Annotated[
         str | None, typer.Option(metavar="LENGTH", help="Where on the first part the motion is measured.")
     ] = None,

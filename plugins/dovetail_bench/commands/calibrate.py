@@ -53,7 +53,7 @@ def calibrate(
     ] = 1,
     seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of joints and noise.")] = 0,
     method: Annotated[
-        str, typer.Option(metavar="METHOD", help="posterior, network (with intervals), or that of a plugin.")
+        str, typer.Option("--method", metavar="METHOD", help="posterior, network (with intervals), or that of a plugin.")
     ] = "posterior",
     noise_kind: Annotated[
         str, typer.Option(metavar="KIND", help="uniform (over all lines), or proportional to each line.")

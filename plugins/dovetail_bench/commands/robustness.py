@@ -31,6 +31,7 @@ def robustness(
     levels: Annotated[
         Any,
         typer.Option(
+            "--levels",
             metavar="LEVELS",
             parser=_levels,
             help="Noise over the data's standard deviation, with commas, such as 0,1%.",

@@ -31,7 +31,7 @@ def validate(
     cases: Annotated[
         Path, typer.Argument(metavar="CASES", help="Measurements and the models that predict them (YAML).")
     ],
-    method: Annotated[str, typer.Option(metavar="METHOD", help="How joints are identified.")] = "refined",
+    method: Annotated[str, typer.Option("--method", metavar="METHOD", help="How joints are identified.")] = "refined",
     output: Annotated[
         Path | None,
         typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the report, the table and the figures."),
