@@ -81,9 +81,10 @@ def report_bug(error: Exception, command_modules: Mapping[str, str]) -> None:
     """
     from dovetail.version import __version__
 
-    trace, package = error.__traceback__, ""
-    while trace and trace.tb_next and not (package := command_modules.get(_module(trace.tb_frame), "")):
+    trace = error.__traceback__
+    while trace and trace.tb_next and _module(trace.tb_frame) not in command_modules:
         trace = trace.tb_next
+    package = command_modules.get(_module(trace.tb_frame), "") if trace else ""
     typer.echo(terminal_text("".join(traceback.format_exception(type(error), error, trace))), err=True)
     other = package if package and not package.startswith("dovetail-frf ") else "a plugin that it uses"
     typer.echo(

@@ -11,24 +11,34 @@ from dovetail.cli.terminal import heading, print_json, range_text, say, table, t
 def plugins(plugin: PluginFiles = None, as_json: AsJson = False) -> None:
     """List the models at hand.
 
-    Each with its kind, who offers it, and below what could not be loaded.
+    Each with its kind, who offers it, and below the commands of packages and what could not be loaded.
     """
+    from dovetail.cli.command_group import OWN
     from dovetail.interfaces import KINDS
-    from dovetail.registry import components
+    from dovetail.registry import CommandTable, components
     from dovetail.registry.model_description import list_models
 
-    registry = components(plugin or ())
+    registry, commands = components(plugin or ()), CommandTable(OWN, plugin or ())
+    added = [offer for offer in commands.offers.values() if offer not in OWN]
+    failures = list(dict.fromkeys([*registry.failures, *commands.failures]))
     offers = [offer for kind in KINDS for offer in registry.offers(kind)]
     if as_json:
-        print_json(list_models(registry))
+        listed = list_models(registry) | {
+            "commands": [{"name": o.command.called, "summary": o.command.summary, "source": o.source} for o in added],
+            "failures": [{"source": failure.source, "reason": failure.reason} for failure in failures],
+        }
+        print_json(listed)
         return
     table(
         ["kind", "name", "summary", "source"],
         [(o.component.kind, o.component.name, o.component.summary, o.source) for o in offers],
     )
-    if registry.failures:
+    if added:
+        heading("Commands of packages")
+        table(["command", "summary", "source"], [(o.command.called, o.command.summary, o.source) for o in added])
+    if failures:
         heading("Not loaded")
-        table(["source", "reason"], [(failure.source, failure.reason) for failure in registry.failures])
+        table(["source", "reason"], [(failure.source, failure.reason) for failure in failures])
     if registry.slow:
         heading("Slow to import, at every command")
         table(["source", "seconds"], [(source, f"{seconds:.1f}") for source, seconds in registry.slow.items()])

@@ -77,7 +77,7 @@ class CommandTable:
             offer = CommandOffer(command, source)
             first = self.offers.setdefault(command.called, offer)
             if first != offer:
-                problem = f"the command '{command.called}' of {command.place} is refused: {first.place} has that name."
+                problem = f"the command '{command.called}' of {offer.place} is refused: {first.place} has that name."
                 if strict:
                     raise PluginError(Fault(source, problem, remedy="Give it another name."))
                 self.failures.append(LoadFailure(source, problem))
