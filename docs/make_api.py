@@ -5,6 +5,9 @@ from pathlib import Path
 from types import ModuleType
 
 import dovetail
+import dovetail.commands
+import dovetail.evaluation
+import dovetail.pages
 import dovetail_bench
 import dovetail_machining
 
@@ -29,8 +32,14 @@ SECTIONS = {
 }
 """Headings by the package that defines a name, in the order of the page."""
 
-PACKAGES = {dovetail_bench: "Evaluation: `dovetail_bench`", dovetail_machining: "Spindles: `dovetail_machining`"}
-"""Headings of the packages that ship with Dovetail and are imported by themselves."""
+PACKAGES = {
+    dovetail.commands: "For plugin authors: commands",
+    dovetail.pages: "For plugin authors: pages and figures",
+    dovetail.evaluation: "For plugin authors: evaluations",
+    dovetail_bench: "Evaluation: `dovetail_bench`",
+    dovetail_machining: "Spindles: `dovetail_machining`",
+}
+"""Headings of the modules and packages whose names `import dovetail` does not offer."""
 
 REST = """
 ## Within results

@@ -7,10 +7,19 @@ from typing import Annotated, Any
 
 import typer
 
-from dovetail.cli.options import Overwrite, one_of, quantity_in
-from dovetail.cli.output_files import check_new_files
-from dovetail.cli.reading import NOTHING_SET, Reading, warnings_as_notes, with_reading
-from dovetail.cli.terminal import note, say, title
+from dovetail.commands import (
+    NOTHING_SET,
+    Overwrite,
+    Reading,
+    check_new_files,
+    note,
+    one_of,
+    quantity_in,
+    say,
+    title,
+    warnings_as_notes,
+    with_reading,
+)
 
 _length = quantity_in("m")
 
@@ -46,7 +55,7 @@ def spindle(
 
     import dovetail
     import dovetail_machining
-    from dovetail.measurement import on_grid
+    from dovetail.evaluation import on_grid
     from dovetail_machining.spindle import ROTATIONS, error_gain
 
     how = one_of(ROTATIONS, rotations, "--rotations")

@@ -8,13 +8,20 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly import Assembly
-from dovetail.coupling.receptance import Receptance, decouple
-from dovetail.coupling.receptance_matrix import ReceptanceMatrix
-from dovetail.errors import Fault, MeasurementError, ParameterError, listing
-from dovetail.frf import Frf
-from dovetail.measurement import ModelDof, Role, check_roles, remove_accelerometer_mass
-from dovetail.units import format_quantity
+from dovetail import (
+    Assembly,
+    Fault,
+    Frf,
+    MeasurementError,
+    ModelDof,
+    ParameterError,
+    ReceptanceMatrix,
+    Role,
+    check_roles,
+    remove_accelerometer_mass,
+)
+from dovetail.evaluation import Receptance, decouple, listing
+from dovetail.pages import format_quantity
 
 _STEP = 1e-6
 """Relative change of a test for finite differences."""

@@ -15,9 +15,10 @@ from dovetail.errors import DovetailError
 from dovetail.frf import Frf
 from dovetail.identification import Identification
 from dovetail.report import figures
-from dovetail.report.figures import frf_figure, robustness_figure, save_png, simulated_figure
+from dovetail.report.figures import frf_figure, save_png, simulated_figure
 from dovetail.report.pages import web_text
 from dovetail.report.svg import inline_svg
+from dovetail_bench.pages.robustness_figure import robustness_figure
 
 TABLE = [
     {"model": model, "level": level, "r2": r2, "rmse": 0.1}

@@ -28,14 +28,12 @@ INK, MUTED, GRID = "#1c2430", "#56616d", "#e6eaee"
 MEASURED, RECONSTRUCTED, AGREEMENT = "#9aa4ae", "#0b5fa5", "#9a4a00"
 LINES = ("#6373c4", "#963f02", "#175a3a", "#813c71", "#12a3bb", "#aa8d13", INK)
 """Distinguishable also without red, green or blue. All these are the colours of `web/charts.css` for light pages."""
-_DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))
+DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 
 PHASE_CENTRE = {"receptance": -90.0, "mobility": 0.0, "accelerance": 90.0}
 """Middle of the phase axis [deg]; the phase of a passive drive point stays within 90 of it and is not wrapped."""
 
-_WORST_R2, _WORST_RMSE = -0.6, 0.45
-"""Limits of the axes in figures of robustness; guessing the middle of the range gives 0 and 0.29."""
 
 _TITLE_WIDTH = 110
 """Number of characters that fit into the width of a figure."""
@@ -139,7 +137,7 @@ def measured_figure(frfs: Sequence[Frf]) -> Figure:
     with_phase, with_coherence = any(frf.has_phase for frf in drawn), any(frf.coherence is not None for frf in drawn)
     figure, panels = _stacked(with_phase, with_coherence)
     for number, frf in enumerate(drawn):
-        colour, dashes = LINES[number % len(LINES)], _DASHES[number // len(LINES) % len(_DASHES)]
+        colour, dashes = LINES[number % len(LINES)], DASHES[number // len(LINES) % len(DASHES)]
         style = {"color": colour, "linestyle": dashes, "linewidth": 1.3}
         draw_amplitude(panels[0], frf, {**style, "label": terminal_text(frf.label).replace("$", r"\$")})
         if frf.has_phase:
@@ -152,47 +150,6 @@ def measured_figure(frfs: Sequence[Frf]) -> Figure:
     else:
         panels[0].legend(loc="best", fontsize=8.5)
     _finish_frequency_axis(panels, np.unique(np.concatenate([frf.frequency for frf in drawn])))
-    return figure
-
-
-def robustness_figure(table: Sequence[Mapping[str, Any]]) -> Figure:
-    """Draw R2 and RMSE over the noise level, with one line for each model.
-
-    Parameters
-    ----------
-    table : sequence of mappings
-        Each with ``model``, ``level``, ``r2`` and ``rmse`` (relative to the range); None or NaN leaves a gap.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Values far worse than guessing the middle of the range are outside the axes.
-    """
-    figure = new_figure(3.6)
-    r2_axes, rmse_axes = figure.subplots(1, 2)
-    for index, model in enumerate(dict.fromkeys(str(row["model"]) for row in table)):
-        rows = sorted((row for row in table if str(row["model"]) == model), key=lambda row: float(row["level"]))
-        levels = np.array([row["level"] for row in rows], dtype=np.float64)
-        style = {
-            "color": LINES[index % len(LINES)],
-            "linestyle": _DASHES[index % len(_DASHES)],
-            "marker": MARKERS[index % len(MARKERS)],
-            "markersize": 5,
-            "linewidth": 1.6,
-        }
-        for axes, key in ((r2_axes, "r2"), (rmse_axes, "rmse")):
-            axes.plot(levels, np.array([row[key] for row in rows], dtype=np.float64), label=model, **style)
-    for axes, quantity in ((r2_axes, "R² [-]"), (rmse_axes, "RMSE, part of the range [-]")):
-        style_axes(axes)
-        axes.set_xlabel("Noise level, part of the data's standard deviation [-]")
-        axes.set_ylabel(quantity)
-    if r2_axes.get_ylim()[0] < _WORST_R2:
-        r2_axes.set_ylim(_WORST_R2, 1.05)
-    if rmse_axes.get_ylim()[1] > _WORST_RMSE:
-        rmse_axes.set_ylim(0.0, _WORST_RMSE)
-    if table:
-        for text in r2_axes.legend(loc="best", fontsize=9.5).get_texts():
-            text.set_parse_math(False)
     return figure
 
 

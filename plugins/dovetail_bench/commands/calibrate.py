@@ -7,10 +7,24 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dovetail.cli.commands import INTERRUPTED
-from dovetail.cli.options import AsJson, PluginFiles, Scheduler, assembly_or_model, chosen_method, one_of, part
-from dovetail.cli.terminal import note, print_json, progress_bars, say, say_on_stderr, table, title
-from dovetail.plain_text import markdown_table
+from dovetail.commands import (
+    INTERRUPTED,
+    AsJson,
+    PluginFiles,
+    Scheduler,
+    assembly_or_model,
+    chosen_method,
+    note,
+    one_of,
+    part,
+    print_json,
+    progress_bars,
+    say,
+    say_on_stderr,
+    table,
+    title,
+)
+from dovetail.pages import markdown_table
 
 if TYPE_CHECKING:
     from dovetail_bench.evaluation.calibration import Calibration
@@ -53,7 +67,8 @@ def calibrate(
     ] = 1,
     seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of joints and noise.")] = 0,
     method: Annotated[
-        str, typer.Option("--method", metavar="METHOD", help="posterior, network (with intervals), or that of a plugin.")
+        str,
+        typer.Option("--method", metavar="METHOD", help="posterior, network (with intervals), or that of a plugin."),
     ] = "posterior",
     noise_kind: Annotated[
         str, typer.Option(metavar="KIND", help="uniform (over all lines), or proportional to each line.")
@@ -77,10 +92,8 @@ def calibrate(
     earlier run in the output folder are replaced.
     """
     import dovetail_bench
-    from dovetail.cli.model_cache import trained_model
-    from dovetail.cli.output_files import writing
-    from dovetail.measurement.noise import NOISE_KINDS
-    from dovetail.report.result_files import prepare_folder
+    from dovetail.commands import prepare_folder, trained_model, writing
+    from dovetail.evaluation import NOISE_KINDS
 
     kind = one_of(NOISE_KINDS, noise_kind, "--noise-kind")
     loaded, model = assembly_or_model(assembly, plugin)
@@ -134,8 +147,8 @@ def _title(name: str, done: Calibration) -> str:
 
 
 def _write(name: str, done: Calibration, folder: Path) -> None:
-    from dovetail.report.figures import save_png
-    from dovetail.report.result_files import csv_text, json_text, write_texts
+    from dovetail.commands import csv_text, json_text, write_texts
+    from dovetail.pages import save_png
     from dovetail_bench.pages.calibration import write_calibration
     from dovetail_bench.pages.calibration_figures import coverage_figure, rank_figure
 
@@ -164,7 +177,7 @@ def _markdown(done: Calibration) -> str:
 
 
 def _cases(done: Calibration) -> str:
-    from dovetail.report.result_files import csv_text
+    from dovetail.commands import csv_text
 
     header = ["case", "seconds", "effective", "reached", "is_trustworthy"]
     header += [f"{what} {name}" for what in ("truth", "estimate", "rank") for name in done.names]

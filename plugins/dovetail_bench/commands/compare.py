@@ -7,10 +7,20 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dovetail.cli.commands import exit_if_failed, exit_unless_trustworthy, say_warning
-from dovetail.cli.options import AsJson
-from dovetail.cli.reading import NOTHING_SET, Reading, with_reading
-from dovetail.cli.terminal import heading, print_json, progress_bars, table, title
+from dovetail.commands import (
+    NOTHING_SET,
+    AsJson,
+    Reading,
+    exit_if_failed,
+    exit_unless_trustworthy,
+    heading,
+    print_json,
+    progress_bars,
+    say_warning,
+    table,
+    title,
+    with_reading,
+)
 
 if TYPE_CHECKING:
     from dovetail_bench.evaluation.comparison import Comparison
@@ -56,8 +66,7 @@ def compare(
     that fails does not end the others; the exit code is then 1. It is 3 where a result is not trustworthy.
     """
     import dovetail_bench
-    from dovetail.cli.output_files import writing
-    from dovetail.report.result_files import prepare_folder
+    from dovetail.commands import prepare_folder, writing
 
     read = dovetail_bench.read_cases(cases, **reading.options)
     known = None if truth is None else dovetail_bench.read_truths(truth)
@@ -106,7 +115,7 @@ def _print(done: Comparison) -> None:
 
 
 def _write(done: Comparison, folder: Path) -> None:
-    from dovetail.report.result_files import csv_text, write_texts
+    from dovetail.commands import csv_text, write_texts
     from dovetail_bench.pages.comparison import write_comparison
 
     write_comparison(done, folder / _FILES[0])

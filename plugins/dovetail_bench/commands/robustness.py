@@ -9,8 +9,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dovetail.cli.options import AsJson, AssemblyFile, PluginFiles, load_assembly, part
-from dovetail.cli.terminal import print_json, progress_bars, table, title
+from dovetail.commands import (
+    AsJson,
+    AssemblyFile,
+    PluginFiles,
+    load_assembly,
+    part,
+    print_json,
+    progress_bars,
+    table,
+    title,
+)
 
 if TYPE_CHECKING:
     from dovetail_bench.evaluation.robustness import RobustnessRow
@@ -56,9 +65,8 @@ def robustness(
     """
     import dovetail
     import dovetail_bench
-    from dovetail.cli.output_files import writing
-    from dovetail.registry import components
-    from dovetail.report.result_files import prepare_folder
+    from dovetail.commands import prepare_folder, writing
+    from dovetail.evaluation import components
     from dovetail_bench.evaluation.robustness import variant
 
     chosen = [name.strip() for name in models.split(",")] if models else []
@@ -86,8 +94,9 @@ def _finite(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def _write(rows: Sequence[RobustnessRow], folder: Path) -> None:
-    from dovetail.report.figures import robustness_figure, save_png
-    from dovetail.report.result_files import csv_text, json_text, write_texts
+    from dovetail.commands import csv_text, json_text, write_texts
+    from dovetail.pages import save_png
+    from dovetail_bench.pages.robustness_figure import robustness_figure
 
     flat = [_finite(row.flat()) for row in rows]
     content = {

@@ -9,8 +9,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dovetail.cli.options import AsJson, AssemblyFile, PluginFiles, Scheduler, load_assembly
-from dovetail.cli.terminal import heading, note, print_json, progress_bars, say, table, title
+from dovetail.commands import (
+    AsJson,
+    AssemblyFile,
+    PluginFiles,
+    Scheduler,
+    heading,
+    load_assembly,
+    note,
+    print_json,
+    progress_bars,
+    say,
+    table,
+    title,
+)
 
 if TYPE_CHECKING:
     from dovetail_bench.evaluation.study import Study
@@ -36,7 +48,7 @@ def study(
     command continues a study that was interrupted or killed. Run it several times at once to share the trials.
     """
     import dovetail_bench
-    from dovetail.report.result_files import prepare_folder
+    from dovetail.commands import prepare_folder
 
     loaded = load_assembly(assembly, plugin)
     prepare_folder(output, (*_FILES, _SWEEPS, _SEARCH), _FILES[0])
@@ -64,9 +76,8 @@ def _print(done: Study) -> None:
 
 def _write(done: Study, description: Path, folder: Path) -> list[str]:
     """Write tables, figures and the best description, each atomically; return their names."""
-    from dovetail.atomic_files import write_whole
-    from dovetail.report.figures import png_bytes
-    from dovetail.report.result_files import csv_text, json_text
+    from dovetail.commands import csv_text, json_text, write_whole
+    from dovetail.pages import png_bytes
     from dovetail_bench.pages.study import search_figure, study_markdown, sweeps_figure
 
     texts = {

@@ -8,17 +8,25 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dovetail.cli.commands import exit_if_failed, exit_unless_trustworthy, say_warning
-from dovetail.cli.options import AsJson, chosen_method
-from dovetail.cli.reading import NOTHING_SET, Reading, with_reading
-from dovetail.cli.terminal import print_json, progress_bars, say, table, title
-from dovetail.plain_text import markdown_cell, markdown_table
+from dovetail.commands import (
+    NOTHING_SET,
+    AsJson,
+    Reading,
+    chosen_method,
+    exit_if_failed,
+    exit_unless_trustworthy,
+    print_json,
+    progress_bars,
+    say,
+    say_warning,
+    table,
+    title,
+    with_reading,
+)
+from dovetail.pages import markdown_cell, markdown_table
 
 if TYPE_CHECKING:
-    from dovetail.assembly import Assembly
-    from dovetail.frf import Frf
-    from dovetail.identification import Identification
-    from dovetail.interfaces import IdentificationMethod
+    from dovetail import Assembly, Frf, Identification, IdentificationMethod
     from dovetail_bench.evaluation.validation import Identify, Validation
 
 _FILES = ("validation.json", "validation.csv", "table.md", "frfs.png", "validation.html")
@@ -46,8 +54,7 @@ def validate(
     end the others; the exit code is then 1. It is 3 where a joint is not trustworthy.
     """
     import dovetail_bench
-    from dovetail.cli.output_files import writing
-    from dovetail.report.result_files import prepare_folder
+    from dovetail.commands import prepare_folder, writing
 
     chosen = chosen_method(method, reading.plugins)
     read = dovetail_bench.read_cases(cases, **reading.options)
@@ -70,7 +77,7 @@ def _method(name: str | IdentificationMethod, plugins: list[Path]) -> str | Iden
     """Return the method that identifies joints; 'network' becomes a function that uses the model of each assembly."""
 
     def by_network(assembly: Assembly, measured: Frf) -> Identification:
-        from dovetail.cli.model_cache import trained_model
+        from dovetail.commands import trained_model
 
         return trained_model(assembly, plugins, retrain=False).identify(measured, "network")
 
@@ -78,7 +85,7 @@ def _method(name: str | IdentificationMethod, plugins: list[Path]) -> str | Iden
 
 
 def _print(done: Validation) -> None:
-    from dovetail.inference.posterior import NOT_TRUSTWORTHY
+    from dovetail.evaluation import NOT_TRUSTWORTHY
 
     title(done.title)
     say_warning(done)
@@ -88,7 +95,7 @@ def _print(done: Validation) -> None:
 
 
 def _rows(done: Validation) -> Iterator[list[str]]:
-    from dovetail.inference.posterior import NOT_TRUSTWORTHY
+    from dovetail.evaluation import NOT_TRUSTWORTHY
 
     for result in done.cases:
         method = "" if result.joint is None else result.joint.method
@@ -114,8 +121,8 @@ def _text(value: float | None, form: str) -> str:
 
 
 def _write(done: Validation, folder: Path) -> None:
-    from dovetail.report.figures import save_png
-    from dovetail.report.result_files import csv_text, json_text, write_texts
+    from dovetail.commands import csv_text, json_text, write_texts
+    from dovetail.pages import save_png
     from dovetail_bench.pages.validation import write_validation
     from dovetail_bench.pages.validation_figures import series_figure, validation_figure
 

@@ -11,16 +11,30 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly import Assembly, AssemblySource, as_assembly
-from dovetail.errors import DovetailError, Fault, ParameterError, as_dovetail_error, listing
-from dovetail.frf import Frf
-from dovetail.identification import identify
-from dovetail.inference.posterior import LEVEL, PRIOR_PRECISION
-from dovetail.interfaces import IdentificationMethod, Progress, progress_reporter
-from dovetail.measurement import noisy_frf
-from dovetail.measurement.noise import NoiseKind
-from dovetail.network.bundle import TrainedNetwork
-from dovetail.parallel import cores, side_by_side
+from dovetail import (
+    Assembly,
+    DovetailError,
+    Fault,
+    Frf,
+    IdentificationMethod,
+    ParameterError,
+    Progress,
+    identify,
+    noisy_frf,
+)
+from dovetail.evaluation import (
+    LEVEL,
+    PRIOR_PRECISION,
+    AssemblySource,
+    NoiseKind,
+    TrainedNetwork,
+    as_assembly,
+    as_dovetail_error,
+    cores,
+    listing,
+    progress_reporter,
+    side_by_side,
+)
 from dovetail_bench.evaluation.mesh_refinement import finer
 
 

@@ -10,12 +10,8 @@ from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-from dovetail.documents.extends import read_source
-from dovetail.documents.fault_list import FaultList
-from dovetail.documents.validation import check_format, validate
-from dovetail.frf import Frf
-from dovetail.measurement import read_frf
-from dovetail.units import Mass
+from dovetail import Frf, read_frf
+from dovetail.evaluation import FaultList, Mass, check_format, read_source, validate
 
 FORMAT = 1
 """Version of the format, which is what ``dovetail_cases:`` says."""

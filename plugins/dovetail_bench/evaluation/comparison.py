@@ -13,20 +13,40 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ValidationError
 
-from dovetail.assembly import Assembly, load
-from dovetail.atomic_files import read_bounded
-from dovetail.dataset import Dataset, generate
-from dovetail.errors import DovetailError, Fault, MeasurementError, ParameterError, listing
-from dovetail.frf import Frf, coherence_with_model
-from dovetail.frf.resonance_peaks import counterpart, resonance_peaks
-from dovetail.identification import Identification, Identifier, identify, train
-from dovetail.identification.identify import check_mass, find_method
-from dovetail.identification.measured_lines import batch_contradictions, check_measured
-from dovetail.identification.methods import METHODS
-from dovetail.identification.result import joined_warnings
-from dovetail.interfaces import IdentificationMethod, Progress, progress_reporter
-from dovetail.measurement import check_cover, within_band
-from dovetail.registry import components
+from dovetail import (
+    Assembly,
+    Dataset,
+    DovetailError,
+    Fault,
+    Frf,
+    Identification,
+    IdentificationMethod,
+    Identifier,
+    MeasurementError,
+    ParameterError,
+    Progress,
+    generate,
+    identify,
+    load,
+    read_bounded,
+    train,
+)
+from dovetail.evaluation import (
+    METHODS,
+    batch_contradictions,
+    check_cover,
+    check_mass,
+    check_measured,
+    coherence_with_model,
+    components,
+    counterpart,
+    find_method,
+    joined_warnings,
+    listing,
+    progress_reporter,
+    resonance_peaks,
+    within_band,
+)
 from dovetail_bench.evaluation.cases import Case, Cases
 from dovetail_bench.evaluation.failures import Failures
 from dovetail_bench.evaluation.robustness import storage_for, variant

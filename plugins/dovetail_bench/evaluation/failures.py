@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 
-from dovetail.errors import DovetailError, ParameterError, as_dovetail_error
+from dovetail import DovetailError, ParameterError
+from dovetail.evaluation import as_dovetail_error
 
 
 class Failures:

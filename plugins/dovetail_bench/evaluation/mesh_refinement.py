@@ -6,10 +6,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from dovetail.assembly import Assembly
-from dovetail.errors import Fault, ParameterError
-from dovetail.interfaces import SubstructureModel
-from dovetail.synthesis import Attachment, Connection
+from dovetail import Assembly, Fault, ParameterError, SubstructureModel
+from dovetail.evaluation import Attachment, Connection
 
 _SAME_PLACE = 1e-9
 """m within which a node of the finer mesh is that of the coarser one."""

@@ -12,17 +12,20 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly import Assembly, AssemblySource, as_assembly
-from dovetail.dataset import Dataset, Storage, generate
-from dovetail.description import read_description
-from dovetail.errors import Fault, PluginError
-from dovetail.identification import Identifier, train
-from dovetail.interfaces import Progress, progress_reporter
-from dovetail.measurement import data_noise
-from dovetail.network.evaluation import parameter_metrics
-from dovetail.network.preprocessing import draw_test_samples
-from dovetail.network.training import needs_phase
-from dovetail.registry import Registry, components
+from dovetail import Assembly, Dataset, Fault, Identifier, PluginError, Progress, generate, train
+from dovetail.evaluation import (
+    AssemblySource,
+    Registry,
+    Storage,
+    as_assembly,
+    components,
+    data_noise,
+    draw_test_samples,
+    needs_phase,
+    parameter_metrics,
+    progress_reporter,
+    read_description,
+)
 
 _ROBUST = "robust"
 

@@ -10,18 +10,35 @@ from typing import Any
 
 import numpy as np
 
-from dovetail.assembly import Assembly, load, modes_in_band
-from dovetail.errors import Fault, MeasurementError, ParameterError
-from dovetail.frf import Frf, coherence_with_model
-from dovetail.frf.resonance_peaks import counterpart, resonance_peaks
-from dovetail.identification import Identification, identify
-from dovetail.identification.identify import check_mass
-from dovetail.identification.measured_lines import batch_contradictions, check_measured
-from dovetail.identification.prediction import joint_values, predicted_frf
-from dovetail.identification.result import joined_warnings
-from dovetail.identification.result_file import AnyIdentification, load_result
-from dovetail.interfaces import IdentificationMethod, Progress, progress_reporter
-from dovetail.measurement import check_cover, within_band
+from dovetail import (
+    Assembly,
+    Fault,
+    Frf,
+    Identification,
+    IdentificationMethod,
+    MeasurementError,
+    ParameterError,
+    Progress,
+    identify,
+    load,
+    load_result,
+)
+from dovetail.evaluation import (
+    AnyIdentification,
+    batch_contradictions,
+    check_cover,
+    check_mass,
+    check_measured,
+    coherence_with_model,
+    counterpart,
+    joined_warnings,
+    joint_values,
+    modes_in_band,
+    predicted_frf,
+    progress_reporter,
+    resonance_peaks,
+    within_band,
+)
 from dovetail_bench.evaluation.cases import Case, Cases, JointSource
 from dovetail_bench.evaluation.failures import Failures
 

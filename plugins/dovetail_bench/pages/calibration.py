@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from dovetail.report.pages import write_page
-from dovetail.report.svg import page_figure
+from dovetail.pages import page_figure, write_page
 from dovetail_bench.evaluation.calibration import CalibratedParameter, Calibration
 from dovetail_bench.pages.calibration_figures import coverage_figure, rank_figure
 

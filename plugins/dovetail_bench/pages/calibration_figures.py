@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dovetail.report.figures import INK, MEASURED, RECONSTRUCTED, panel_grid
+from dovetail.pages import INK, MEASURED, RECONSTRUCTED, panel_grid
 from dovetail_bench.evaluation.calibration import Calibration
 
 if TYPE_CHECKING:

@@ -6,11 +6,8 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from dovetail.identification.result import joined_warnings
-from dovetail.inference.posterior import NOT_TRUSTWORTHY
-from dovetail.plain_text import ABSENT, display_unit, fixed, hertz, number
-from dovetail.report.pages import as_data, chart_data, write_page
-from dovetail.report.svg import page_figure
+from dovetail.evaluation import NOT_TRUSTWORTHY, joined_warnings
+from dovetail.pages import ABSENT, as_data, chart_data, display_unit, fixed, hertz, number, page_figure, write_page
 from dovetail_bench.evaluation.cases import Case
 from dovetail_bench.evaluation.comparison import Compared, Comparison
 from dovetail_bench.pages.comparison_figures import parameter_comparison

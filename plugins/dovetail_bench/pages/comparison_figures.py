@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dovetail.plain_text import display_unit, terminal_text
-from dovetail.report.figures import INK, LINES, MARKERS, panel_grid, set_title
+from dovetail.pages import INK, LINES, MARKERS, display_unit, panel_grid, set_title, terminal_text
 from dovetail_bench.evaluation.comparison import Comparison
 
 if TYPE_CHECKING:

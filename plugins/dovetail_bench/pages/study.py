@@ -5,8 +5,7 @@ from __future__ import annotations
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
-from dovetail.plain_text import markdown_table
-from dovetail.report.figures import INK, MEASURED, RECONSTRUCTED, new_figure, panel_grid, style_axes
+from dovetail.pages import INK, MEASURED, RECONSTRUCTED, markdown_table, new_figure, panel_grid, style_axes
 from dovetail_bench.evaluation.study import Study
 from dovetail_bench.evaluation.study_plan import StudyTrial, Sweep
 

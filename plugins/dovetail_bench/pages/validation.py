@@ -6,9 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from dovetail.plain_text import ABSENT, fixed, hertz
-from dovetail.report.pages import as_data, chart_data, write_page
-from dovetail.report.svg import page_figure
+from dovetail.pages import ABSENT, as_data, chart_data, fixed, hertz, page_figure, write_page
 from dovetail_bench.evaluation.validation import ValidatedCase, Validation
 from dovetail_bench.pages.validation_figures import series_figure
 

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dovetail.frf import Frf
-from dovetail.plain_text import terminal_text
-from dovetail.report.figures import (
+from dovetail import Frf
+from dovetail.pages import (
     INK,
     LINES,
     MARKERS,
@@ -19,6 +18,7 @@ from dovetail.report.figures import (
     new_figure,
     set_title,
     style_axes,
+    terminal_text,
 )
 from dovetail_bench.evaluation.validation import PeakRow, ValidatedCase, Validation
 

@@ -1,0 +1,81 @@
+"""What evaluations of methods, networks and models are made of: parallel cases, checks of measurements, peaks."""
+
+from __future__ import annotations
+
+from dovetail.assembly import AssemblySource, as_assembly, modes_in_band
+from dovetail.coupling.receptance import Receptance, decouple
+from dovetail.dataset import Storage
+from dovetail.description import read_description
+from dovetail.documents.extends import read_source
+from dovetail.documents.fault_list import FaultList
+from dovetail.documents.validation import check_format, validate
+from dovetail.errors import as_dovetail_error, listing
+from dovetail.frf import coherence_with_model
+from dovetail.frf.resonance_peaks import counterpart, resonance_peaks
+from dovetail.identification.identify import check_mass, find_method
+from dovetail.identification.measured_lines import batch_contradictions, check_measured
+from dovetail.identification.methods import METHODS
+from dovetail.identification.prediction import joint_values, predicted_frf
+from dovetail.identification.result import joined_warnings
+from dovetail.identification.result_file import AnyIdentification
+from dovetail.inference.posterior import LEVEL, NOT_TRUSTWORTHY, PRIOR_PRECISION
+from dovetail.interfaces import progress_reporter
+from dovetail.measurement import check_cover, data_noise, on_grid, within_band
+from dovetail.measurement.noise import NOISE_KINDS, NoiseKind
+from dovetail.network.bundle import TrainedNetwork
+from dovetail.network.evaluation import parameter_metrics
+from dovetail.network.preprocessing import draw_test_samples
+from dovetail.network.training import needs_phase
+from dovetail.parallel import cores, side_by_side
+from dovetail.registry import Registry, components
+from dovetail.synthesis import Attachment, Connection
+from dovetail.units import Mass
+
+__all__ = [
+    "LEVEL",
+    "METHODS",
+    "NOISE_KINDS",
+    "NOT_TRUSTWORTHY",
+    "PRIOR_PRECISION",
+    "AnyIdentification",
+    "AssemblySource",
+    "Attachment",
+    "Connection",
+    "FaultList",
+    "Mass",
+    "NoiseKind",
+    "Receptance",
+    "Registry",
+    "Storage",
+    "TrainedNetwork",
+    "as_assembly",
+    "as_dovetail_error",
+    "batch_contradictions",
+    "check_cover",
+    "check_format",
+    "check_mass",
+    "check_measured",
+    "coherence_with_model",
+    "components",
+    "cores",
+    "counterpart",
+    "data_noise",
+    "decouple",
+    "draw_test_samples",
+    "find_method",
+    "joined_warnings",
+    "joint_values",
+    "listing",
+    "modes_in_band",
+    "needs_phase",
+    "on_grid",
+    "parameter_metrics",
+    "predicted_frf",
+    "progress_reporter",
+    "read_description",
+    "read_source",
+    "resonance_peaks",
+    "side_by_side",
+    "validate",
+    "within_band",
+]
