@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
 import re
-import typing
 from collections.abc import Iterator
 
 import pytest
@@ -17,9 +17,9 @@ COMMANDS = CommandTable(OWN).offers
 
 def options(name: str) -> Iterator[tuple[str, typer.models.OptionInfo, list[str]]]:
     """Yield each option of a command: its parameter, its annotation, and the names that the annotation declares."""
-    hints = typing.get_type_hints(COMMANDS[name].command.load(), include_extras=True)
-    for parameter, hint in hints.items():
-        for info in getattr(hint, "__metadata__", ()):
+    signature = inspect.signature(COMMANDS[name].command.load(), eval_str=True)
+    for parameter, annotated in signature.parameters.items():
+        for info in getattr(annotated.annotation, "__metadata__", ()):
             if isinstance(info, typer.models.OptionInfo):
                 first = [info.default] if isinstance(info.default, str) else []  # where typer puts the first name
                 yield parameter, info, [*first, *(info.param_decls or ())]
