@@ -235,7 +235,8 @@ def test_a_stored_model_without_its_corrections_is_refused(model, tmp_path):
 
 def test_a_correction_without_fresh_samples_is_refused():
     assembly = block(correction={"samples": 200}, augmentation={"multiplicative": 0.1})
-    with pytest.raises(ParameterError, match=r"(?s)identification\.correction.*no fresh samples are drawn.*`fresh=True`"):
+    message = r"(?s)identification\.correction.*no fresh samples are drawn.*`fresh=True`"
+    with pytest.raises(ParameterError, match=message):
         dovetail.train(assembly)
 
 
