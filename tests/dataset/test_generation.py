@@ -153,7 +153,7 @@ def test_nothing_to_sample_and_no_samples(sdof, tmp_path):
     with pytest.raises(DatasetError) as error:
         dovetail.generate(dovetail.load(description), tmp_path / "data.zarr")
     assert found(error) == "there are no parameters to sample."
-    with pytest.raises(DatasetError, match="0 samples were asked for"):
+    with pytest.raises(DatasetError, match="0 samples were requested"):
         dovetail.generate(sdof, tmp_path / "data.zarr", samples=0)
     assert list(tmp_path.iterdir()) == []
 

@@ -81,9 +81,9 @@ HARM = {
     grow: "far more than a dataset needs",
     chunk: "far more than a dataset needs",
     link: "chunks are missing",
-    flags: "it is damaged (the chunk c/0 is no file of 1 bytes)",
-    another_type: "no array of float32",
-    big_endian: "no array of float64",
+    flags: "it is damaged (the chunk c/0 is not a file of 1 bytes)",
+    another_type: "not an array of float32",
+    big_endian: "not an array of float64",
     fewer_lines: "are inconsistent",
     other_width: "are inconsistent",
 }

@@ -79,7 +79,7 @@ def test_training_without_a_dataset_keeps_the_phases_that_it_needs(sdof):
 def test_another_storage_is_refused(sdof, both, tmp_path):
     with pytest.raises(DatasetError, match="it was begun with storage complex, not amplitude"):
         dovetail.generate(described(sdof), both[1].path, resume=True)
-    with pytest.raises(DatasetError, match="'float16' was asked for"):
+    with pytest.raises(DatasetError, match="'float16' is not a storage"):
         dovetail.generate(described(sdof), tmp_path / "d", storage="float16")
     assert dovetail.generate(described(sdof), both[1].path, storage="complex", resume=True).complete
 

@@ -255,9 +255,9 @@ def test_a_state_is_checked():
     assert state_array(state, "mean", "someone", (None, 3)).shape == (2, 3)
     assert state_number(state, "count", "someone") == 4.0
     for key, shape, fault in (
-        ("mean", (3, None), r"holds 'mean' as float64 with shape \(2, 3\)\.\n.*shape \(3, any\)"),
-        ("mean", (2,), r"holds 'mean' as float64"),
-        ("text", (), "holds 'text' as <U1"),
+        ("mean", (3, None), r"has 'mean' as float64 with shape \(2, 3\)\.\n.*shape \(3, any\)"),
+        ("mean", (2,), r"has 'mean' as float64"),
+        ("text", (), "has 'text' as <U1"),
         ("gone", (2,), "its state lacks 'gone'"),
         ("bad", (1,), "values in 'bad' that are not finite"),
     ):

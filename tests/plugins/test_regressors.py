@@ -349,7 +349,7 @@ def test_a_damaged_state_is_refused(fitted, name):
     state = dict(fitted.state())
     with pytest.raises(dovetail.DovetailError, match=f"lacks '{name}'"):
         MLP().restore({key: value for key, value in state.items() if key != name})
-    with pytest.raises(dovetail.DovetailError, match="holds"):
+    with pytest.raises(dovetail.DovetailError, match="its state has"):
         MLP().restore({**state, name: state[name][..., :-1]})
     with pytest.raises(dovetail.DovetailError, match="not finite"):
         MLP().restore({**state, name: np.full_like(state[name], np.nan)})

@@ -108,7 +108,7 @@ def test_whole_numbers_are_real_numbers_and_repeated_entries_add_up():
         (np.ones(4), r"the matrix M has the shape (4,)"),
         (np.ones((2, 3)), r"the matrix M has the shape (2, 3)"),
         (np.ones((0, 0)), r"the matrix M has the shape (0, 0)"),
-        (np.array([["1"]]), "the matrix M holds <U1 entries"),
+        (np.array([["1"]]), "the matrix M has <U1 entries"),
         (np.array([[True]]), "the matrix M has bool entries"),
         (np.array([[1.0, np.nan], [np.nan, 1.0]]), "the entry (2, 1) of M is nan"),
         (sp.csc_array(np.array([[1.0, 0.0], [0.0, -np.inf]])), "the entry (2, 2) of M is -inf"),

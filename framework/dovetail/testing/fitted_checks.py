@@ -155,13 +155,13 @@ def check_repeated_calls_agree(specimen: FittedSpecimen) -> None:
 def check_results_are_new_arrays(specimen: FittedSpecimen) -> None:
     """A returned array is never changed later, and may be overwritten, since features are standardised in place."""
     features = specimen.training.features[:_FEW]
-    given = features.copy()
-    first = specimen.answer(specimen.fitted, given)
+    passed = features.copy()
+    first = specimen.answer(specimen.fitted, passed)
     kept = first.copy()
     specimen.ask(specimen.fitted, specimen.unseen.features[:_FEW])
     if not np.array_equal(first, kept):
         raise Nonconformity("a later call changes an earlier result.", "Return a new array from each call.")
-    if np.shares_memory(first, given):
+    if np.shares_memory(first, passed):
         raise Nonconformity("its result is a view of the features.", "Return a copy.")
     if first.flags.writeable:
         first[...] = 0.0
@@ -172,9 +172,9 @@ def check_results_are_new_arrays(specimen: FittedSpecimen) -> None:
 def check_inputs_are_left_unchanged(specimen: FittedSpecimen) -> None:
     """Arrays given to `fit`, `transform` and `predict` are not changed."""
     changed = [name for name in specimen.observed.changed if name == "features"]
-    given = specimen.training.features.copy()
-    specimen.answer(specimen.fitted, given)
-    if changed or not np.array_equal(given, specimen.training.features):
+    passed = specimen.training.features.copy()
+    specimen.answer(specimen.fitted, passed)
+    if changed or not np.array_equal(passed, specimen.training.features):
         raise Nonconformity("it changed the caller's features.", "Compute with copies.")
 
 
