@@ -278,7 +278,7 @@ def inference_data(
     }
     if posterior.log_likelihood is not None:
         groups["log_likelihood"] = {"frf": posterior.log_likelihood[np.newaxis, chosen]}
-    if hasattr(arviz, "InferenceData"):  # ArviZ 0.x
+    if arviz.__version__.startswith("0."):
         data = arviz.from_dict(**groups, attrs=dict(about))
     else:
         data = arviz.from_dict(groups, attrs={"/": dict(about)})
