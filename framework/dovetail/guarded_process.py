@@ -115,7 +115,7 @@ def main() -> None:
     except DovetailError as error:
         words, arrays = {"faults": [astuple(fault) for fault in error.faults]}, {}
     stream = io.BytesIO()
-    np.savez(stream, allow_pickle=False, **{_WORDS: np.array(json.dumps(words))}, **arrays)
+    np.savez(stream, **{_WORDS: np.array(json.dumps(words))}, **arrays)
     sys.stdout.buffer.write(stream.getbuffer())
 
 

@@ -82,7 +82,7 @@ def encode(content: FrfToWrite, _path: Path, _binary: bool | None) -> bytes:
         if text := getattr(frf, name):
             arrays[name] = np.array(text)
     stream = io.BytesIO()
-    np.savez(stream, allow_pickle=False, **arrays)
+    np.savez(stream, **arrays)
     return stream.getvalue()
 
 
