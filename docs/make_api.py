@@ -4,6 +4,8 @@ import inspect
 from pathlib import Path
 from types import ModuleType
 
+import numpy as np
+
 import dovetail
 import dovetail.commands
 import dovetail.evaluation
@@ -96,6 +98,8 @@ def _home(name: str) -> str:
 
 def _directive(package: ModuleType, name: str) -> str:
     value = getattr(package, name)
+    if getattr(value, "__origin__", None) is np.ndarray:  # autodoc would show the docstring of numpy
+        return f".. data:: {name}"
     if inspect.isclass(value) and issubclass(value, Exception):
         return f".. autoexception:: {name}"
     if inspect.isclass(value):

@@ -55,10 +55,10 @@ def resonance_peaks(frf: Frf, prominence: float = _SETTINGS.prominence) -> NDArr
     Notes
     -----
     The noise is estimated from the second differences of the values. The amplitude has a floor above it, so that noise
-    in an antiresonance makes no peak. Each peak is placed by a parabola through 1/|receptance|^2 over omega^2 within
-    the half-power lines: for a single mode that is exact, and it averages the noise. A peak that other modes skew, or
-    that is too low for half-power lines (less than 6 dB), lies where a quartic through the accelerance is highest,
-    within half its prominence.
+    in an antiresonance makes no peak. Each peak is placed by a parabola through ``1/|receptance|^2`` over ``omega^2``
+    within the half-power lines: for a single mode that is exact, and it averages the noise. A peak that other modes
+    skew, or that is too low for half-power lines (less than 6 dB), is where a quartic through the accelerance is
+    highest, within half its prominence.
     """
     accelerance = frf.to("accelerance")
     if len(accelerance.frequency) < 3:
