@@ -103,8 +103,8 @@ _SYNONYMS = {"inertance": "accelerance", "compliance": "receptance", "flexibilit
 def argument(name: str, value: object = None) -> str:
     """Return an argument of the API as messages name it, with a value or without.
 
-    ``argument("columns", "force,time")`` is ``"`columns='force,time'`"``. The command line prints the option that sets
-    this argument in its place; so the library knows no options.
+    ``argument("columns", ["force", "time"])`` is ``"`columns=['force', 'time']`"``. The command line prints
+    the option that sets this argument in its place; so the library knows no options.
     """
     text = "" if value is None else repr(value).replace("`", "\\x60")
     return f"`{name}={text}`"

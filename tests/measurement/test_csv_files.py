@@ -16,7 +16,7 @@ HEADERS = (
     "Accepted: frequency_Hz,real,imag | frequency_Hz,amplitude,phase_deg | frequency_Hz,amplitude, "
     "each with or without a last column coherence"
 )
-SAY = "Say what each column holds: --columns frequency,real,imag,skip (in Python columns=...)."
+SAY = "Say what each column holds: `columns=['frequency', 'real', 'imag', 'skip']`."
 RECTANGULAR = "# quantity: mobility\nfrequency_Hz,real,imag\n"
 
 

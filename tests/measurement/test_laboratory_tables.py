@@ -122,9 +122,9 @@ def test_quoted_cells(tmp_path: Path) -> None:
     check(read(tmp_path, text))
 
 
-SAY = "Say what each column holds: --columns frequency,real,imag,skip (in Python columns=...)."
+SAY = "Say what each column holds: `columns=['frequency', 'real', 'imag', 'skip']`."
 FAULTS = {
-    "1 2 3\n2 3 4\n": "a.txt:1\n  the table has no header.\n  Say what each column holds: --columns freq",
+    "1 2 3\n2 3 4\n": "a.txt:1\n  the table has no header.\n  Say what each column holds: `columns=['freq",
     f"{PROTOCOL}1,5;2;3\n2;3;4\n": "a.txt:8\n  the table has no header.\n",
     "f;re;im\n1,5;2;3\n1.234;2;3\n": "a.txt:3\n  numbers have a comma (line 2) and a point (line 3): which is decimal",
     "f;re;im\n1.234,5;2;3\n": "a.txt:2\n  numbers have a comma (line 2) and a point (line 2): which is decimal",
@@ -136,13 +136,13 @@ FAULTS = {
     "f;dB;Phase\n1;2;3\n": "a.txt:1\n  'Phase' may be in degrees or in radians; the file holds:\n",
     "f;Force Real;Force Imag\n1;2;3\n": "a.txt:1\n  the header 'f,Force Real,Force Imag' is not understood.\n",
     "f;Accelerance amplitude;Receptance phase [deg]\n1;2;3\n": (
-        f"a.txt\n  the file contradicts itself: accelerance and receptance.\n  {SAY} And what they are: --quantity"
+        f"a.txt\n  the file contradicts itself: accelerance and receptance.\n  {SAY} And what they are: `quantity=`"
     ),
     "f;Acceleration amplitude;Displacement phase [deg]\n1;2;3\n": (
         "a.txt\n  the file contradicts itself: accelerance and receptance.\n"
     ),
     "f;amplitude [g/N];phase [deg];coherence\nHz;um/N;deg;-\n1;2;3;1\n": (
-        f"a.txt:1\n  'amplitude [g/N]' has the unit 'um/N' in the row below.\n  {SAY} And their unit: --unit."
+        f"a.txt:1\n  'amplitude [g/N]' has the unit 'um/N' in the row below.\n  {SAY} And their unit: `unit=`."
     ),
     "no table at all": "a.txt\n  there is no header.\n",
 }

@@ -81,7 +81,7 @@ def test_one_of_several_segments_and_columns_by_their_names(tmp_path: Path, refu
     twice = HEADER + SEGMENT.replace("3.0", "7.0") + "\n" + SEGMENT
     assert refused("a.lvm", twice) == (
         "a.lvm\n  the file holds 2 segments, and one is wanted:\n    1: FRF (Real), FRF (Imag)\n"
-        "    2: FRF (Real), FRF (Imag)\n  Choose it by its number, for example --index 1."
+        "    2: FRF (Real), FRF (Imag)\n  Choose it by its number, for example `index=1`."
     )
     check(read_frf(tmp_path / "a.lvm", index=2))
     assert "and one is wanted" in refused("a.lvm", twice, index=3)
@@ -89,7 +89,7 @@ def test_one_of_several_segments_and_columns_by_their_names(tmp_path: Path, refu
         "a.lvm: segment 1\n  the values are not to be found by their name; the file holds:\n    frequency: Hz\n"
     )
     untitled = HEADER + SEGMENT.replace("FRF (Real)\tFRF (Imag)", "Untitled\tUntitled 1")
-    assert "--columns frequency,real,imag,skip" in refused("a.lvm", untitled)
+    assert "`columns=['frequency', 'real', 'imag', 'skip']`" in refused("a.lvm", untitled)
     check(read_frf(tmp_path / "a.lvm", columns=("frequency", "real", "imag"), quantity="accelerance"))
     names = {"real": "Untitled", "imag": "Untitled 1"}
     check(read_frf(tmp_path / "a.lvm", names=names))

@@ -170,7 +170,7 @@ def test_the_quantity_must_be_known_or_given(tmp_path: Path, refused) -> None:
     text = "frequency_Hz,real,imag\n1,2,3\n2,3,4\n"
     assert refused("a.csv", text) == (
         "a.csv\n  the file does not say which quantity it holds.\n  "
-        "State it: --quantity accelerance or --unit g/N (in Python quantity=..., unit=...).  "
+        "Give it: `quantity='accelerance'` or `unit='g/N'`.  "
         "Accepted: a quantity of receptance, mobility, accelerance, "
         "or a line '# quantity: accelerance' before the header"
     )

@@ -39,7 +39,7 @@ def test_a_roving_hammer_is_refused_with_a_choice_of_nodes(file):
     text = str(refusal.value)
     assert "impacts at 3 pairs of points, and one pair is wanted" in text
     assert "response 1+z, force 2+z: 1 impacts" in text
-    assert "--response 1+z --force 1+z" in text
+    assert "`response='1+z'` `force='1+z'`" in text
     for node, wanted in ((1, "1"), (2, "2+z"), (3, "3z")):
         signals = read_signals(file, force=wanted)
         np.testing.assert_allclose(signals.response, [node * RESPONSE], rtol=1e-5, atol=1e-9)
@@ -222,7 +222,7 @@ def test_later_segments_that_differ(tmp_path, labels, steps, message):
 def test_channels_of_labview_are_chosen_by_name(tmp_path):
     text = segments(("N", "g"), names=("Hammer 1", "Velocity"))
     (tmp_path / "a.lvm").write_text(text.replace("Velocity", "Sensor 3"))
-    with pytest.raises(MeasurementError, match="--name response="):
+    with pytest.raises(MeasurementError, match="'response': "):
         read_signals(tmp_path / "a.lvm")
     signals = read_signals(tmp_path / "a.lvm", names={"response": "Sensor 3"})
     np.testing.assert_allclose(signals.response, [9.80665 * RESPONSE], rtol=1e-6, atol=1e-12)

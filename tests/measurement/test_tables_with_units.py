@@ -80,19 +80,19 @@ def test_a_unit_that_the_caller_gives(tmp_path: Path) -> None:
     assert frf.unit == "rad/(N m)"
 
 
-SAY = "  Say what each column holds: --columns frequency,real,imag,skip (in Python columns=...)."
+SAY = "  Say what each column holds: `columns=['frequency', 'real', 'imag', 'skip']`."
 HEADERS = f"{SAY}  Accepted: frequency_Hz,real,imag | frequency_Hz,amplitude,phase_deg | frequency_Hz,amplitude, "
 FAULTS = [
     (
         "f,H1,H2\n1,2,3\n",
         "a.csv:1\n  'H1', 'H2' may each be the values; the file holds:\n    f\n    H1\n    H2\n"
-        "  Say which, for example --name values='H1'.",
+        "  Say which, for example `names={'values': 'H1'}`.",
     ),
     ("f,re,im,extra\n1,2,3,4\n", "a.csv:1\n  the header 'f,re,im,extra' is not understood.\n" + HEADERS),
     (
         "f,amplitude,phase\n1,2,3\n",
         "a.csv:1\n  'phase' may be in degrees or in radians; the file holds:\n    f\n    amplitude\n    phase\n"
-        "  Say --name phase_deg='phase' or --name phase_rad='phase'.",
+        "  `names={'phase_deg': 'phase'}` or `names={'phase_rad': 'phase'}` says which.",
     ),
     ("f,re,re\n1,2,3\n", "a.csv:1\n  the header 'f,re,re' has a name twice.\n" + HEADERS),
     ("f [rpm],re,im\n1,2,3\n", "a.csv:1\n  the frequency is in 'rpm'.\n  Accepted: Hz, kHz, rad/s"),

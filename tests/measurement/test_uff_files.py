@@ -95,7 +95,7 @@ def test_an_unknown_quantity_must_be_given(tmp_path: Path) -> None:
     accepted = "receptance, mobility, accelerance, or data types 8, 11 or 12 over 13 in the set's header"
     assert fault_of(path) == (
         "a.uff: set 1\n  the file does not say which quantity it holds.\n"
-        "  State it: --quantity accelerance or --unit g/N (in Python quantity=..., unit=...).  "
+        "  Give it: `quantity='accelerance'` or `unit='g/N'`.  "
         f"Accepted: a quantity of {accepted}"
     )
     assert read_frf(path, quantity="mobility").quantity == "mobility"

@@ -33,4 +33,5 @@ def _option(match: re.Match[str]) -> str:
         return match[0]
     if isinstance(value, Mapping):
         return " ".join(f"{option} {shlex.quote(f'{part}={name}')}" for part, name in value.items())
-    return f"{option} {shlex.quote(str(value))}"
+    text = ",".join(map(str, value)) if isinstance(value, (list, tuple)) else str(value)
+    return f"{option} {shlex.quote(text)}"

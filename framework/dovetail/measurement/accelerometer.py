@@ -136,7 +136,7 @@ def _check_places(frf: Frf, drive: Frf | None, to_response: Frf | None, from_for
             raise MeasurementError(Fault(frf.label, problem))
         if any(contradictions([Role(frf, sensor, sensor)])):
             problem = f"the FRF is from {frf.force} to {frf.response}, and the mass is taken off a drive point."
-            remedy = f"Give the drive-point FRF at the accelerometer too: --drive-point (in Python drive=...). {IGNORE}"
+            remedy = f"Give the drive-point FRF at the accelerometer too: `drive=`. {IGNORE}"
             raise MeasurementError(Fault(frf.label, problem, remedy=remedy))
         check_roles([Role(frf, sensor, sensor)])
         return

@@ -51,8 +51,8 @@ _IN_UNIT = re.compile(r"\b(?:in|unit)\s+([^\s,;:=\"'()\[\]]+)")
 _NUMBER_BEFORE = re.compile(r"[\d.)]\s*$")
 _LONGEST = 2000
 SKIP = (
-    "If the values already take it into account, or it does not concern them: --name 'skip=NAME' (in Python "
-    "names={'skip': 'NAME'}). Otherwise apply it, and remove it from the file."
+    "If the values already take it into account, or it does not concern them: `names={'skip': 'NAME'}`. "
+    "Otherwise apply it, and remove it from the file."
 )
 """What to do about a number that may act on the values."""
 _SHOWN = 60

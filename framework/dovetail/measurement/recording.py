@@ -199,7 +199,7 @@ class Recording:
 
     def _check_unit(self) -> None:
         """Refuse an FRF whose unit the file only mentions, or states without that of the load."""
-        remedy = "Give the unit of the values: --unit g/N (in Python unit=...)."
+        remedy = "Give the unit of the values, such as `unit='g/N'`."
         for about, text, where in self.mentions:
             if about == "disputed unit":
                 problem = f"the unit is '{text[:40]}' by its label and in SI by set 164."
@@ -241,7 +241,7 @@ class Recording:
                     self.where,
                     f"the file does not say which quantity it holds{hint}.",
                     f"a quantity of {', '.join(QUANTITIES)}, or {self.how_to_state_quantity}",
-                    "State it: --quantity accelerance or --unit g/N (in Python quantity=..., unit=...).",
+                    "Give it: `quantity='accelerance'` or `unit='g/N'`.",
                 )
             )
         return agreed

@@ -31,7 +31,7 @@ _CLEAR = 5.0
 """Standard deviations of random error that a power must exceed to be counted."""
 _NAME_LENGTH = 10
 """Characters of a substructure's name that a universal file keeps."""
-IGNORE = "If the file's DOFs are wrong, add --ignore-dofs (in Python read_frf(..., ignore_dofs=True))."
+IGNORE = "If the file's DOFs are wrong, read it with `ignore_dofs=True`."
 """How to have wrong DOFs in a file ignored."""
 
 
@@ -297,8 +297,8 @@ def _check_passive(role: Role) -> None:
     statement = f"as {role.use}, it gives out {100.0 * share:.0f} % of the power, which no passive structure does"
     if share > _MOST_GIVEN_OUT:
         remedy = (
-            "Check the sign, the phase and the points. A sensor that points the other way is given by the DOFs, as in "
-            "'dovetail convert FILE NEW.uff --dofs 1-x,1+x'."
+            "Check the sign, the phase and the points. A sensor that points the other way is given by the DOFs when "
+            "the file is read or converted, as in `dofs=('1-x', '1+x')`."
         )
         raise MeasurementError(Fault(role.name, f"{statement}: a sign, a phase or a point is wrong.", remedy=remedy))
     if share > SUSPICIOUS:

@@ -43,7 +43,7 @@ def find_matrix(archive: Archive, options: ReadOptions) -> str | None:
     if len(fitting) != 1:
         held = listing(f"{name} {shape}" for name, shape in shapes.items())
         problem = f"{len(fitting)} arrays have {count} columns; the file holds {held}."
-        remedy = "Name each column of it; --name values=NAME chooses one of several arrays."
+        remedy = "Name each column of it; `names={'values': 'NAME'}` chooses one of several arrays."
         raise MeasurementError(Fault(str(archive.path), problem, ",".join(options.columns), remedy))
     return fitting[0]
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.errors import Fault, MeasurementError, did_you_mean, listing
+from dovetail.errors import Fault, MeasurementError, argument, did_you_mean, listing
 from dovetail.frf import Quantity
 
 _QUANTITY_NAMES: dict[str, Quantity] = {
@@ -171,7 +171,7 @@ def assign_fields(
             shown = listing(repr(name) for name in candidates)
             problem = f"{shown} may each be the {field}; the file holds:{_inventory(contents)}"
             raise MeasurementError(
-                Fault(where, problem, remedy=f"Say which, for example --name {field}='{candidates[0]}'.")
+                Fault(where, problem, remedy=f"Say which, for example {argument('names', {field: candidates[0]})}.")
             )
         if candidates:
             assigned[field] = candidates[0]
@@ -197,7 +197,7 @@ def check_same_signal(where: str, fields: Mapping[str, str]) -> None:
     if len(set(signals.values())) > 1:
         shown = listing(repr(name) for name in signals)
         problem = f"{shown} are not parts of one FRF."
-        raise MeasurementError(Fault(where, problem, _ACCEPTED, "Say what each column holds: --columns or --name."))
+        raise MeasurementError(Fault(where, problem, _ACCEPTED, "Say what each column holds: `columns=` or `names=`."))
 
 
 def _signal(name: str) -> str:
@@ -250,7 +250,9 @@ def _check_phase(
     unclear = [name for name in contents if words[name] in PHASES and name not in assigned.values()]
     if {"amplitude", "db"} & set(assigned) and unclear and not {"phase_deg", "phase_rad"} & set(assigned):
         problem = f"'{unclear[0]}' may be in degrees or in radians; the file holds:{_inventory(contents)}"
-        remedy = f"Say --name phase_deg='{unclear[0]}' or --name phase_rad='{unclear[0]}'."
+        remedy = (
+            " or ".join(argument("names", {unit: unclear[0]}) for unit in ("phase_deg", "phase_rad")) + " says which."
+        )
         raise MeasurementError(Fault(where, problem, remedy=remedy))
 
 
@@ -258,7 +260,9 @@ def _check_complete(where: str, contents: Mapping[str, str], assigned: Mapping[s
     if "frequency" not in assigned:
         problem = f"the frequency is not to be found by its name; the file holds:{_inventory(contents)}"
         raise MeasurementError(
-            Fault(where, problem, ", ".join(FIELD_NAMES["frequency"]), "Say which it is: --name frequency=NAME.")
+            Fault(
+                where, problem, ", ".join(FIELD_NAMES["frequency"]), "Say which it is: `names={'frequency': 'NAME'}`."
+            )
         )
     fields = {name for kind in _VALUES for name in kind if name in assigned}
     if fields in [set(kind) for kind in _VALUES]:
@@ -266,7 +270,9 @@ def _check_complete(where: str, contents: Mapping[str, str], assigned: Mapping[s
     several = len(fields) > 1
     reason = "the file gives the values in two ways" if several else "the values are not to be found by their name"
     problem = f"{reason}; the file holds:{_inventory(contents)}"
-    raise MeasurementError(Fault(where, problem, _ACCEPTED, "Say which they are, for example --name values=NAME."))
+    raise MeasurementError(
+        Fault(where, problem, _ACCEPTED, "Say which they are, for example `names={'values': 'NAME'}`.")
+    )
 
 
 def _inventory(contents: Mapping[str, str]) -> str:

@@ -37,7 +37,7 @@ def find_reader(path: Path, content: bytes, registry: Registry, name: str | None
     offers = registry.readers().get(path.suffix.lower(), [])
     takers = [offer for offer in offers if _accepts(_made(offer.component), content)]
     if len(takers) > 1:
-        remedy = "Say which with 'reader', or --reader on the command line."
+        remedy = "Say which by `reader=`."
         problem = "several readers take this file."
         raise MeasurementError(Fault(str(path), problem, listing([o.qualified_name for o in takers]), remedy))
     return _made(takers[0].component) if takers else None
@@ -138,7 +138,7 @@ def _chosen(path: Path, recorded: Sequence[RecordedFrf], options: ReadOptions) -
         for number, frf in (fitting or list(enumerate(recorded, start=1)))[:_MOST_LISTED]
     )
     problem = f"the file holds {len(recorded)} FRFs, {len(fitting)} of which are meant, and one is wanted:{listed}"
-    raise MeasurementError(Fault(str(path), problem, remedy="Choose it by its number, for example --index 1."))
+    raise MeasurementError(Fault(str(path), problem, remedy="Choose it by its number, for example `index=1`."))
 
 
 def _matches(stated: str, wanted: str | None) -> bool:

@@ -87,7 +87,9 @@ def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
         header = read_header("the argument columns", options.columns, (), {}, {})
     elif segment.dimension != _FREQUENCY:
         problem = f"the abscissa is {segment.dimension}, the channels are {listing(segment.names)}."
-        remedy = "FRFs of time records: dovetail frf. If it is a frequency: --columns frequency,real,imag,skip."
+        remedy = (
+            "FRFs of time records: dovetail frf. If it is a frequency: `columns=['frequency', 'real', 'imag', 'skip']`."
+        )
         raise MeasurementError(Fault(segment.where, problem, "an abscissa of frequency", remedy))
     else:
         header = read_header(segment.where, cells, below, options.names, {})
@@ -116,7 +118,7 @@ def _chosen(path: Path, segments: list[Segment], index: int | None) -> Segment:
     if index is None or not 1 <= index <= len(segments):
         rows = "".join(f"\n    {number}: {listing(s.names, 6)}" for number, s in enumerate(segments[:20], start=1))
         problem = f"the file holds {len(segments)} segments, and one is wanted:{rows}"
-        raise MeasurementError(Fault(str(path), problem, remedy="Choose it by its number, for example --index 1."))
+        raise MeasurementError(Fault(str(path), problem, remedy="Choose it by its number, for example `index=1`."))
     return segments[index - 1]
 
 

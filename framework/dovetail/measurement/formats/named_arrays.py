@@ -117,7 +117,9 @@ def _check_folders(where: str, names: Mapping[str, str], chosen: Mapping[str, st
     parts = [names[name] for name in VALUE_FIELDS & set(names) if name not in chosen]
     if len({re.sub(r"[^/.]*$", "", part) for part in parts}) > 1:
         problem = f"{listing(repr(part) for part in sorted(parts))} are not parts of one FRF."
-        raise MeasurementError(Fault(where, problem, remedy="Say which they are: --name real=NAME, --name imag=NAME."))
+        raise MeasurementError(
+            Fault(where, problem, remedy="Say which they are: `names={'real': 'NAME', 'imag': 'NAME'}`.")
+        )
 
 
 def _load_fields(archive: Archive, names: Mapping[str, str], options: ReadOptions) -> dict[str, NDArray[Any]]:

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
-from dovetail.errors import Fault, MeasurementError, did_you_mean
+from dovetail.errors import Fault, MeasurementError, argument, did_you_mean
 from dovetail.frf import MOST_AVERAGES, Quantity
 from dovetail.measurement.formats.column_names import (
     FIELD_NAMES,
@@ -50,7 +50,7 @@ _HEADERS = (
     "frequency_Hz,real,imag | frequency_Hz,amplitude,phase_deg | frequency_Hz,amplitude, "
     "each with or without a last column coherence"
 )
-SAY_COLUMNS = "Say what each column holds: --columns frequency,real,imag,skip (in Python columns=...)."
+SAY_COLUMNS = "Say what each column holds: `columns=['frequency', 'real', 'imag', 'skip']`."
 _SKIP = "skip"
 _LONGEST = 1000
 _PLAIN = ("real", "imag", "amplitude")
@@ -107,7 +107,7 @@ def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
     if "values" in arrays and not arrays["values"].imag.any():
         name = header.names[header.columns["values"]]
         problem = f"'{name}' holds real numbers only: amplitudes, or the real parts alone."
-        remedy = f"If they are amplitudes, say so: --name 'amplitude={name}' (in Python names={{'amplitude': ...}})."
+        remedy = f"If they are amplitudes, say so: {argument('names', {'amplitude': name})}."
         raise MeasurementError(Fault(where, problem, "complex numbers in one column, or real and imag in two", remedy))
 
     def locate(index: int) -> str:
@@ -226,7 +226,7 @@ def _check_quantities(path: Path, header: Header) -> None:
     ]
     if len(each := list(dict.fromkeys(stated))) > 1:
         problem = f"the file contradicts itself: {' and '.join(each)}."
-        remedy = f"{SAY_COLUMNS} And what they are: --quantity or --unit."
+        remedy = f"{SAY_COLUMNS} And what they are: `quantity=` or `unit=`."
         raise MeasurementError(Fault(str(path), problem, remedy=remedy))
 
 
@@ -277,7 +277,7 @@ def read_header(
         unit = re.sub(r"^[\[(](.*)[\])]$", r"\1", cell)
         if units[column] and unit and unit != units[column]:
             problem = f"'{cells[column][:60]}' has the unit '{unit[:40]}' in the row below."
-            raise MeasurementError(Fault(where, problem, "one unit", f"{SAY_COLUMNS} And their unit: --unit."))
+            raise MeasurementError(Fault(where, problem, "one unit", f"{SAY_COLUMNS} And their unit: `unit=`."))
         units[column] = units[column] or unit
     columns = _field_columns(where, ",".join(cells), names, units, chosen)
     unit = _unit(where, units, columns, comments.get("unit", ""))

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.errors import Fault, MeasurementError, listing
+from dovetail.errors import Fault, MeasurementError, argument, listing
 from dovetail.frf import Quantity
 from dovetail.measurement.frf_units import frequency_factor, read_unit
 from dovetail.measurement.impact_test.records import AxisFact, Pair, TimeRecord
@@ -136,7 +136,7 @@ def _documented(record: TimeRecord) -> Quantity:
     if record.is_acceleration:
         return "accelerance"
     problem = "the file does not say whether the response is an acceleration, a velocity or a displacement."
-    remedy = "Give its unit: --response-unit, such as m/s^2."
+    remedy = "Give its unit, such as `response_unit='m/s^2'`."
     raise MeasurementError(Fault(record.where, problem, "m/s^2, g, m/s, mm/s, m, um, ...", remedy))
 
 
@@ -146,7 +146,7 @@ def _check_is_signal(signal: str, statements: Sequence[Statement]) -> None:
         label = read_label(text) if "label" in about else None
         if label is not None and label.unclear:
             problem = f"'{text[:60]}' is not a {signal} in a unit: '{label.unclear}' is not understood."
-            remedy = "If it is, choose the columns or arrays: --columns, or --name and the units."
+            remedy = "If it is, choose the columns or arrays: `columns=`, or `names=` and the units."
             raise MeasurementError(Fault(where, problem, remedy=remedy))
         units = label.units if label is not None else (text,) if "unit" in about else ()
         kinds = {reading.kind for unit in units if (reading := read_unit(unit)) is not None}
@@ -242,7 +242,7 @@ def choose_points(
     ]
     which = f"impacts at {len(points)} pairs of points" if fitting else "no impact at these points"
     first = next(iter(held), ("", ""))
-    remedy = f"Choose one: --response {first[0] or 'POINT'} --force {first[1] or 'POINT'}."
+    remedy = f"Choose one: {argument('response', first[0] or 'POINT')} {argument('force', first[1] or 'POINT')}."
     raise MeasurementError(
         Fault(path, f"the file holds {which}, and one pair is wanted:{''.join(counts)}", remedy=remedy)
     )

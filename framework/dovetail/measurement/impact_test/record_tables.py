@@ -79,7 +79,7 @@ def read_table(
         wanted = [number for number, one in enumerate(_named(columns, names)) if one.role]
         table = find_rows(str(path), lines, columns, wanted)
     else:
-        remedy = "Say what each column holds: --columns time,force,response,skip."
+        remedy = "Say what each column holds: `columns=['time', 'force', 'response', 'skip']`."
         table = find_table(str(path), lines, lambda cells: _has_force(cells, names), _HEADERS, remedy)
     for number, line in enumerate(table.lines[: table.line]):
         if not columns or line.lstrip()[:1] in ("#", "%"):
@@ -104,7 +104,7 @@ def read_columns(path: Path, array: NDArray[Any], columns: Sequence[str], remark
         problem = (
             f"the array has the shape {array.shape} and the type {array.dtype}, and {len(columns)} columns are named."
         )
-        remedy = "Say what each column holds: --columns time,force,response,skip."
+        remedy = "Say what each column holds: `columns=['time', 'force', 'response', 'skip']`."
         raise MeasurementError(Fault(str(path), problem, "real numbers (n_samples, n_columns)", remedy))
     table = array if array.shape[1] == len(columns) else array.T
     found = _columns("the argument columns", columns, (), {})
@@ -173,7 +173,8 @@ def _check_pairs(where: str, columns: Sequence[_Column]) -> None:
     if not forces or len(forces) != len(responses):
         problem = f"the header has {len(forces)} columns of force and {len(responses)} of response."
         remedy = (
-            "Choose the columns: --name force='NAME' --name response='NAME', or --columns time,force,response,skip."
+            "Choose the columns: `names={'force': 'NAME', 'response': 'NAME'}`, "
+            "or `columns=['time', 'force', 'response', 'skip']`."
         )
         raise MeasurementError(Fault(where, problem, _HEADERS, remedy))
     if len(times) > 1:
@@ -227,7 +228,7 @@ def read_labview(path: Path, content: bytes, names: dict[str, str], remarks: Rem
         if segment.dimension != "time" or any(len(part) != 1 for part in chosen):
             problem = f"the abscissa is {segment.dimension}, the channels are {', '.join(segment.names[:20])}."
             accepted = "time, and channels whose names begin with Force and Response, one of each"
-            remedy = "Choose the channels: --name force='NAME' --name response='NAME'."
+            remedy = "Choose the channels: `names={'force': 'NAME', 'response': 'NAME'}`."
             raise MeasurementError(Fault(segment.where, problem, accepted, remedy))
         axis = [AxisFact("times", segment.axis, segment.axis_unit, segment.where), *_other_axes(segment)]
         axis += remarks.facts()

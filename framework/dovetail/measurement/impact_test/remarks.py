@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from dovetail.errors import Fault, MeasurementError
+from dovetail.errors import Fault, MeasurementError, argument
 from dovetail.measurement.acting_numbers import find_acting_number
 from dovetail.measurement.frf_units import frequency_factor, read_unit
 from dovetail.measurement.impact_test.records import AxisFact, Point
@@ -132,10 +132,10 @@ class Remarks:
             if has_units and (_SENSITIVITY.search(f"{key} {text}") or re.search(r"[mµuk]?V/", text)):
                 continue
             problem = find_acting_number(key, text)
-            said = f"say so: --name skip='{key}' (in Python names={{'skip': ...}})" if key else "remove the line"
+            said = f"say so: {argument('names', {'skip': key})}" if key else "remove the line"
             remedy = (
-                f"If the samples take it into account, {said}, and state their units: --force-unit, --response-unit. "
-                "If they are voltages: --force-sensitivity, --response-sensitivity."
+                f"If the samples take it into account, {said}, and give their units: `force_unit=`, `response_unit=`. "
+                "If they are voltages: `force_sensitivity=`, `response_sensitivity=`."
             )
             raise MeasurementError(Fault(where, problem, remedy=remedy))
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.atomic_files import read_bounded
-from dovetail.errors import Fault, MeasurementError, did_you_mean, listing
+from dovetail.errors import Fault, MeasurementError, argument, did_you_mean, listing
 from dovetail.frf import QUANTITIES, Quantity
 from dovetail.measurement.formats import guarded, npz
 from dovetail.measurement.formats.archives import Archive
@@ -246,6 +246,7 @@ def _rate(path: Path, time: Array) -> float:
     mean = float(np.mean(np.diff(time))) if len(time) > 1 else 0.0
     even = time[:1] + mean * np.arange(len(time))
     if not (np.isfinite(mean) and mean > 0 and np.all(np.abs(time - even) <= _EVEN * mean)):
-        remedy = "If it has too few digits, leave it out (--columns skip,force,response) and give the rate (--rate)."
+        columns = argument("columns", ["skip", "force", "response"])
+        remedy = f"If it has too few digits, leave it out ({columns}) and give the rate ({argument('rate')})."
         raise MeasurementError(Fault(str(path), "the time does not increase in even steps.", remedy=remedy))
     return 1.0 / mean
