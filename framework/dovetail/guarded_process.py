@@ -111,11 +111,12 @@ def main() -> None:
             answer = getattr(_module(name, file), function)(Path(path), content, *arguments)
         words: dict[str, Any] = {"values": {key: value for key, value in answer.items() if not _is_array(value)}}
         words["warnings"] = [str(each.message) for each in caught if issubclass(each.category, UserWarning)]
-        arrays = {key: value for key, value in answer.items() if _is_array(value)}
+        arrays: dict[str, Any] = {key: value for key, value in answer.items() if _is_array(value)}
     except DovetailError as error:
         words, arrays = {"faults": [astuple(fault) for fault in error.faults]}, {}
     stream = io.BytesIO()
-    np.savez(stream, **{_WORDS: np.array(json.dumps(words))}, **arrays)
+    arrays[_WORDS] = np.array(json.dumps(words))
+    np.savez(stream, **arrays)
     sys.stdout.buffer.write(stream.getbuffer())
 
 

@@ -70,7 +70,7 @@ def _report_damage(path: Path) -> AbstractContextManager[None]:
 def encode(content: FrfToWrite, _path: Path, _binary: bool | None) -> bytes:
     """Return an NPZ file."""
     frf = content.frf
-    arrays: dict[str, NDArray[Any]] = {"frequency": frf.frequency, "quantity": np.array(frf.quantity)}
+    arrays: dict[str, Any] = {"frequency": frf.frequency, "quantity": np.array(frf.quantity)}
     arrays |= {"values": content.values} if frf.has_phase else {"amplitude": np.abs(content.values)}
     arrays["unit"] = np.array(content.unit)
     for name, array in (("coherence", frf.coherence), ("variance", content.variance)):
