@@ -24,7 +24,17 @@ from dovetail.cli.options import (
 )
 from dovetail.cli.output_files import check_new_files, writing
 from dovetail.cli.reading import NOTHING_SET, Reading, warnings_as_notes, with_reading
-from dovetail.cli.terminal import heading, note, print_json, progress_bars, say, say_on_stderr, table, title
+from dovetail.cli.terminal import (
+    heading,
+    note,
+    print_json,
+    print_table,
+    progress_bars,
+    say,
+    say_on_stderr,
+    table,
+    title,
+)
 from dovetail.report.result_files import csv_text, json_text, prepare_folder, write_texts
 
 __all__ = [
@@ -50,6 +60,7 @@ __all__ = [
     "part",
     "prepare_folder",
     "print_json",
+    "print_table",
     "progress_bars",
     "quantity_in",
     "say",

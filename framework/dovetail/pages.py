@@ -20,6 +20,7 @@ from dovetail.report.figures import (
 )
 from dovetail.report.pages import as_data, chart_data, write_page
 from dovetail.report.svg import page_figure
+from dovetail.report.tables import Column, Table
 from dovetail.units import format_quantity
 
 __all__ = [
@@ -30,6 +31,8 @@ __all__ = [
     "MARKERS",
     "MEASURED",
     "RECONSTRUCTED",
+    "Column",
+    "Table",
     "as_data",
     "chart_data",
     "display_unit",

@@ -33,7 +33,7 @@ def test_on_a_dataset_and_as_json(run, bench, tmp_path):
     ("arguments", "code", "found"),
     [
         (["--models", "umpa"], 1, "Did you mean 'umap'?"),
-        (["--levels", "0,a"], 2, "'a' is no number"),
+        (["--levels", "0,a"], 2, "'a' is not a number"),
         (["--levels", "-0.1"], 2, "'-0.1' is not 0 or more"),
         (["--levels", "nan"], 2, "'nan' is not 0 or more"),
     ],

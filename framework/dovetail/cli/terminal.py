@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from dovetail.interfaces import Progress
+    from dovetail.report.tables import Table
 
 _UNLIMITED = 10_000
 """Width in a pipe, where each row of a table stays on one line, for grep."""
@@ -220,6 +221,11 @@ def table(
         if number:
             say()
         _print_columns(headers, cells, columns, numbers)
+
+
+def print_table(made: Table) -> None:
+    """Print a table of `dovetail.report.tables`."""
+    table(made.headings, made.texts, numbers=made.numbers)
 
 
 def _blocks(columns: Sequence[int], widths: Mapping[int, int]) -> Iterator[list[int]]:

@@ -18,13 +18,12 @@ from dovetail.commands import (
     one_of,
     part,
     print_json,
+    print_table,
     progress_bars,
     say,
     say_on_stderr,
-    table,
     title,
 )
-from dovetail.pages import markdown_table
 
 if TYPE_CHECKING:
     from dovetail_bench.evaluation.calibration import Calibration
@@ -134,10 +133,10 @@ def calibrate(
 
 
 def _print(name: str, done: Calibration) -> None:
-    from dovetail_bench.pages.calibration import CALIBRATION_HEADERS, calibration_rows, calibration_times
+    from dovetail_bench.pages.calibration import calibration_table, calibration_times
 
     title(_title(name, done))
-    table(list(CALIBRATION_HEADERS), calibration_rows(done), numbers=list(CALIBRATION_HEADERS[1:]))
+    print_table(calibration_table(done))
     say()
     say(calibration_times(done))
 
@@ -147,33 +146,22 @@ def _title(name: str, done: Calibration) -> str:
 
 
 def _write(name: str, done: Calibration, folder: Path) -> None:
-    from dovetail.commands import csv_text, json_text, write_texts
+    from dovetail.commands import json_text, write_texts
     from dovetail.pages import save_png
-    from dovetail_bench.pages.calibration import write_calibration
+    from dovetail_bench.pages.calibration import calibration_table, calibration_times, write_calibration
     from dovetail_bench.pages.calibration_figures import coverage_figure, rank_figure
 
+    table = calibration_table(done)
     content = {
         _FILES[0]: json_text(done.to_dict()),
-        _FILES[1]: _markdown(done),
-        _FILES[2]: csv_text(
-            ["parameter", "coverage", "by_chance_from", "by_chance_to", "r2", "p_uniform"],
-            [
-                [parameter.name, parameter.coverage, *parameter.by_chance, parameter.r2, parameter.p_uniform]
-                for parameter in done.parameters
-            ],
-        ),
+        _FILES[1]: f"{table.markdown()}\n{calibration_times(done)}\n",
+        _FILES[2]: table.csv(),
         _FILES[3]: _cases(done),
     }
     write_texts(folder, content)
     save_png(rank_figure(done), folder / _FILES[4])
     save_png(coverage_figure(done), folder / _FILES[5])
     write_calibration(done, folder / _FILES[6], _title(name, done))
-
-
-def _markdown(done: Calibration) -> str:
-    from dovetail_bench.pages.calibration import CALIBRATION_HEADERS, calibration_rows, calibration_times
-
-    return f"{markdown_table(CALIBRATION_HEADERS, calibration_rows(done))}\n{calibration_times(done)}\n"
 
 
 def _cases(done: Calibration) -> str:

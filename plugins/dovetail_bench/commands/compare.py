@@ -15,9 +15,9 @@ from dovetail.commands import (
     exit_unless_trustworthy,
     heading,
     print_json,
+    print_table,
     progress_bars,
     say_warning,
-    table,
     title,
     with_reading,
 )
@@ -31,10 +31,6 @@ _HEADINGS = {
     "frequencies": "Resonances: errors in per cent",
     "times": "Time [s]",
 }
-_PARAMETERS = [
-    "case", "value", "method", "parameter", "unit", "identified", "estimate", "lower", "upper", "precision",
-    "verdict", "truth", "is_trustworthy",
-]  # fmt: skip
 
 
 @with_reading("none", mass=False)
@@ -85,38 +81,27 @@ def compare(
     exit_unless_trustworthy(done)
 
 
-def _tables(done: Comparison) -> dict[str, tuple[list[str], list[list[object]]]]:
-    from dovetail_bench.pages.comparison import coherence_rows, frequency_rows, parameter_value_rows, time_rows
-
-    names = [case.name for case in done.cases]
-    return {
-        "coherence": (["method", *names, "not_trustworthy"], list(coherence_rows(done))),
-        "frequencies": (["case", "mode", "measured_Hz", *done.methods, "not_trustworthy"], list(frequency_rows(done))),
-        "times": (["method", "training_s", "identification_s", "not_trustworthy"], list(time_rows(done))),
-        "parameters": (_PARAMETERS, list(parameter_value_rows(done))),
-    }
-
-
 def _plain(done: Comparison) -> dict[str, object]:
-    tables = {
-        name: [dict(zip(header, row, strict=True)) for row in rows] for name, (header, rows) in _tables(done).items()
-    }
+    from dovetail_bench.pages.comparison import comparison_tables
+
+    tables = {name: table.records() for name, table in comparison_tables(done).items()}
     return {"is_trustworthy": done.is_trustworthy, "warning": done.warning, "failures": dict(done.failures), **tables}
 
 
 def _print(done: Comparison) -> None:
+    from dovetail_bench.pages.comparison import comparison_tables
+
     title(done.title)
     say_warning(done)
-    tables = _tables(done)
+    tables = comparison_tables(done)
     for name, words in _HEADINGS.items():
         heading(words)
-        header, rows = tables[name]
-        table(header, [[str(cell) for cell in row] for row in rows], numbers=header[1:-1])
+        print_table(tables[name])
 
 
 def _write(done: Comparison, folder: Path) -> None:
-    from dovetail.commands import csv_text, write_texts
-    from dovetail_bench.pages.comparison import write_comparison
+    from dovetail.commands import write_texts
+    from dovetail_bench.pages.comparison import comparison_tables, write_comparison
 
     write_comparison(done, folder / _FILES[0])
-    write_texts(folder, {f"{name}.csv": csv_text(header, rows) for name, (header, rows) in _tables(done).items()})
+    write_texts(folder, {f"{name}.csv": table.csv() for name, table in comparison_tables(done).items()})

@@ -16,12 +16,13 @@ from dovetail.commands import (
     load_assembly,
     part,
     print_json,
+    print_table,
     progress_bars,
-    table,
     title,
 )
 
 if TYPE_CHECKING:
+    from dovetail.pages import Table
     from dovetail_bench.evaluation.robustness import RobustnessRow
 
 _FILES = ("robustness.json", "robustness.csv", "robustness.png")
@@ -81,27 +82,39 @@ def robustness(
         )
     with writing(output, lambda folder: _write(rows, folder), _FILES[0]):
         if as_json:
-            print_json([_finite(row.flat()) for row in rows])
+            print_json(_table(rows).records())
         else:
             title(f"{loaded.name}: accuracy with noise")
-            printed = [(row.model, f"{row.level:g}", f"{row.r2:.3f}", f"{row.rmse:.3f}") for row in rows]
-            table(["model", "noise", "R2", "RMSE"], printed, numbers=["noise", "R2", "RMSE"])
+            print_table(_table(rows))
 
 
-def _finite(row: dict[str, Any]) -> dict[str, Any]:
-    """Return a row with None for NaN and infinite values."""
-    return {key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in row.items()}
+def _table(rows: Sequence[RobustnessRow]) -> Table:
+    """Return R2 and RMSE by model and level of noise, for programs also by parameter; None for what is not finite."""
+    from dovetail.pages import Column, Table
+
+    shown = {
+        "model": Column("model", "model", is_number=False),
+        "level": Column("noise", "level", "{:g}".format),
+        "r2": Column("R2", "r2", _three_decimals),
+        "rmse": Column("RMSE", "rmse", _three_decimals),
+    }
+    columns = [shown.get(key) or Column("", key) for key in rows[0].flat()] if rows else []
+    return Table(columns, [[_finite(value) for value in row.flat().values()] for row in rows])
+
+
+def _three_decimals(value: float | None) -> str:
+    return "nan" if value is None else f"{value:.3f}"
+
+
+def _finite(value: float | str) -> float | str | None:
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _write(rows: Sequence[RobustnessRow], folder: Path) -> None:
-    from dovetail.commands import csv_text, json_text, write_texts
+    from dovetail.commands import json_text, write_texts
     from dovetail.pages import save_png
     from dovetail_bench.pages.robustness_figure import robustness_figure
 
-    flat = [_finite(row.flat()) for row in rows]
-    content = {
-        _FILES[0]: json_text(flat),
-        _FILES[1]: csv_text(list(flat[0]), [row.values() for row in flat]),
-    }
-    write_texts(folder, content)
-    save_png(robustness_figure(flat), folder / _FILES[2])
+    table = _table(rows)
+    write_texts(folder, {_FILES[0]: json_text(table.records()), _FILES[1]: table.csv()})
+    save_png(robustness_figure(table.records()), folder / _FILES[2])

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -16,21 +15,20 @@ from dovetail.commands import (
     exit_if_failed,
     exit_unless_trustworthy,
     print_json,
+    print_table,
     progress_bars,
     say,
     say_warning,
-    table,
     title,
     with_reading,
 )
-from dovetail.pages import markdown_cell, markdown_table
+from dovetail.pages import markdown_cell
 
 if TYPE_CHECKING:
     from dovetail import Assembly, Frf, Identification, IdentificationMethod
     from dovetail_bench.evaluation.validation import Identify, Validation
 
 _FILES = ("validation.json", "validation.csv", "table.md", "frfs.png", "validation.html")
-_HEADERS = ("case", "measured [Hz]", "compensated [Hz]", "predicted [Hz]", "error [%]", "shift [%]", "joint")
 _SERIES = "series.png"
 
 
@@ -86,58 +84,31 @@ def _method(name: str | IdentificationMethod, plugins: list[Path]) -> str | Iden
 
 def _print(done: Validation) -> None:
     from dovetail.evaluation import NOT_TRUSTWORTHY
+    from dovetail_bench.pages.validation import validation_table
 
     title(done.title)
     say_warning(done)
-    table(_HEADERS, _rows(done), numbers=_HEADERS[1:6])
+    print_table(validation_table(done.cases))
     if doubtful := [result.case.name for result in done.cases if not result.is_trustworthy]:
         say(f"Joints {NOT_TRUSTWORTHY}: {', '.join(doubtful)}.")  # a narrow terminal cuts the last column off
 
 
-def _rows(done: Validation) -> Iterator[list[str]]:
-    from dovetail.evaluation import NOT_TRUSTWORTHY
-
-    for result in done.cases:
-        method = "" if result.joint is None else result.joint.method
-        if not result.is_trustworthy:
-            method += f", {NOT_TRUSTWORTHY}"
-        for index, row in enumerate(result.peaks):
-            frequencies = [_text(f, ".1f") for f in (row.measured, row.compensated, row.predicted)]
-            first = [result.case.name, method] if index == 0 else ["", ""]
-            yield [first[0], *frequencies, _text(row.error, "+.2f"), _text(row.shift, "+.2f"), first[1]]
-
-
 def _markdown(done: Validation) -> str:
-    """Return the table for a page of documentation, without the last column if no joint was identified."""
-    rows = list(_rows(done))
-    width = len(_HEADERS) if any(row[-1] for row in rows) else len(_HEADERS) - 1
-    rule = ["---", *["---:"] * 5, "---"][:width]
-    text = markdown_table(_HEADERS[:width], (row[:width] for row in rows), rule)
+    from dovetail_bench.pages.validation import validation_table
+
+    text = validation_table(done.cases).markdown()
     return f"{text}\n{markdown_cell(done.warning)}\n" if done.warning else text
 
 
-def _text(value: float | None, form: str) -> str:
-    return "-" if value is None else f"{value:{form}}"
-
-
 def _write(done: Validation, folder: Path) -> None:
-    from dovetail.commands import csv_text, json_text, write_texts
+    from dovetail.commands import json_text, write_texts
     from dovetail.pages import save_png
-    from dovetail_bench.pages.validation import write_validation
+    from dovetail_bench.pages.validation import validation_table, write_validation
     from dovetail_bench.pages.validation_figures import series_figure, validation_figure
 
-    plain = done.to_dict()
-    header = ["case", "value", "measured_Hz", "compensated_Hz", "predicted_Hz", "error_percent", "shift_percent"]
-    header.append("is_trustworthy")
-    keys = ("measured", "compensated", "predicted", "error", "shift")
-    rows: list[list[Any]] = [
-        [case["name"], case["value"], *(row[key] for key in keys), case["is_trustworthy"]]
-        for case in plain["cases"]
-        for row in case["peaks"]
-    ]
     content = {
-        _FILES[0]: json_text(plain),
-        _FILES[1]: csv_text(header, rows),
+        _FILES[0]: json_text(done.to_dict()),
+        _FILES[1]: validation_table(done.cases).csv(),
         _FILES[2]: _markdown(done),
     }
     write_texts(folder, content)

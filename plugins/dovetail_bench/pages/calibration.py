@@ -5,17 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from dovetail.pages import page_figure, write_page
+from dovetail.pages import Column, Table, page_figure, write_page
 from dovetail_bench.evaluation.calibration import CalibratedParameter, Calibration
 from dovetail_bench.pages.calibration_figures import coverage_figure, rank_figure
 
-CALIBRATION_HEADERS = (
-    "parameter",
-    "90 % intervals hold the truth",
-    "by chance",
-    "R2 of the estimate",
-    "uniform ranks, p",
-)
+_PERCENT, _TWO = "{:.1%}".format, "{:.2f}".format
 
 
 def write_calibration(calibration: Calibration, path: str | Path, title: str) -> Path:
@@ -43,8 +37,7 @@ def write_calibration(calibration: Calibration, path: str | Path, title: str) ->
         "mark": mark,
         "verdict": verdict,
         "setting": _setting(calibration),
-        "headers": CALIBRATION_HEADERS,
-        "rows": calibration_rows(calibration),
+        "table": calibration_table(calibration),
         "outside": [parameter.name for parameter in calibration.parameters if not _by_chance(parameter)],
         "times": calibration_times(calibration),
         "figures": [
@@ -64,21 +57,21 @@ _RANK_CAPTION = (
 )
 
 
-def calibration_rows(calibration: Calibration) -> list[list[str]]:
+def calibration_table(calibration: Calibration) -> Table:
     """Return a row for each parameter, with its coverage and the limits that chance allows, and one for all."""
-    rows = [
-        [
-            parameter.name,
-            f"{parameter.coverage:.1%}",
-            f"{parameter.by_chance[0]:.1%} to {parameter.by_chance[1]:.1%}",
-            f"{parameter.r2:.2f}",
-            f"{parameter.p_uniform:.2f}",
-        ]
-        for parameter in calibration.parameters
+    columns = [
+        Column("parameter", "parameter", is_number=False),
+        Column("90 % intervals hold the truth", "coverage", _PERCENT),
+        Column("by chance", "", lambda ends: f"{ends[0]:.1%} to {ends[1]:.1%}"),
+        Column("", "by_chance_from"),
+        Column("", "by_chance_to"),
+        Column("R2 of the estimate", "r2", _TWO),
+        Column("uniform ranks, p", "p_uniform", _TWO),
     ]
+    rows = [[p.name, p.coverage, p.by_chance, *p.by_chance, p.r2, p.p_uniform] for p in calibration.parameters]
     covered, error = calibration.coverage
     mean_r2 = calibration.to_dict()["mean_r2"]
-    return [*rows, ["all", f"{covered:.1%}", f"± {error:.1%}", f"{mean_r2:.3f}", ""]]
+    return Table(columns, rows, ["all", f"{covered:.1%}", f"± {error:.1%}", "", "", f"{mean_r2:.3f}", ""])
 
 
 def calibration_times(calibration: Calibration) -> str:

@@ -7,12 +7,29 @@ from pathlib import Path
 from typing import Any
 
 from dovetail.evaluation import NOT_TRUSTWORTHY, joined_warnings
-from dovetail.pages import ABSENT, as_data, chart_data, display_unit, fixed, hertz, number, page_figure, write_page
+from dovetail.pages import (
+    ABSENT,
+    Column,
+    Table,
+    as_data,
+    chart_data,
+    display_unit,
+    fixed,
+    hertz,
+    number,
+    page_figure,
+    write_page,
+)
 from dovetail_bench.evaluation.cases import Case
 from dovetail_bench.evaluation.comparison import Compared, Comparison
 from dovetail_bench.pages.comparison_figures import parameter_comparison
 
 Row = list[Any]
+
+_PARAMETERS = (
+    "case", "value", "method", "parameter", "unit", "identified", "estimate", "lower", "upper", "precision",
+    "verdict", "truth", "is_trustworthy",
+)  # fmt: skip
 
 _MOST_LINES = 1600
 """Largest number of lines in a chart, which has up to eight curves with all their peaks and dips."""
@@ -31,7 +48,6 @@ def write_comparison(comparison: Comparison, path: str | Path) -> Path:
     -------
     Path
     """
-    shown = None if comparison.warning else -1  # without the last column, which would be empty
     figures = [
         (case.name, f"chart-{index + 1}", as_data(_chart(comparison, case)), _case_warning(comparison, case))
         for index, case in enumerate(comparison.cases)
@@ -43,9 +59,7 @@ def write_comparison(comparison: Comparison, path: str | Path) -> Path:
         "series": comparison.series,
         "cases": [case.name for case in comparison.cases],
         "methods": comparison.methods,
-        "coherence": [row[:shown] for row in coherence_rows(comparison)],
-        "frequencies": [row[:shown] for row in frequency_rows(comparison)],
-        "times": [row[:shown] for row in time_rows(comparison)],
+        "tables": comparison_tables(comparison),
         "verdicts": _verdicts(comparison),
         "parameters": figure and page_figure(figure, "parameters", "Identified parameters"),
         "figures": figures,
@@ -74,7 +88,24 @@ def _not_trustworthy(rows: Iterable[Compared], name: Callable[[Compared], str]) 
     return "; ".join(name(row) for row in rows if not row.is_trustworthy)
 
 
-def coherence_rows(comparison: Comparison) -> Iterator[Row]:
+def comparison_tables(comparison: Comparison) -> dict[str, Table]:
+    """Return mean coherence (Table 4), resonances (Table 5), times and parameters, by the names of their files."""
+    method = Column("method", "method", is_number=False)
+    doubt = Column("not trustworthy", "not_trustworthy", is_number=False)
+    case = Column("case", "case", is_number=False)
+    peaks = [Column("mode", "mode"), Column("measured [Hz]", "measured_Hz")]
+    times = [Column("training", "training_s"), Column("one identification (median)", "identification_s")]
+    cases = [Column(case.name, case.name) for case in comparison.cases]
+    methods = [Column(name, name) for name in comparison.methods]
+    return {
+        "coherence": Table([method, *cases, doubt], list(_coherence_rows(comparison))),
+        "frequencies": Table([case, *peaks, *methods, doubt], list(_frequency_rows(comparison))),
+        "times": Table([method, *times, doubt], list(_time_rows(comparison))),
+        "parameters": Table([Column(name, name) for name in _PARAMETERS], list(parameter_value_rows(comparison))),
+    }
+
+
+def _coherence_rows(comparison: Comparison) -> Iterator[Row]:
     """Yield method, mean coherence of each case (Table 4), and the cases with a result that is not trustworthy."""
     for method in comparison.methods:
         rows = [comparison.of(case)[method] for case in comparison.cases]
@@ -85,7 +116,7 @@ def coherence_rows(comparison: Comparison) -> Iterator[Row]:
         ]
 
 
-def frequency_rows(comparison: Comparison) -> Iterator[Row]:
+def _frequency_rows(comparison: Comparison) -> Iterator[Row]:
     """Yield case, number and frequency of each resonance, and each method's error in per cent (Table 5).
 
     The last cell names the methods with a result that is not trustworthy.
@@ -103,7 +134,7 @@ def _error(peak: tuple[float, float | None]) -> str:
     return ABSENT if reconstructed is None else fixed(100.0 * (reconstructed / measured - 1.0), 2, signed=True)
 
 
-def time_rows(comparison: Comparison) -> Iterator[Row]:
+def _time_rows(comparison: Comparison) -> Iterator[Row]:
     """Yield method, seconds of training, median seconds of one identification, and the cases not trustworthy."""
     for method in comparison.methods:
         rows = [row for row in comparison.rows if row.method == method]

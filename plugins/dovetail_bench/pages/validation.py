@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from dovetail.pages import ABSENT, as_data, chart_data, fixed, hertz, page_figure, write_page
+from dovetail.evaluation import NOT_TRUSTWORTHY
+from dovetail.pages import Column, Table, as_data, chart_data, hertz, page_figure, write_page
 from dovetail_bench.evaluation.validation import ValidatedCase, Validation
 from dovetail_bench.pages.validation_figures import series_figure
 
@@ -35,7 +36,7 @@ def write_validation(validation: Validation, path: str | Path) -> Path:
             f"chart-{index + 1}",
             case.case.name,
             as_data(_chart(case)),
-            list(_rows(case)),
+            validation_table([case]).without("case", "joint"),
             f"{case.mean_coherence:.4f}",
             case.is_trustworthy,
         )
@@ -60,12 +61,35 @@ def _chart(case: ValidatedCase) -> dict[str, Any]:
     return chart_data(f"FRFs of {case.case.name}", curves, natural=case.natural, most=_MOST_LINES)
 
 
-def _rows(case: ValidatedCase) -> Iterator[list[str]]:
-    """Yield each resonance as measured, compensated and predicted [Hz], the error and the shift [%]."""
-    for row in case.peaks:
-        frequencies = (row.measured, row.compensated, row.predicted)
-        cells = [hertz(frequency) for frequency in frequencies]
-        yield cells + [ABSENT if value is None else fixed(value, 2, signed=True) for value in (row.error, row.shift)]
+def validation_table(cases: Iterable[ValidatedCase]) -> Table:
+    """Return each resonance as measured, compensated and predicted, the error and the shift, case by case."""
+    columns = [
+        Column("case", "case", is_number=False, once=True),
+        Column("", "value"),
+        Column("measured [Hz]", "measured_Hz", _hertz),
+        Column("compensated [Hz]", "compensated_Hz", _hertz),
+        Column("predicted [Hz]", "predicted_Hz", _hertz),
+        Column("error [%]", "error_percent", _percent),
+        Column("shift [%]", "shift_percent", _percent),
+        Column("joint", "", is_number=False, once=True),
+        Column("", "is_trustworthy"),
+    ]
+    rows = []
+    for case in cases:
+        method = "" if case.joint is None else case.joint.method
+        joint = method if case.is_trustworthy else f"{method}, {NOT_TRUSTWORTHY}"
+        for peak in case.peaks:
+            values = (peak.measured, peak.compensated, peak.predicted, peak.error, peak.shift)
+            rows.append([case.case.name, case.case.value, *values, joint, case.is_trustworthy])
+    return Table(columns, rows)
+
+
+def _hertz(frequency: float | None) -> str:
+    return "-" if frequency is None else hertz(frequency)
+
+
+def _percent(value: float | None) -> str:
+    return "-" if value is None else f"{value:+.2f}"
 
 
 def _verdict(validation: Validation) -> str:
