@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly.model import Assembly
-from dovetail.assembly.structure import without_window
+from dovetail.assembly.vibration_modes import lowest_frequencies
 from dovetail.errors import DovetailError, Fault, PluginError, listing
 from dovetail.interfaces import JointModel, Omission, Parameter, Port, StructuralMatrices, plugin_errors
-from dovetail.synthesis import Connection, DampedModes, Graph
-from dovetail.synthesis.joint_evaluation import Theta
+from dovetail.synthesis import Connection
 
 _MODES = 3
 """Natural frequencies that are compared, as many as ``dovetail check`` shows."""
@@ -92,7 +91,8 @@ def _size(assembly: Assembly, connection: Connection, omission: Omission) -> str
     whole = replace(graph, connections={**graph.connections, name: replace(connection, model=added, rigid=False)})
     theta = assembly.by_joint(assembly.vector(None)[np.newaxis])
     try:
-        before, after = natural_frequencies(graph, theta), natural_frequencies(whole, {**theta, name: np.empty((1, 0))})
+        before = lowest_frequencies(graph, theta, _MODES)
+        after = lowest_frequencies(whole, {**theta, name: np.empty((1, 0))}, _MODES)
     except DovetailError as error:
         return f"How much that changes cannot be computed: {error.faults[0].problem}"
     modes = min(len(before), len(after))
@@ -103,12 +103,6 @@ def _size(assembly: Assembly, connection: Connection, omission: Omission) -> str
         f"In the middle of the ranges the natural frequencies are {_hertz(before[:modes])}; with all of it they would "
         f"be {_hertz(after[:modes])}, up to {100.0 * rise.max():.2g} % higher. Those of the structure lie between."
     )
-
-
-def natural_frequencies(graph: Graph, theta: Theta) -> NDArray[np.float64]:
-    """Return the lowest natural frequencies [Hz] for one parameter vector, (1, n_params) of each joint."""
-    modes = DampedModes(graph).at(without_window(graph, theta), _MODES, differentiate=False, must_be_stable=True)
-    return np.asarray(np.abs(next(modes).values) / (2.0 * np.pi))
 
 
 def _hertz(values: NDArray[np.float64]) -> str:

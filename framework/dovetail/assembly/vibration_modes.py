@@ -87,3 +87,8 @@ class SeenPoles:
 def natural_frequencies(poles: Poles) -> NDArray[np.float64]:
     """Return the natural frequencies [Hz] of poles."""
     return np.asarray(np.abs(poles.values) / (2.0 * np.pi))
+
+
+def lowest_frequencies(graph: Graph, theta: Theta, count: int) -> NDArray[np.float64]:
+    """Return the lowest natural frequencies [Hz] for one parameter vector, (1, n_params) of each joint."""
+    return natural_frequencies(next(SeenPoles(graph).at(theta, 1, count)))

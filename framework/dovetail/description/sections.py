@@ -46,7 +46,9 @@ _Count = Annotated[int, BeforeValidator(_no_truth_value)]
 _Number = Annotated[float, BeforeValidator(_no_truth_value)]
 
 
-class _Section(BaseModel):
+class Section(BaseModel):
+    """A section whose keys are its fields."""
+
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
@@ -59,7 +61,7 @@ def _increasing(value: tuple[float, float]) -> tuple[float, float]:
 _Band = Annotated[tuple[Frequency, Frequency], AfterValidator(_increasing)]
 
 
-class FrequencySection(_Section):
+class FrequencySection(Section):
     """The lines at which FRFs are computed: from `start` to `stop`, with a `step` or as a number of `lines`.
 
     Attributes
@@ -88,7 +90,7 @@ class FrequencyList(RootModel[Annotated[tuple[Frequency, ...], Field(min_length=
     """The lines at which FRFs are computed, one by one [Hz]."""
 
 
-class AttachmentSection(_Section):
+class AttachmentSection(Section):
     """Where a port of a joint attaches: a substructure and its nodes, by their positions or labels.
 
     Attributes
@@ -103,7 +105,7 @@ class AttachmentSection(_Section):
     at: Annotated[tuple[NodePlace, ...], BeforeValidator(_listed)]
 
 
-class ParameterSection(_Section):
+class ParameterSection(Section):
     """What is known of a parameter: its range, its value, or the parameter to which it is tied.
 
     Attributes
@@ -132,7 +134,7 @@ class ParameterSection(_Section):
     ratio: _Number = 1.0
 
 
-class ForceSection(_Section):
+class ForceSection(Section):
     """Where the force of a transfer FRF acts.
 
     Attributes
@@ -150,7 +152,7 @@ class ForceSection(_Section):
     direction: Literal["x", "rz"] = "x"
 
 
-class SensorSection(_Section):
+class SensorSection(Section):
     """A node with a sensor in every measurement.
 
     Attributes
@@ -165,7 +167,7 @@ class SensorSection(_Section):
     position: NodePlace
 
 
-class ResponseSection(_Section):
+class ResponseSection(Section):
     """Where the FRF is measured, and its quantity.
 
     Attributes
@@ -198,7 +200,7 @@ class ResponseSection(_Section):
 _Index = Annotated[_Count, Field(ge=1)]
 
 
-class AugmentationSection(_Section):
+class AugmentationSection(Section):
     """Noise and variability that training FRFs get, new in every epoch (robust training).
 
     Attributes
@@ -264,7 +266,7 @@ class AugmentationSection(_Section):
         return {"additive": 0.0, "multiplicative": 0.0, **stated} if is_measured else stated
 
 
-class CorrectionSection(_Section):
+class CorrectionSection(Section):
     """Further regressors, each of which corrects the previous answer by means of the assembly's FRF there.
 
     Attributes
@@ -279,7 +281,7 @@ class CorrectionSection(_Section):
     rounds: Annotated[_Count, Field(ge=1, le=5)] = 1
 
 
-class IdentificationSection(_Section):
+class IdentificationSection(Section):
     """How the network is trained; `reducer` and `regressor` are sections that name a model.
 
     Attributes
@@ -315,7 +317,7 @@ class IdentificationSection(_Section):
     method: Any = None
 
 
-class DescriptionSection(_Section):
+class DescriptionSection(Section):
     """The keys of a description; its sections are checked one by one.
 
     Attributes

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
+from dovetail.description.sections import Section
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.validation import validate
 from dovetail.units import InUnit
 
 _OPTIONS = ("reducer", "regressor", "augmentation")
-
-
-class _Section(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 def _place(value: str) -> str:
@@ -28,7 +25,7 @@ def _place(value: str) -> str:
 _Place = Annotated[str, AfterValidator(_place)]
 
 
-class SearchRange(_Section):
+class SearchRange(Section):
     """A range of numbers for an option; whole numbers if both ends are whole.
 
     Attributes
@@ -54,7 +51,7 @@ class SearchRange(_Section):
 _Tried = Annotated[tuple[Any, ...], Field(min_length=1)]
 
 
-class SearchSection(_Section):
+class SearchSection(Section):
     """A search over several options together.
 
     Attributes
@@ -72,7 +69,7 @@ class SearchSection(_Section):
     prune: bool = True
 
 
-class StudySection(_Section):
+class StudySection(Section):
     """Which settings of the training ``dovetail study`` tries.
 
     Attributes
@@ -88,7 +85,7 @@ class StudySection(_Section):
         Time without a heartbeat of its process after which a trial is repeated, at least 4 [s].
     """
 
-    sweeps: dict[_Place, _Tried] = {}
+    sweeps: dict[_Place, _Tried] = Field(default={})
     search: SearchSection | None = None
     validation_fraction: Annotated[float, Field(gt=0, lt=1)] = 0.2
     lease: Annotated[float, Field(ge=1), InUnit("s")] = 60.0
