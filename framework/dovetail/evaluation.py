@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dovetail.assembly import AssemblySource, as_assembly, modes_in_band
+from dovetail.atomic_files import locked
 from dovetail.coupling.receptance import Receptance, decouple
 from dovetail.dataset import Storage
-from dovetail.description import read_description
+from dovetail.description import SearchRange, read_description
+from dovetail.description.study_section import SearchSection
 from dovetail.documents.extends import read_source
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.validation import check_format, validate
-from dovetail.errors import as_dovetail_error, listing
+from dovetail.errors import as_dovetail_error, listing, require_package
 from dovetail.frf import coherence_with_model
 from dovetail.frf.resonance_peaks import counterpart, resonance_peaks
 from dovetail.identification.identify import check_mass, find_method
@@ -25,9 +27,9 @@ from dovetail.measurement.noise import NOISE_KINDS, NoiseKind
 from dovetail.network.bundle import TrainedNetwork
 from dovetail.network.evaluation import parameter_metrics
 from dovetail.network.preprocessing import draw_test_samples
-from dovetail.network.training import needs_phase
-from dovetail.parallel import cores, side_by_side
-from dovetail.registry import Registry, components
+from dovetail.network.training import needs_phase, train_and_evaluate
+from dovetail.parallel import cores, on_cluster, require_cluster, side_by_side
+from dovetail.registry import PluginPaths, Registry, components
 from dovetail.synthesis import Attachment, Connection
 from dovetail.units import Mass
 
@@ -44,8 +46,11 @@ __all__ = [
     "FaultList",
     "Mass",
     "NoiseKind",
+    "PluginPaths",
     "Receptance",
     "Registry",
+    "SearchRange",
+    "SearchSection",
     "Storage",
     "TrainedNetwork",
     "as_assembly",
@@ -66,16 +71,21 @@ __all__ = [
     "joined_warnings",
     "joint_values",
     "listing",
+    "locked",
     "modes_in_band",
     "needs_phase",
+    "on_cluster",
     "on_grid",
     "parameter_metrics",
     "predicted_frf",
     "progress_reporter",
     "read_description",
     "read_source",
+    "require_cluster",
+    "require_package",
     "resonance_peaks",
     "side_by_side",
+    "train_and_evaluate",
     "validate",
     "within_band",
 ]

@@ -19,15 +19,33 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dovetail.assembly import Assembly, AssemblySource, as_assembly
-from dovetail.atomic_files import locked
-from dovetail.dataset import Dataset, generate
-from dovetail.errors import DatasetError, DovetailError, Fault, FileError, as_dovetail_error, require_package
-from dovetail.interfaces import Progress, progress_reporter, silent
-from dovetail.network.evaluation import Evaluation, parameter_metrics
-from dovetail.network.training import train_and_evaluate
-from dovetail.parallel import on_cluster, require_cluster
-from dovetail.registry import PluginPaths, Registry, components
+from dovetail import (
+    Assembly,
+    Dataset,
+    DatasetError,
+    DovetailError,
+    Evaluation,
+    Fault,
+    FileError,
+    Progress,
+    generate,
+    silent,
+)
+from dovetail.evaluation import (
+    AssemblySource,
+    PluginPaths,
+    Registry,
+    as_assembly,
+    as_dovetail_error,
+    components,
+    locked,
+    on_cluster,
+    parameter_metrics,
+    progress_reporter,
+    require_cluster,
+    require_package,
+    train_and_evaluate,
+)
 from dovetail_bench.evaluation.study_plan import StudyPlan, StudyTrial, Sweep
 
 if TYPE_CHECKING:

@@ -7,13 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias
 
-from dovetail.assembly import Assembly
-from dovetail.dataset import Storage
-from dovetail.description import SearchRange, read_description
-from dovetail.errors import DescriptionError, DovetailError, Fault
-from dovetail.interfaces import Progress, silent
-from dovetail.network.training import needs_phase
-from dovetail.registry import Registry
+from dovetail import Assembly, DescriptionError, DovetailError, Fault, Progress, silent
+from dovetail.evaluation import Registry, SearchRange, Storage, needs_phase, read_description
 
 Kind: TypeAlias = Literal["described", "sweep", "together", "search", "test"]
 State: TypeAlias = Literal["waiting", "running", "done", "pruned", "failed"]

@@ -10,8 +10,7 @@ from typing import Any
 import optuna
 from optuna.distributions import BaseDistribution, CategoricalDistribution, FloatDistribution, IntDistribution
 
-from dovetail.description import SearchRange
-from dovetail.description.study_section import SearchSection
+from dovetail.evaluation import SearchRange, SearchSection
 
 
 class SearchSpace:

@@ -28,8 +28,8 @@ from optuna.exceptions import StorageInternalError, UpdateFinishedTrialError
 from optuna.trial import FrozenTrial, TrialState, create_trial
 from sqlalchemy.pool import NullPool
 
-from dovetail.atomic_files import locked
-from dovetail.errors import DovetailError, Fault
+from dovetail import DovetailError, Fault
+from dovetail.evaluation import locked
 from dovetail_bench.evaluation.study_plan import State, StudyTrial
 from dovetail_bench.evaluation.study_search import SearchSpace
 
