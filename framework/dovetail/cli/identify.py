@@ -53,8 +53,7 @@ Method = Annotated[
     typer.Option(
         "--method",
         metavar="METHOD",
-        help="posterior (with intervals; the default), refined (least squares alone), multistart, network (as it "
-        "is), or that of a plugin.",
+        help="posterior (with intervals; the default), refined (least squares), multistart, network, or a plugin's.",
         autocompletion=complete_methods,
         show_default=False,
     ),

@@ -121,6 +121,11 @@ def calibrate(
             print_json(done.to_dict())
         else:
             _print(loaded.name, done)
+    _exit_unless_complete(done, cases)
+
+
+def _exit_unless_complete(done: Calibration, cases: int) -> None:
+    """Print why cases are missing, and exit with the code of an interruption or of failures if there are any."""
     for failure in done.failures.values():
         say_on_stderr(failure)
     ended = len(done.case) + len(done.failures)
