@@ -169,10 +169,8 @@ def require_package(name: str, extra: str, where: str, *, load: bool = True) -> 
     """
     reason = "is not installed"
     try:
-        if load:
-            return __import__(name)
         if importlib.util.find_spec(name) is not None:
-            return None
+            return __import__(name) if load else None
     except (ImportError, ValueError) as error:  # a ValueError: a module without a specification stands in its place
         if getattr(error, "name", None) not in (None, name):
             reason = f"is installed but cannot be loaded ({error})"

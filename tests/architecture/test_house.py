@@ -11,7 +11,7 @@ import house
 import measurement_path
 import pytest
 
-LONGEST_FUNCTION = 88
+LONGEST_FUNCTION = 83
 """Most lines of code of a function, without its docstring. The aim is 60; commands with many options are longer."""
 LARGEST_SHARE = 0.18
 """Largest share of the code that one package of the framework may hold."""
