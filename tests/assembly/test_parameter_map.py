@@ -88,8 +88,8 @@ def test_frfs_and_derivatives_of_a_law_are_those_of_the_values_that_it_gives(cou
         }
     )
     torque, theta = 20.0, np.array([[2e5, 0.4, 30.0], [3e5, 0.3, 20.0], [1e5, 0.5, 40.0]])[:count]
-    description = assembly.description
-    frfs = ResponseFrfs(assembly.engine, _StiffnessByTorque(torque), description.responses, description.calibrations)
+    engine, law, responses = assembly.engine, _StiffnessByTorque(torque), assembly.description.responses
+    frfs = ResponseFrfs(engine, engine, law, responses, assembly.description.calibrations)
     values, jacobian = frfs.jacobian(theta)
     k, c = theta[:, 0] * torque ** theta[:, 1], theta[:, 2]
     np.testing.assert_array_equal(values[:, 0], assembly.frf(np.stack([k, c], axis=1)))
