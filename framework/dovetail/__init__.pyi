@@ -27,6 +27,8 @@ from .errors import MeasurementError as MeasurementError
 from .errors import ParameterError as ParameterError
 from .errors import PluginError as PluginError
 from .errors import UnitError as UnitError
+from .errors import damage_reported as damage_reported
+from .errors import require_package as require_package
 from .frf import Frf as Frf
 from .frf import coherence_spectrum as coherence_spectrum
 from .guarded_process import call_guarded as call_guarded
@@ -57,6 +59,7 @@ from .identification import train as train
 from .identification.truth import Truth as Truth
 from .identification.truth import read_truth as read_truth
 from .interfaces import INTERFACE_VERSION as INTERFACE_VERSION
+from .interfaces import ArrayEntry as ArrayEntry
 from .interfaces import Component as Component
 from .interfaces import ComponentConfig as ComponentConfig
 from .interfaces import ComponentState as ComponentState
@@ -66,6 +69,7 @@ from .interfaces import FileName as FileName
 from .interfaces import FittedReducer as FittedReducer
 from .interfaces import FittedRegressor as FittedRegressor
 from .interfaces import FrfReader as FrfReader
+from .interfaces import FrfToWrite as FrfToWrite
 from .interfaces import IdentificationMethod as IdentificationMethod
 from .interfaces import IdentificationProblem as IdentificationProblem
 from .interfaces import JointModel as JointModel
@@ -74,10 +78,15 @@ from .interfaces import Omission as Omission
 from .interfaces import Parameter as Parameter
 from .interfaces import Port as Port
 from .interfaces import Progress as Progress
+from .interfaces import RecordedArrays as RecordedArrays
+from .interfaces import RecordedChannels as RecordedChannels
 from .interfaces import RecordedFrf as RecordedFrf
+from .interfaces import RecordedSet as RecordedSet
+from .interfaces import RecordedSignal as RecordedSignal
 from .interfaces import Reducer as Reducer
 from .interfaces import Regressor as Regressor
 from .interfaces import SparseMatrices as SparseMatrices
+from .interfaces import Statement as Statement
 from .interfaces import StructuralMatrices as StructuralMatrices
 from .interfaces import SubstructureModel as SubstructureModel
 from .interfaces import TargetDistribution as TargetDistribution
@@ -89,11 +98,14 @@ from .measurement import ModalParameters as ModalParameters
 from .measurement import ModelDof as ModelDof
 from .measurement import Role as Role
 from .measurement import add_accelerometer_mass as add_accelerometer_mass
+from .measurement import check_not_truncated as check_not_truncated
 from .measurement import check_roles as check_roles
+from .measurement import decode_text as decode_text
 from .measurement import frf_from_signals as frf_from_signals
 from .measurement import noisy_frf as noisy_frf
 from .measurement import read_frf as read_frf
 from .measurement import read_modal_parameters as read_modal_parameters
+from .measurement import read_unit as read_unit
 from .measurement import remove_accelerometer_mass as remove_accelerometer_mass
 from .measurement import without_window_damping as without_window_damping
 from .measurement import write_frf as write_frf

@@ -17,6 +17,13 @@ def dovetail_components() -> list[type[dovetail.Component]]:
     from dovetail_plugins.joints.interference_fit import InterferenceFit
     from dovetail_plugins.joints.rigid import Rigid
     from dovetail_plugins.joints.spring_damper import SpringDamper
+    from dovetail_plugins.readers.cutpro import CutProReader
+    from dovetail_plugins.readers.hdf5 import Hdf5Reader
+    from dovetail_plugins.readers.labview import LabViewReader
+    from dovetail_plugins.readers.matlab import MatlabReader
+    from dovetail_plugins.readers.numpy_files import NpyReader, NpzReader
+    from dovetail_plugins.readers.text import TextReader
+    from dovetail_plugins.readers.uff import UffReader
     from dovetail_plugins.reducers.none import NoReducer
     from dovetail_plugins.reducers.pca import PCA
     from dovetail_plugins.reducers.scikit_learn import Transformer
@@ -49,6 +56,14 @@ def dovetail_components() -> list[type[dovetail.Component]]:
         MLP,
         Flow,
         ScikitLearnRegressor,
+        UffReader,
+        TextReader,
+        NpzReader,
+        NpyReader,
+        MatlabReader,
+        Hdf5Reader,
+        CutProReader,
+        LabViewReader,
     ]
 
 

@@ -1,7 +1,8 @@
-"""Checks of the input arrays of reducers and regressors, and of the arrays in their states."""
+"""Checks of the input arrays of reducers and regressors, of the arrays in their states, and of those in files."""
 
 from __future__ import annotations
 
+import sys
 from typing import Any
 
 import numpy as np
@@ -78,3 +79,11 @@ def state_number(state: ComponentState, key: str, owner: str) -> float:
         It is missing or not a finite number.
     """
     return float(state_array(state, key, owner, ()))
+
+
+def holds_impossible_characters(array: NDArray[Any]) -> bool:
+    """Return whether a text in an array holds numbers that are no characters: NumPy takes them from a file as is."""
+    if array.dtype.kind != "U" or not array.itemsize:
+        return False
+    native = np.ascontiguousarray(array.astype(array.dtype.newbyteorder("=")))
+    return bool(np.any(native.reshape(-1).view(np.uint32) > sys.maxunicode))

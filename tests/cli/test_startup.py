@@ -47,7 +47,7 @@ def test_heavy_packages_stay_unloaded(code):
 @pytest.mark.parametrize(
     ("module", "unloaded"),
     [
-        ("dovetail.measurement.formats.guarded", ["scipy.special", "scipy.sparse", "dovetail.interfaces"]),
+        ("dovetail_plugins.readers.hdf5_file", ["scipy.special", "scipy.sparse", "dovetail.interfaces"]),
         ("dovetail.testing.another_process", ["scipy.special", "scipy.sparse", "dovetail.testing.kit"]),
         ("dovetail.identification", ["scipy.stats", "scipy.signal"]),
     ],

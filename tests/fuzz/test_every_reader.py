@@ -33,8 +33,8 @@ import dovetail
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.yaml_reader import read_yaml
 from dovetail.errors import DovetailError
-from dovetail.measurement.formats import guarded
 from dovetail.units import to_si
+from dovetail_plugins.readers import guarded_arrays as guarded
 from dovetail_plugins.substructures.dof_table import read_dof_table
 from dovetail_plugins.substructures.matrix_files import read_archive
 from support import strict_readers

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from dovetail.frf import Frf
-from dovetail.measurement.formats import guarded
+from dovetail_plugins.readers import guarded_arrays as guarded
 from support.measured_files import accelerance, fault_of
 
 

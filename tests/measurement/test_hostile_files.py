@@ -21,7 +21,7 @@ from dovetail.measurement import read_frf, write_frf
 from support.labview_files import HEADER, SEGMENT
 from support.measured_files import damaged, set_58, write_sets
 
-ACCEPTED = "  Accepted: .uff, .unv, .csv, .npz, .npy, .tsv, .txt, .txf, .asc, .dat, .mat, .h5, .hdf5, .frf, .lvm"
+ACCEPTED = "  Accepted: .uff, .unv, .csv, .tsv, .txt, .txf, .asc, .dat, .lvm, .npz, .npy, .mat, .h5, .hdf5, .frf"
 SUFFIXES = (".uff", ".unv", ".csv", ".tsv", ".npz", ".npy", ".mat", ".h5", ".frf", ".lvm")
 FUZZ = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 

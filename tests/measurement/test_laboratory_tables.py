@@ -179,7 +179,7 @@ def test_columns_that_do_not_fit(refused, columns: tuple[str, ...], message: str
 
 
 def test_columns_are_for_tables_and_named_once(refused) -> None:
-    assert "columns=frequency,real is for tables" in refused("a.frf", b"x", columns=("frequency", "real"))
+    assert "columns=frequency,real is for tables" in refused("a.frf", b"1 2 3\n2 3 4\n", columns=("frequency", "real"))
     message = "the argument names\n  the argument columns names the columns already."
     assert refused("a.csv", "1,2\n", columns=("frequency", "real"), names={"real": "x"}) == message
     assert refused("a.csv", "text\nmore\n", columns=("frequency", "amplitude")).startswith(

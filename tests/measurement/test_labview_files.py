@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -124,7 +125,7 @@ def test_faults(refused, text: str) -> None:
 
 def test_dofs_choose_nothing_and_the_package_is_named(refused, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     assert refused("a.lvm", HEADER + SEGMENT, response="1").startswith("a.lvm\n  DOFs choose no FRF of this file.")
-    monkeypatch.setattr("dovetail.errors.importlib.util.find_spec", lambda name: None)
+    monkeypatch.setitem(sys.modules, "lvm_read", None)
     with pytest.raises(Exception, match=r'pip install "dovetail-frf\[lvm\]"'):
         read_frf(tmp_path / "a.lvm")
 

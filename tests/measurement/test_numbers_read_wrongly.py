@@ -144,7 +144,7 @@ def test_cutpro_takes_no_decimal_comma_for_a_gap(tmp_path: Path, row: str) -> No
 
 def test_cutpro_frequencies_are_in_hertz(tmp_path: Path) -> None:
     (tmp_path / "a.frf").write_text("1 2 3 Freq kHz Real m/N Imag m/N\n2 3 4\n")
-    with pytest.raises(MeasurementError, match="speak of kHz"):
+    with pytest.raises(MeasurementError, match="contain 'kHz'"):
         read_frf(tmp_path / "a.frf")
 
 

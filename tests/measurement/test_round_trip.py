@@ -54,7 +54,7 @@ def test_a_rotation_stays_one(tmp_path: Path, measured: Frf, name: str, options:
         back = read_frf(path)
         assert back.rotation
         np.testing.assert_allclose(back.to("accelerance").values, measured.values, rtol=1e-14)
-    with pytest.raises(MeasurementError, match="'um/N' is no unit of that"):
+    with pytest.raises(MeasurementError, match="'um/N' is not one of its units"):
         write_frf(replace(measured, rotation=True), tmp_path / "c.csv", unit="um/N")
 
 
@@ -74,7 +74,7 @@ def test_what_is_half_a_rotation_stays_so(
             frf.unit,
         )
         np.testing.assert_allclose(back.to("accelerance").values, measured.values, rtol=1e-14)
-    with pytest.raises(MeasurementError, match=f"is a {frf.kind}, and 'um/N' is no unit of that"):
+    with pytest.raises(MeasurementError, match=f"is a {frf.kind}, and 'um/N' is not one of its units"):
         write_frf(frf, tmp_path / "c.csv", unit="um/N")
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from dovetail.errors import MeasurementError
-from dovetail.measurement.formats import guarded
 from dovetail.measurement.impact_test.signal_files import read_signals
+from dovetail_plugins.readers import guarded_arrays as guarded
 from support.signal_writers import (
     FORCE,
     HERTZ,

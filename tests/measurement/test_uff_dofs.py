@@ -99,7 +99,7 @@ def test_a_rotation_per_moment(tmp_path: Path) -> None:
     assert (frf.rotation, frf.unit, frf.response) == (True, "rad/(N m s^2)", "1+rz")
     labels["orddenom_axis_units_lab"] = "N"
     path = write_sets(tmp_path / "a.uff", set_58(FREQUENCY, VALUES, rsp_dir=6, ref_dir=6, **labels))
-    assert "the unit label 'N' is not understood" in fault_of(path)
+    assert "the excitation is a force by its label or unit, and a moment by its direction" in fault_of(path)
 
 
 def test_dofs_that_are_not_known_are_not_invented(tmp_path: Path, measured: Frf) -> None:

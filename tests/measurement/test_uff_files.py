@@ -19,6 +19,10 @@ FREQUENCY = 10.0 + 2.5 * np.arange(7)
 VALUES = np.array([1 + 2j, -3, 4j, 5.5 - 1j, 1e-9j, 7e5, -8 - 8j])
 
 ROTATIONS = "  Accepted: directions of both, 1 to 3 or 4 to 6; or 'Force' or 'Moment' on the axis of the denominator"
+UNITS = (
+    "  Correct the file, or export it in SI units.  "
+    "Accepted: a motion per force or moment, such as um/N, mm/s/N, m/s^2/N, g/N, in/lbf, rad/(N m)"
+)
 
 
 def file_of(tmp_path: Path, *sets: dict, **options: bool) -> Path:
@@ -163,21 +167,21 @@ def test_unit_labels(tmp_path: Path, labels: dict, factor: float) -> None:
     [
         (
             {"ordinate_axis_units_lab": "mm"},
-            "the unit label 'mm' is not understood.\n  Export it in SI units.  Accepted: a unit of m/s^2, m/(N s^2)",
+            "data type 12\n  the file contradicts itself: accelerance ('Acceleration') here, and receptance (the unit "
+            "'mm') at a.uff: set 1, unit of the ordinate.\n  Correct the file, or export it again.",
         ),
         (
             {"ordinate_axis_units_lab": "9**9**9**9"},
-            "the unit label '9^9^9^9' is not understood.\n"
-            "  Export it in SI units.  Accepted: a unit of m/s^2, m/(N s^2)",
+            "unit of the ordinate\n  the unit '9**9**9**9' is not understood.\n" + UNITS,
         ),
         (
             {"orddenom_axis_units_lab": "V"},
-            "the unit label 'V' is not understood.\n  Export it in SI units.  Accepted: a unit of N",
+            "unit of the denominator\n  the unit 'V' is not understood.\n"
+            "  Correct the file, or export it in SI units.  Accepted: N, lbf, N m",
         ),
         (
             {"ordinate_spec_data_type": 1, "ordinate_axis_units_lab": "V"},
-            "the unit label 'V' is not understood.\n  Export it in SI units.  "
-            "Accepted: a unit of m, m/N or m/s, m/(N s) or m/s^2, m/(N s^2)",
+            "unit of the ordinate\n  the unit 'V' is not understood.\n" + UNITS,
         ),
         ({"abscissa_axis_units_lab": "rad/s"}, "the frequencies are in 'rad/s'.\n  Accepted: Hz"),
         (
@@ -210,7 +214,7 @@ def test_unit_labels(tmp_path: Path, labels: dict, factor: float) -> None:
 )
 def test_faults_of_a_set(tmp_path: Path, fields: dict, message: str) -> None:
     path = file_of(tmp_path, {**set_58(FREQUENCY, VALUES), **fields})
-    separator = ", " if message.startswith("line") else "\n  "
+    separator = ", " if message.startswith(("line", "unit", "data type")) else "\n  "
     assert fault_of(path) == f"a.uff: set 1{separator}{message}"
 
 
@@ -249,7 +253,7 @@ def test_several_frfs_are_listed_and_chosen_by_number(tmp_path: Path) -> None:
     np.testing.assert_array_equal(first.coherence, np.ones(7))
     np.testing.assert_array_equal(second.values, -2 * VALUES)
     assert (second.quantity, second.coherence) == ("mobility", None)
-    assert fault_of(path, index=4) == f"a.uff\n  set 4 is no FRF; it holds:{table}"
+    assert fault_of(path, index=4) == f"a.uff\n  set 4 is not an FRF; it holds:{table}"
     for absent in (0, -1, 5):
         assert fault_of(path, index=absent) == f"a.uff\n  set {absent} is not in the file; it holds:{table}"
 

@@ -16,8 +16,8 @@ import pytest
 import dovetail
 from dovetail.errors import DovetailError
 from dovetail.identification.result_file import load_result
-from dovetail.measurement.formats import uff_reader, uff_sets
-from dovetail.measurement.formats.uff_sets import parse_set
+from dovetail_plugins.readers import uff_data, uff_sets
+from dovetail_plugins.readers.uff_sets import parse_set
 
 FRF = dovetail.Frf(np.arange(1.0, 5.0), np.arange(4) + 1j, "accelerance")
 RUN = "from dovetail.cli import main; main()"
@@ -110,7 +110,7 @@ def test_a_file_of_thousands_of_sets(tmp_path: Path, monkeypatch: pytest.MonkeyP
         sizes.append(len(content))
         return parse_set(content, **options)
 
-    for module in (uff_sets, uff_reader):
+    for module in (uff_sets, uff_data):
         monkeypatch.setattr(module, "parse_set", counted)
     dovetail.write_frf(FRF, tmp_path / "one.uff")
     one = (tmp_path / "one.uff").read_bytes()

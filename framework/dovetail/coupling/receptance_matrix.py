@@ -13,15 +13,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.atomic_files import read_bounded, write_whole
+from dovetail.atomic_files import write_whole
 from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf
-from dovetail.measurement.formats import npz
-from dovetail.measurement.formats.archives import Archive, Entry
-from dovetail.measurement.formats.unused_entries import read_unused
+from dovetail.interfaces import ArrayEntry, RecordedArrays
+from dovetail.measurement.content.unused_entries import read_unused
+from dovetail.measurement.frf_files import read_content
 from dovetail.measurement.frf_units import is_si
 from dovetail.measurement.resampling import on_grid
 from dovetail.measurement.statements import interpret
+from dovetail.registry import components
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,9 +101,11 @@ def read_receptance(path: str | os.PathLike[str]) -> ReceptanceMatrix:
         It does not contain such a receptance matrix.
     """
     file = Path(path)
-    content = read_bounded(file)
     try:
-        entries = npz.open_archive(file, content).entries
+        _, recorded = read_content(file, components(), "npz")
+        if not isinstance(recorded, RecordedArrays):
+            raise TypeError(f"{type(recorded).__name__} in place of named arrays")
+        entries = recorded.entries
         frequency = entries["frequency"].load().astype(np.float64, casting="safe")
         values = entries["receptance"].load().astype(np.complex128, casting="safe")
         note = str(entries["note"].load()) if "note" in entries else ""
@@ -136,7 +139,9 @@ def check_receptance_units(path: str | os.PathLike[str], arrays: Mapping[str, ND
     MeasurementError
         Another unit or quantity, or a number that may act on the values.
     """
-    archive = Archive(Path(path), {name: Entry("", partial(np.asarray, array)) for name, array in arrays.items()})
+    archive = RecordedArrays(
+        Path(path), {name: ArrayEntry("", partial(np.asarray, array)) for name, array in arrays.items()}
+    )
     found = read_unused(archive, {"frequency": "frequency", "values": "receptance"}, ())
     meaning = interpret(found.statements)
     other = [mention for mention in found.mentions if mention.about.endswith("unit") and not is_si(mention.text)]

@@ -17,7 +17,19 @@ from dovetail.interfaces.matrices import DIRECTIONS, SparseMatrices, StructuralM
 from dovetail.interfaces.method import Estimate, IdentificationMethod, IdentificationProblem
 from dovetail.interfaces.option_schema import option_schema
 from dovetail.interfaces.progress import Progress, logged, progress_reporter, silent
-from dovetail.interfaces.reader import FrfReader, RecordedFrf
+from dovetail.interfaces.reader import FrfReader
+from dovetail.interfaces.recorded import (
+    About,
+    ArrayEntry,
+    FrfToWrite,
+    Recorded,
+    RecordedArrays,
+    RecordedChannels,
+    RecordedFrf,
+    RecordedSet,
+    RecordedSignal,
+    Statement,
+)
 from dovetail.interfaces.reducer import FittedReducer, Reducer
 from dovetail.interfaces.regressor import FittedRegressor, Regressor, TargetDistribution, TrainingEpoch, spread_normal
 from dovetail.interfaces.state import ComponentState
@@ -27,6 +39,8 @@ __all__ = [
     "DIRECTIONS",
     "INTERFACE_VERSION",
     "KINDS",
+    "About",
+    "ArrayEntry",
     "Component",
     "ComponentConfig",
     "ComponentState",
@@ -36,6 +50,7 @@ __all__ = [
     "FittedReducer",
     "FittedRegressor",
     "FrfReader",
+    "FrfToWrite",
     "IdentificationMethod",
     "IdentificationProblem",
     "JointModel",
@@ -46,11 +61,17 @@ __all__ = [
     "Port",
     "Prior",
     "Progress",
+    "Recorded",
+    "RecordedArrays",
+    "RecordedChannels",
     "RecordedFrf",
+    "RecordedSet",
+    "RecordedSignal",
     "Reducer",
     "Regressor",
     "Scale",
     "SparseMatrices",
+    "Statement",
     "StructuralMatrices",
     "SubstructureModel",
     "TargetDistribution",

@@ -1,69 +1,45 @@
-"""The contract of a file reader, which decodes the bytes of a file to the FRFs in it."""
+"""The contract of a file reader, which decodes the bytes of a file to what is recorded in it."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
-
 from dovetail.interfaces.component import Component, Kind
-
-
-@dataclass(frozen=True, eq=False)
-class RecordedFrf:
-    """One FRF as a file contains it; Dovetail checks it and converts its unit.
-
-    Parameters
-    ----------
-    frequency : (n_freq,) array
-        Hz.
-    values : (n_freq,) array
-        Complex; real for amplitudes only.
-    unit : str
-        Of the values, such as ``"um/N"``, ``"m/s^2/N"`` or ``"g/N"``; it determines the quantity too. Empty if the file
-        does not contain it; then the user must state it.
-    coherence : (n_freq,) array, optional
-    averages : int, optional
-    response, force : str
-        DOFs, such as ``"3+x"``; empty if the file does not contain them.
-    note : str
-        The file's comment on it.
-    """
-
-    frequency: NDArray[np.float64]
-    values: NDArray[np.complexfloating] | NDArray[np.floating]
-    unit: str = ""
-    coherence: NDArray[np.float64] | None = None
-    averages: int | None = None
-    response: str = ""
-    force: str = ""
-    note: str = ""
+from dovetail.interfaces.recorded import FrfToWrite, Recorded
 
 
 class FrfReader(Component):
-    """A reader of measured FRFs.
+    """A reader of measured FRFs or of time records, and perhaps a writer of FRFs.
+
+    A reader only decodes its format. Units, names of columns, the choice of one FRF among several and all checks are
+    the same for every format, and are Dovetail's.
 
     Attributes
     ----------
     suffixes : tuple of str
         Of the files that it may read, in lower case: ``(".abc",)``. Other readers may have the same.
+    default_for : tuple of str
+        Those of the suffixes of which it also reads the files that no reader recognises; its error then says what is
+        wrong with them.
+    written : tuple of str
+        Suffixes of the files that it writes.
     """
 
     kind: ClassVar[Kind] = "reader"
     suffixes: ClassVar[tuple[str, ...]]
+    default_for: ClassVar[tuple[str, ...]] = ()
+    written: ClassVar[tuple[str, ...]] = ()
 
     @abstractmethod
     def sniff(self, content: bytes) -> bool:
         """Return whether a file with one of the suffixes has this reader's format, from its first 4096 bytes."""
 
     @abstractmethod
-    def read(self, path: Path, content: bytes) -> Sequence[RecordedFrf]:
-        """Return the FRFs of a file, in its order.
+    def read(self, path: Path, content: bytes) -> Recorded:
+        """Return what a file contains, in its order.
 
         Parameters
         ----------
@@ -72,12 +48,33 @@ class FrfReader(Component):
         content : bytes
             The whole file, 100 MB at most.
 
+        Returns
+        -------
+        sequence of RecordedFrf, RecordedSignal, RecordedSet or RecordedChannels
+            If the format states which numbers are an FRF or a time record, or names its channels.
+        RecordedArrays
+            Named arrays, among which Dovetail finds the fields of an FRF or of time records by their names.
+        array
+            Of (n_freq, n_columns) numbers or its transpose, whose columns a user names; or a structured array.
+        str
+            Text with a table, whose header Dovetail finds; `dovetail.decode_text` returns it from bytes.
+
         Raises
         ------
         ValueError
-            The file is damaged or has another format; the user sees the text. A parser that is not written in Python
-            should run in a separate process: `dovetail.call_guarded`.
+            The file is damaged or has another format; the user sees the text. A `MeasurementError` gives a place too. A
+            parser that is not written in Python should run in a separate process: `dovetail.call_guarded`.
         """
+
+    def write(self, content: FrfToWrite, path: Path) -> bytes:
+        """Return the file of an FRF; only called for the suffixes in `written`.
+
+        Raises
+        ------
+        ValueError
+            The format cannot represent the FRF.
+        """
+        raise NotImplementedError
 
     def samples(self, folder: Path) -> Sequence[Path]:  # noqa: ARG002
         """Write small files of the format into an empty folder, for ``dovetail check-plugin``."""

@@ -1,8 +1,11 @@
 from .accelerometer import add_accelerometer_mass as add_accelerometer_mass
 from .accelerometer import remove_accelerometer_mass as remove_accelerometer_mass
+from .content.text_tables import check_not_truncated as check_not_truncated
+from .content.text_tables import decode_text as decode_text
 from .frf_files import frf_suffixes as frf_suffixes
 from .frf_files import read_frf as read_frf
-from .frf_files import write_frf as write_frf
+from .frf_units import UnitReading as UnitReading
+from .frf_units import read_unit as read_unit
 from .impact_test.frf_estimation import EstimatedFrf as EstimatedFrf
 from .impact_test.frf_estimation import frf_from_signals as frf_from_signals
 from .impact_test.frf_estimation import without_window_damping as without_window_damping
@@ -20,3 +23,4 @@ from .resampling import on_grid as on_grid
 from .roles import ModelDof as ModelDof
 from .roles import Role as Role
 from .roles import check_roles as check_roles
+from .writing import write_frf as write_frf

@@ -12,10 +12,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from dovetail.errors import Fault, MeasurementError
+from dovetail.interfaces import About, Statement
 from dovetail.measurement.acting_numbers import find_acting_number
 from dovetail.measurement.frf_units import frequency_factor, read_unit
 from dovetail.measurement.quantity_words import inverse_quantity, read_label, word_set, words_of
-from dovetail.measurement.statements import About, Statement
 
 _UNIT_WORDS = word_set(
     "unit units einheit einheiten unite unites unité unités unidad unidades unità unita eenheid enhet jednostka eu uom"
@@ -97,6 +97,18 @@ def read_texts(texts: Iterable[tuple[str, str, str]], skip: Sequence[str] = ()) 
         for key, value in _pairs(name, text[:_LONGEST]):
             _read_pair(free_text, key, value, where)
     return free_text
+
+
+def read_statements(statements: Sequence[Statement], skip: Sequence[str] = ()) -> FreeText:
+    """Return statements with those that are found in the texts among them.
+
+    Raises
+    ------
+    MeasurementError
+        As in `read_texts`.
+    """
+    found = read_texts(((one.key, one.text, one.where) for one in statements if one.about == "text"), skip)
+    return FreeText([*(one for one in statements if one.about != "text"), *found.statements], found.mentions)
 
 
 def _pairs(name: str, text: str) -> Iterator[tuple[str, str]]:

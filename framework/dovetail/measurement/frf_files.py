@@ -1,62 +1,42 @@
-"""Reading and writing a measured FRF in the format given by the suffix of the file."""
+"""Reading a measured FRF: the choice of the reader by suffix and format, what it returns, and the FRF in it."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, cast
 
-from dovetail.atomic_files import read_bounded, write_whole
-from dovetail.errors import Fault, MeasurementError
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.atomic_files import read_bounded
+from dovetail.errors import Fault, MeasurementError, PluginError, listing
 from dovetail.frf import Frf
-from dovetail.interfaces import logged
-from dovetail.measurement.accelerometer import remove_accelerometer_mass
-from dovetail.measurement.formats import (
-    csv_writer,
-    cutpro,
-    from_plugin,
-    guarded,
-    lvm,
-    npz,
-    tables,
-    uff_reader,
-    uff_writer,
+from dovetail.interfaces import (
+    ArrayEntry,
+    FrfReader,
+    Recorded,
+    RecordedArrays,
+    RecordedChannels,
+    RecordedFrf,
+    RecordedSet,
+    RecordedSignal,
+    logged,
+    plugin_errors,
 )
-from dovetail.measurement.formats.text_tables import suffix_by_content
+from dovetail.measurement.accelerometer import remove_accelerometer_mass
+from dovetail.measurement.content.channels import decode_channels
+from dovetail.measurement.content.column_arrays import columns_of_array
+from dovetail.measurement.content.named_arrays import read_recording
+from dovetail.measurement.content.sets import decode_set, sets_of
+from dovetail.measurement.content.tables import decode_table
 from dovetail.measurement.recording import ReadOptions, Recording, parse_quantity
-from dovetail.measurement.writing import FrfToWrite, prepare_for_writing
-from dovetail.registry import PluginPaths, Registry, components
+from dovetail.registry import Offer, PluginPaths, Registry, components
 
-
-class Format(NamedTuple):
-    """How files with one suffix are read and written; `encode` is None if they are only read."""
-
-    decode: Callable[[Path, bytes, ReadOptions], Recording]
-    encode: Callable[[FrfToWrite, Path, bool | None], bytes] | None = None
-    has_columns: bool = False
-
-
-_UFF = Format(uff_reader.decode, uff_writer.encode)
-_TABLE = Format(tables.decode, has_columns=True)
-_GUARDED = Format(guarded.decode, has_columns=True)
-_FORMATS = {
-    ".uff": _UFF,
-    ".unv": _UFF,
-    ".csv": Format(tables.decode, csv_writer.encode, has_columns=True),
-    ".npz": Format(npz.decode, npz.encode, has_columns=True),
-    ".npy": Format(npz.decode_array, has_columns=True),
-    ".tsv": _TABLE,
-    ".txt": _TABLE,
-    ".txf": _TABLE,
-    ".asc": _TABLE,
-    ".dat": _TABLE,
-    ".mat": _GUARDED,
-    ".h5": _GUARDED,
-    ".hdf5": _GUARDED,
-    ".frf": Format(cutpro.decode),
-    ".lvm": Format(lvm.decode, has_columns=True),
-}
+HEAD = 4096
+"""Number of bytes from which a reader recognises its format."""
 
 
 def read_frf(
@@ -116,8 +96,8 @@ def read_frf(
         Take the DOFs in the file for wrong: they are unknown, unless `dofs` gives others, and the values have
         the sign that they have in the file.
     reader : str, optional
-        Name of a plugin's reader for the file. By default a plugin's reader that recognises suffix and format, or else
-        that of Dovetail.
+        Name of the reader for the file. By default the one that recognises the format among those that have the
+        suffix, or else Dovetail's own.
     plugins : path or iterable of paths
         Plugin files with further readers.
 
@@ -139,94 +119,212 @@ def read_frf(
         There is no such reader, a plugin file cannot be loaded, or the code of a reader fails.
     """
     source, registry = Path(path), components(plugins)
-    by_plugin = reader is not None or source.suffix.lower() in registry.readers()
-    if not by_plugin:
-        _format_of(source, registry)
+    if reader is None:
+        check_suffix(source, registry)
     if quantity is not None:
         parse_quantity(quantity, "the argument quantity")
     named = dict(names or {})
     skip = tuple(name.strip() for name in named.pop("skip", "").split(",") if name.strip())
     options = ReadOptions(index, response, force, named, tuple(columns), skip)
     with logged(__name__, f"measurement {source} read"):
-        content = read_bounded(source)
-        chosen = from_plugin.find_reader(source, content, registry, reader) if by_plugin else None
-        if chosen is not None:
-            recording = from_plugin.decode(source, content, chosen, options)
-        else:
-            recording = _decode(source, content, registry, options)
+        chosen, recorded = read_content(source, registry, reader)
+        recording = recording_of(source, recorded, chosen, options)
     if ignore_dofs:
         recording = recording.without_dofs()
     frf = (recording.with_dofs(*dofs) if dofs else recording).to_frf(quantity, unit)
     return remove_accelerometer_mass(frf, accelerometer_mass) if accelerometer_mass else frf
 
 
-def _decode(source: Path, content: bytes, registry: Registry, options: ReadOptions) -> Recording:
-    suffix = suffix_by_content(source, content)
-    file_format = _FORMATS.get(suffix) or _format_of(source, registry)
-    if options.columns and not file_format.has_columns:
-        problem = f"columns={','.join(options.columns)} is for tables, not for {suffix} files."
-        raise MeasurementError(Fault(str(source), problem))
-    return file_format.decode(source, content, options)
+def frf_suffixes(plugins: PluginPaths) -> tuple[str, ...]:
+    """Return the suffixes of the files that `read_frf` reads, including those of plugins."""
+    return read_suffixes(components(plugins))
 
 
-def write_frf(
-    frf: Frf,
-    path: str | os.PathLike[str],
-    *,
-    overwrite: bool = False,
-    binary: bool | None = None,
-    unit: str | None = None,
-) -> None:
-    """Write an FRF; `read_frf` gives back the same quantity, values, coherence, averages, variance and DOFs.
-
-    CSV, NPZ and binary UFF hold every digit; ASCII UFF holds 12 digits of the values.
+def read_content(path: Path, registry: Registry, name: str | None = None) -> tuple[FrfReader, Recorded]:
+    """Return what a file contains, and the reader that decoded it.
 
     Parameters
     ----------
-    frf : Frf
-        The FRF.
-    path : path
-        The suffix names the format: ``.uff``, ``.unv``, ``.csv`` or ``.npz``.
-    overwrite : bool
-        Replace a file that is there.
-    binary : bool, optional
-        UFF only. By default ASCII, unless its six digits cannot represent the frequencies.
-    unit : str, optional
-        Unit of the values in the file, such as ``"um/N"``, which also determines the quantity; SI by default.
+    path : Path
+    registry : Registry
+    name : str, optional
+        Name of the reader; by default the one that recognises the file, or else the default reader of its suffix.
 
     Raises
     ------
     FileError
-        The file exists, its folder is missing, or it cannot be written.
+        The file is missing, empty, not a file, larger than 100 MB, or cannot be read.
     MeasurementError
-        An unknown suffix, or an FRF that the format cannot represent.
+        No reader or several read this file, or it is damaged.
+    PluginError
+        There is no reader of this name, or its code fails.
     """
-    target = Path(path)
-    file_format = _format_of(target)
-    if file_format.encode is None:
-        accepted = ", ".join(suffix for suffix, file_format in _FORMATS.items() if file_format.encode is not None)
-        raise MeasurementError(Fault(str(target), f"{target.suffix} files are read, not written.", accepted))
-    if binary is not None and file_format is not _UFF:
-        raise MeasurementError(Fault(str(target), f"binary={binary} is for UFF files, not for {target.suffix}."))
-    content = prepare_for_writing(frf, target, unit)
-    write_whole(target, file_format.encode(content, target, binary), overwrite=overwrite)
+    named = None if name is None else _made(registry.find("reader", name))
+    if named is None:
+        check_suffix(path, registry)
+    content = read_bounded(path)
+    reader = named or find_reader(path, content, registry)
+    return reader, decode(path, content, reader)
 
 
-def frf_suffixes(plugins: PluginPaths) -> tuple[str, ...]:
-    """Return the suffixes of the files that `read_frf` reads, including those of plugins."""
-    return _suffixes(components(plugins))
+def check_suffix(path: Path, registry: Registry) -> None:
+    """Refuse a directory, and a file with a suffix that no reader has.
 
-
-def _suffixes(registry: Registry) -> tuple[str, ...]:
-    return tuple(dict.fromkeys((*_FORMATS, *sorted(registry.readers()))))
-
-
-def _format_of(path: Path, registry: Registry | None = None) -> Format:
+    Raises
+    ------
+    MeasurementError
+    """
     if os.path.isdir(path):
         raise MeasurementError(Fault(str(path), "this is a directory.", "one measured file"))
+    if (suffix := path.suffix.lower()) not in registry.readers():
+        raise MeasurementError(unknown_suffix(path, suffix, read_suffixes(registry)))
+
+
+def unknown_suffix(path: Path, suffix: str, known: Iterable[str]) -> Fault:
+    """Return the fault of a file whose suffix is not that of a format."""
+    shown = f"'{path.suffix}' is not the suffix of a known format" if suffix else "the name has no suffix"
+    return Fault(str(path), f"{shown}.", ", ".join(known))
+
+
+def read_suffixes(registry: Registry) -> tuple[str, ...]:
+    """Return the suffixes of the files that are read, those that have a default reader first."""
+    offers = registry.readers()
+    readers = dict.fromkeys(reader_class(offer) for suffix in offers for offer in offers[suffix])
+    defaults = [suffix for reader in readers for suffix in reader.default_for]
+    return tuple(dict.fromkeys((*defaults, *sorted(offers))))
+
+
+def find_reader(path: Path, content: bytes, registry: Registry) -> FrfReader:
+    """Return the reader that recognises a file, or else the default reader of its suffix.
+
+    Raises
+    ------
+    MeasurementError
+        None or several of them.
+    PluginError
+        The code of a reader fails.
+    """
     suffix = path.suffix.lower()
-    if suffix not in _FORMATS:
-        shown = f"'{path.suffix}' is not the suffix of a known format" if suffix else "the name has no suffix"
-        known = _FORMATS if registry is None else _suffixes(registry)
-        raise MeasurementError(Fault(str(path), f"{shown}.", ", ".join(known)))
-    return _FORMATS[suffix]
+    offers = registry.readers()[suffix]
+    takers = [offer for offer in offers if suffix not in reader_class(offer).default_for and _accepts(offer, content)]
+    takers = takers or [offer for offer in offers if suffix in reader_class(offer).default_for]
+    if len(takers) > 1:
+        remedy = "Say which by `reader=`."
+        problem = "several readers take this file."
+        raise MeasurementError(Fault(str(path), problem, listing([o.qualified_name for o in takers]), remedy))
+    if not takers:
+        names = listing(offer.qualified_name for offer in offers)
+        problem = f"no reader of {suffix} files recognises the format of this one."
+        raise MeasurementError(Fault(str(path), problem, f"a file of one of the readers {names}"))
+    return _made(takers[0])
+
+
+def reader_class(offer: Offer) -> type[FrfReader]:
+    """Return the class of an offered reader."""
+    return cast("type[FrfReader]", offer.component)
+
+
+def _made(offer: Offer) -> FrfReader:
+    with plugin_errors(offer.component, f"reader '{offer.component.name}'"):
+        return reader_class(offer)()
+
+
+def _accepts(offer: Offer, content: bytes) -> bool:
+    reader = _made(offer)
+    with plugin_errors(reader, label_of(reader)):
+        return bool(reader.sniff(content[:HEAD]))
+
+
+def label_of(reader: FrfReader) -> str:
+    """Return what a reader is called in messages."""
+    return f"reader '{reader.name}'"
+
+
+def decode(path: Path, content: bytes, reader: FrfReader) -> Recorded:
+    """Return what a reader returns for a file.
+
+    Raises
+    ------
+    MeasurementError
+        It cannot read the file.
+    PluginError
+        Its code fails, or it returns something else.
+    """
+    label = label_of(reader)
+    try:
+        with plugin_errors(reader, label):
+            recorded = reader.read(path, content)
+            _check_kind(recorded, label)
+    except PluginError as error:
+        if isinstance(error.__cause__, ValueError):  # how a reader refuses a file
+            raise MeasurementError(Fault(str(path), str(error.__cause__))) from None
+        raise
+    return recorded
+
+
+def _check_kind(recorded: object, label: str) -> None:
+    kinds = (RecordedFrf, RecordedSignal, RecordedSet, RecordedChannels)
+    is_sequence = isinstance(recorded, (list, tuple)) and all(isinstance(one, kinds) for one in recorded)
+    if not is_sequence and not isinstance(recorded, (str, np.ndarray, RecordedArrays)):
+        accepted = "a list of dovetail.RecordedFrf or another kind of content that dovetail.FrfReader.read names"
+        raise PluginError(Fault(label, f"read returned {recorded!r:.60}.", accepted))
+
+
+def recording_of(path: Path, recorded: Recorded, reader: FrfReader, options: ReadOptions) -> Recording:
+    """Return the FRF that `options` select.
+
+    Parameters
+    ----------
+    path : Path
+    recorded : Recorded
+        What the reader returned.
+    reader : FrfReader
+    options : ReadOptions
+
+    Raises
+    ------
+    MeasurementError
+        There is no such FRF or there are several; statements that are not understood or contradict each other.
+    PluginError
+        The arrays that the reader returned are not vectors of equal length.
+    """
+    if isinstance(recorded, str):
+        return decode_table(path, recorded, options)
+    if isinstance(recorded, RecordedArrays):
+        return read_recording(recorded, options)
+    if isinstance(recorded, np.ndarray):
+        return _decode_array(path, recorded, options)
+    channels = [part for part in recorded if isinstance(part, RecordedChannels)]
+    if channels:
+        return decode_channels(path, channels, options)
+    if options.columns:
+        problem = f"columns={','.join(options.columns)} is for tables, not for {path.suffix} files."
+        raise MeasurementError(Fault(str(path), problem))
+    sets = sets_of(path, [part for part in recorded if not isinstance(part, RecordedChannels)])
+    return decode_set(path, sets, reader, options)
+
+
+def _decode_array(path: Path, array: NDArray[Any], options: ReadOptions) -> Recording:
+    """Return the FRF in a structured array, in two complex columns, or in columns that the caller names."""
+    if array.dtype.names:
+        return read_recording(arrays_of_fields(path, array), options)
+    if options.chooses or options.names:
+        option = options.chooses or f"names={dict(options.names)}"
+        raise MeasurementError(Fault(str(path), f"{option} is not for an array without names, which holds one FRF."))
+    return columns_of_array(path, array, options, "the array")
+
+
+def arrays_of_fields(path: Path, array: NDArray[Any]) -> RecordedArrays:
+    """Return the fields of a structured array as named arrays."""
+    fields = {name: ArrayEntry("", partial(np.asarray, array[name])) for name in array.dtype.names or ()}
+    return RecordedArrays(path, fields)
+
+
+def frf_numbers(path: Path, recorded: Recorded) -> list[int | None]:
+    """Return the numbers by which the FRFs in what a reader returned are chosen; None for the only one."""
+    if isinstance(recorded, (str, RecordedArrays, np.ndarray)):
+        return [None]
+    if any(isinstance(one, RecordedChannels) for one in recorded):
+        return [*range(1, len(recorded) + 1)]
+    sets = sets_of(path, [part for part in recorded if not isinstance(part, RecordedChannels)])
+    return [one.number for one in sets if one.kind == "frf"]

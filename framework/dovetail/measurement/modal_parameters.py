@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from dovetail.atomic_files import read_bounded
 from dovetail.errors import DovetailError, Fault, MeasurementError
-from dovetail.measurement.formats.column_names import plain_name
-from dovetail.measurement.formats.tables import names_and_units
-from dovetail.measurement.formats.text_tables import find_table, read_rows, split_lines
+from dovetail.measurement.content.column_names import plain_name
+from dovetail.measurement.content.tables import names_and_units
+from dovetail.measurement.content.text_tables import decode_text, find_table, read_rows
 from dovetail.measurement.frf_units import frequency_factor
 
 _SUFFIXES = (".csv", ".tsv", ".txt")
@@ -121,7 +121,7 @@ def read_modal_parameters(path: str | os.PathLike[str]) -> ModalParameters:
     source = Path(path)
     if source.suffix.lower() not in _SUFFIXES:
         raise MeasurementError(Fault(str(source), "this is no table of modal parameters.", ", ".join(_SUFFIXES)))
-    lines = split_lines(source, read_bounded(source))
+    lines = decode_text(source, read_bounded(source)).split("\n")
     table = find_table(str(source), lines, _is_header, _ACCEPTED)
     names, units = names_and_units(table.header)
     if table.units and not any(units):
@@ -150,7 +150,8 @@ def is_modal_table(path: str | os.PathLike[str]) -> bool:
     if source.suffix.lower() not in _SUFFIXES:
         return False
     try:
-        header = find_table(str(source), split_lines(source, read_bounded(source)), _is_header, "").header
+        lines = decode_text(source, read_bounded(source)).split("\n")
+        header = find_table(str(source), lines, _is_header, "").header
     except DovetailError:
         return False
     meant = [_parameter(name)[0] for name in names_and_units(header)[0]]

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError, did_you_mean, listing
 from dovetail.frf import QUANTITIES, Frf, Quantity, check_size, unit_of
+from dovetail.interfaces import About, Statement
 from dovetail.measurement.frf_units import UnitMeaning, is_si, meaning_of_unit, read_unit
-from dovetail.measurement.statements import About, Statement, interpret
+from dovetail.measurement.statements import interpret
 
 MOST_LINES = 1_000_000
 """Largest number of lines of an FRF."""
@@ -200,7 +201,7 @@ class Recording:
     def _check_unit(self) -> None:
         """Refuse an FRF whose unit the file only mentions, or states without that of the load."""
         remedy = "Give the unit of the values, such as `unit='g/N'`."
-        for about, text, where in self.mentions:
+        for about, text, where, _ in self.mentions:
             if about == "disputed unit":
                 problem = f"the unit is '{text[:40]}' by its label and in SI by set 164."
                 raise MeasurementError(Fault(where, problem, remedy=remedy))
@@ -212,7 +213,7 @@ class Recording:
             half, other = ("load", "motion") if _is_load(self.half_unit) else ("motion", "load")
             problem = f"the {half} is in '{self.half_unit[:40]}', and the file does not give the unit of the {other}."
             raise MeasurementError(Fault(self.where, problem, remedy=remedy))
-        for about, text, where in self.mentions:
+        for about, text, where, _ in self.mentions:
             if about == "unit" and not is_si(text):
                 problem = f"'{text[:40]}' is mentioned, and no unit of the values is given."
                 raise MeasurementError(Fault(where, problem, remedy=remedy))

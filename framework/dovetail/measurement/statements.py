@@ -14,39 +14,14 @@ from typing import Any, Literal, NamedTuple
 
 from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import QUANTITIES, Quantity, unit_of
+from dovetail.interfaces import About, Statement
 from dovetail.measurement.frf_units import UnitReading, frequency_factor, motion_unit, read_unit
 from dovetail.measurement.quantity_words import read_label
 from dovetail.units import find_homonym
 
-About = Literal["quantity", "motion quantity", "unit", "motion unit", "load unit", "axis unit", "label", "load label",
-                "axis label", "unclear unit", "disputed unit"]  # fmt: skip
-"""What a statement is about.
-
-A ``quantity`` and a ``motion quantity`` are words such as ``mobility``, the second without saying per what. A ``unit``
-is that of the values, whole or of the motion or the load alone. A label is a name with words and perhaps a unit in
-brackets: of the values, of the load, or of the abscissa. An ``unclear unit`` is not understood, and a ``disputed
-unit`` contradicts the file's system of units: the caller has to give the unit of the values.
-"""
 _ROUNDING = 1e-6
 """Largest relative difference of two factors that are equal, since files write factors with few digits."""
 _SHOWN = 60
-
-
-class Statement(NamedTuple):
-    """One thing that a file states.
-
-    Parameters
-    ----------
-    about : About
-    text : str
-        As the file writes it.
-    where : str
-        Its place, such as ``frf.csv:3`` or ``frf.mat  H_unit``.
-    """
-
-    about: About
-    text: str
-    where: str
 
 
 class _Claim(NamedTuple):
@@ -141,7 +116,7 @@ def _names(claims: Sequence[_Claim], fact: str) -> bool:
 
 def _claims(statement: Statement, axis: Literal["Hz", "s"]) -> list[_Claim]:
     """Return the facts in one statement."""
-    about, text, where = statement
+    about, text, where, _ = statement
     if about in ("quantity", "motion quantity"):
         return [_quantity_claim(statement)]
     if about in ("unit", "motion unit", "load unit"):
@@ -149,6 +124,8 @@ def _claims(statement: Statement, axis: Literal["Hz", "s"]) -> list[_Claim]:
     if about == "axis unit":
         return _axis_claims(text, where, axis)
     label = read_label(text)
+    if about == "word" and not (label.quantities or label.motions or label.unclear):
+        raise MeasurementError(Fault(where, f"the word {text[:_SHOWN]!r} is not understood.", _ACCEPTED_LABELS))
     if about == "axis label":
         return [claim for unit in label.units for claim in _axis_claims(unit, where, axis)]
     if label.unclear:
@@ -166,7 +143,7 @@ def _claims(statement: Statement, axis: Literal["Hz", "s"]) -> list[_Claim]:
 
 
 def _quantity_claim(statement: Statement) -> _Claim:
-    about, text, where = statement
+    about, text, where, _ = statement
     if about == "quantity" and text in QUANTITIES:
         return _Claim("quantity", text, f"'{text}'", where)
     label = read_label(text)
@@ -180,7 +157,7 @@ def _quantity_claim(statement: Statement) -> _Claim:
 
 def _unit_claims(statement: Statement) -> list[_Claim]:
     """Return the facts in a unit: what it is of, and the quantity."""
-    about, text, where = statement
+    about, text, where, _ = statement
     reading = read_unit(text)
     accepted = {"motion unit": ("motion", "ratio"), "load unit": ("load",)}.get(about, ("motion", "ratio", "load"))
     if reading is not None and reading.kind == "none":
@@ -309,7 +286,7 @@ def check_axis(meaning: Meaning, mentions: Sequence[Statement], remedy: str) -> 
     """
     if meaning.axis_factor is not None:
         return meaning.axis_factor
-    for about, text, where in mentions:
+    for about, text, where, _ in mentions:
         if about == "axis unit" and frequency_factor(text) != 1.0:
             raise MeasurementError(
                 Fault(where, f"'{text[:40]}' is mentioned, and the frequency has no unit.", "Hz", remedy)

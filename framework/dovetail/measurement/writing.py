@@ -1,45 +1,95 @@
-"""What a writer of a format gets: an FRF in the quantity and the unit of the file."""
+"""Writing an FRF, in the quantity and the unit of the file."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import os
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dovetail.errors import Fault, MeasurementError
+from dovetail.atomic_files import write_whole
+from dovetail.errors import Fault, MeasurementError, PluginError
 from dovetail.frf import Frf
+from dovetail.interfaces import FrfReader, FrfToWrite, plugin_errors
+from dovetail.measurement.frf_files import label_of, read_suffixes, reader_class, unknown_suffix
 from dovetail.measurement.frf_units import meaning_of_unit
+from dovetail.registry import Offer, PluginPaths, components
 
 
-@dataclass(frozen=True)
-class FrfToWrite:
-    """An FRF in the quantity and the unit of the file to write.
+def write_frf(
+    frf: Frf,
+    path: str | os.PathLike[str],
+    *,
+    overwrite: bool = False,
+    binary: bool | None = None,
+    unit: str | None = None,
+    plugins: PluginPaths = (),
+) -> None:
+    """Write an FRF; `read_frf` gives back the same quantity, values, coherence, averages, variance and DOFs.
+
+    CSV, NPZ and binary UFF hold every digit; ASCII UFF holds 12 digits of the values.
 
     Parameters
     ----------
     frf : Frf
-        In the quantity of the file.
-    unit : str
-        Of the values in the file.
-    factor : float
-        From the unit of the file to SI.
+        The FRF.
+    path : path
+        The suffix names the format: ``.uff``, ``.unv``, ``.csv``, ``.npz``, or one that a plugin writes.
+    overwrite : bool
+        Replace a file that is there.
+    binary : bool, optional
+        UFF only. By default ASCII, unless its six digits cannot represent the frequencies.
+    unit : str, optional
+        Unit of the values in the file, such as ``"um/N"``, which also determines the quantity; SI by default.
+    plugins : path or iterable of paths
+        Plugin files with further writers.
+
+    Raises
+    ------
+    FileError
+        The file exists, its folder is missing, or it cannot be written.
+    MeasurementError
+        An unknown suffix, or an FRF that the format cannot represent.
     """
+    target, registry = Path(path), components(plugins)
+    if os.path.isdir(target):
+        raise MeasurementError(Fault(str(target), "this is a directory.", "one measured file"))
+    suffix, readers = target.suffix.lower(), registry.readers()
+    written = {
+        one: offer for offers in reversed(readers.values()) for offer in offers for one in reader_class(offer).written
+    }
+    if suffix not in readers and suffix not in written:
+        raise MeasurementError(unknown_suffix(target, suffix, read_suffixes(registry)))
+    if suffix not in written:
+        known = [one for one in read_suffixes(registry) if one in written]
+        raise MeasurementError(Fault(str(target), f"{target.suffix} files are read, not written.", ", ".join(known)))
+    writer = _writer(written[suffix], target, binary)
+    content = prepare_for_writing(frf, target, unit)
+    write_whole(target, _encode(writer, content, target), overwrite=overwrite)
 
-    frf: Frf
-    unit: str
-    factor: float
 
-    @property
-    def values(self) -> NDArray[np.complex128]:
-        """(n_freq,) values in the file's unit."""
-        return self.frf.values if self.factor == 1.0 else self.frf.values / self.factor
+def _writer(offer: Offer, target: Path, binary: bool | None) -> FrfReader:
+    """Return the writer of a format, with its option `binary` if it has one."""
+    config = offer.component.Config
+    options = {} if binary is None else {"binary": binary}
+    if options and "binary" not in config.model_fields:
+        raise MeasurementError(Fault(str(target), f"binary={binary} is for UFF files, not for {target.suffix}."))
+    with plugin_errors(offer.component, f"reader '{offer.component.name}'"):
+        return reader_class(offer)(config.model_validate(options))
 
-    @property
-    def variance(self) -> NDArray[np.float64] | None:
-        """(n_freq,) variance in the square of the file's unit, if the FRF has one."""
-        return None if self.frf.variance is None else self.frf.variance / self.factor**2
+
+def _encode(writer: FrfReader, content: FrfToWrite, target: Path) -> bytes:
+    """Return the bytes of the file; a ValueError is how a writer refuses an FRF."""
+    try:
+        with plugin_errors(writer, label_of(writer)):
+            encoded = writer.write(content, target)
+            if not isinstance(encoded, bytes):
+                raise PluginError(Fault(label_of(writer), f"write returned {encoded!r:.60}.", "bytes"))
+    except PluginError as error:
+        if isinstance(error.__cause__, ValueError):
+            raise MeasurementError(Fault(str(target), str(error.__cause__))) from None
+        raise
+    return encoded
 
 
 def prepare_for_writing(frf: Frf, path: Path, unit: str | None) -> FrfToWrite:
@@ -56,6 +106,6 @@ def prepare_for_writing(frf: Frf, path: Path, unit: str | None) -> FrfToWrite:
         return FrfToWrite(frf, frf.unit, 1.0)
     meaning = meaning_of_unit(unit, "the argument unit")
     if meaning.kind != (frf.rotation, frf.by_moment):
-        problem = f"{frf.label} is a {frf.kind}, and '{unit}' is no unit of that."
+        problem = f"{frf.label} is a {frf.kind}, and '{unit}' is not one of its units."
         raise MeasurementError(Fault("the argument unit", problem))
     return FrfToWrite(frf.to(meaning.quantity), unit, meaning.factor)

@@ -90,6 +90,18 @@ class Trusting(SoundReader):
         return [self.recorded(lines)]
 
 
+@breaks("written_files_are_read")
+class WritingAmplitudes(SoundReader):
+    """Writes a format that has no phase."""
+
+    written = (".snd",)
+
+    def write(self, content, path):
+        """Write the amplitude as the real part."""
+        lines = np.column_stack([content.frf.frequency, np.abs(content.values), 0 * content.frf.frequency])
+        return HEAD + lines.astype("<f8").tobytes()
+
+
 @breaks("nothing_is_printed_or_changed")
 class Chatting(SoundReader):
     """Tells what it reads."""

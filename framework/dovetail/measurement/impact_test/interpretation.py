@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError, argument, listing
 from dovetail.frf import Quantity
+from dovetail.interfaces import Statement
 from dovetail.measurement.frf_units import frequency_factor, read_unit
 from dovetail.measurement.impact_test.records import AxisFact, Pair, TimeRecord
 from dovetail.measurement.impact_test.sensitivity import read_sensitivity, volts
 from dovetail.measurement.quantity_words import read_label
-from dovetail.measurement.statements import Statement, interpret
+from dovetail.measurement.statements import interpret
 
 Array = NDArray[np.float64]
 _SAME_RATE = 1e-3
@@ -113,7 +114,7 @@ def _disputed(record: TimeRecord, signal: str, choice: Choice, unit: str, factor
 
 def _unit_of(statements: Sequence[Statement]) -> str:
     """Return the first unit that statements contain."""
-    for about, text, _ in statements:
+    for about, text, _, _ in statements:
         units = read_label(text).units if "label" in about else (text,) if "unit" in about else ()
         for unit in units:
             if (reading := read_unit(unit)) is not None and reading.kind != "none":
@@ -124,7 +125,7 @@ def _unit_of(statements: Sequence[Statement]) -> str:
 def _said(statements: Sequence[Statement]) -> str:
     """Return the units and the quantities in statements, for a message."""
     texts = []
-    for about, text, _ in statements:
+    for about, text, _, _ in statements:
         label = read_label(text) if "label" in about else None
         is_said = label is None or label.units or label.motions
         texts += [f"'{text.strip()}'"] if is_said and text.strip() else []
@@ -142,7 +143,7 @@ def _documented(record: TimeRecord) -> Quantity:
 
 def _check_is_signal(signal: str, statements: Sequence[Statement]) -> None:
     """Refuse an FRF in place of a signal, and a force in place of a response or the reverse."""
-    for about, text, where in statements:
+    for about, text, where, _ in statements:
         label = read_label(text) if "label" in about else None
         if label is not None and label.unclear:
             problem = f"'{text[:60]}' is not a {signal} in a unit: '{label.unclear}' is not understood."
@@ -160,7 +161,7 @@ def _voltages(record: TimeRecord) -> tuple[list[tuple[str, str]], list[Statement
     """Return the voltages that a record states, with their places, and the other statements."""
     voltages, others = [], []
     for statement in record.statements:
-        about, text, where = statement
+        about, text, where, _ = statement
         label = read_label(text) if "label" in about else None
         units = label.units if label is not None else (text,) if "unit" in about else ()
         found = [unit for unit in units if volts(unit) is not None]

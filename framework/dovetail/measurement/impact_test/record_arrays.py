@@ -11,48 +11,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError, did_you_mean, listing
-from dovetail.measurement.formats.archives import Archive, Entry
+from dovetail.interfaces import ArrayEntry, RecordedArrays, Statement
 from dovetail.measurement.impact_test.records import AxisFact, Pair, Point, TimeRecord
 from dovetail.measurement.impact_test.remarks import Remarks
 from dovetail.measurement.impact_test.signal_names import SignalName, read_name
 from dovetail.measurement.quantity_words import words_of
-from dovetail.measurement.statements import Statement
 
 Array = NDArray[np.float64]
 _PARTS = {"force": "force", "response": "response", "rate": "rate", "time": "times"}
 """Parts that the caller may name, and their roles."""
 _GENERIC = frozenset(("data", "values", "value", "y", "samples", "signal"))
 """Last parts of a path that are named by the part in front."""
-WANTED_WORDS = (
-    *(
-        "force",
-        "forces",
-        "excitation",
-        "hammer",
-        "exc",
-        "response",
-        "responses",
-        "resp",
-        "acceleration",
-        "accel",
-        "acc",
-    ),
-    *("velocity", "vel", "displacement", "disp", "time", "times", "t", "rate", "fs", "dt", "samplerate", "sampling"),
-    *("timestep", "increment", "step", "delta", "node", "nodes", "dof", "dofs", "point", "points", "unit", "units"),
-    *("position", "positions", "direction"),
-)
-"""Words of the arrays that a guarded process returns; small ones it returns all."""
 _MOST_ENTRIES = 200
 _SMALL = 64
 _POINTS = frozenset(("node", "nodes", "dof", "dofs", "point", "points", "position", "positions", "direction"))
 
 
-def read_archive(archive: Archive, chosen: Mapping[str, str], remarks: Remarks) -> list[Pair]:
+def read_archive(archive: RecordedArrays, chosen: Mapping[str, str], remarks: Remarks) -> list[Pair]:
     """Return force and response of each impact in a file of named arrays.
 
     Parameters
     ----------
-    archive : Archive
+    archive : RecordedArrays
     chosen : mapping of str to str
         Names of ``force``, ``response``, ``rate`` and ``time``, as the caller gives them.
     remarks : Remarks
@@ -88,7 +68,7 @@ def read_archive(archive: Archive, chosen: Mapping[str, str], remarks: Remarks) 
     return pairs
 
 
-def _named(archive: Archive, chosen: Mapping[str, str]) -> dict[str, SignalName]:
+def _named(archive: RecordedArrays, chosen: Mapping[str, str]) -> dict[str, SignalName]:
     """Return what the name of each entry states; the caller's names replace those of the file."""
     names = {}
     for name in archive.entries:
@@ -108,7 +88,9 @@ def _named(archive: Archive, chosen: Mapping[str, str]) -> dict[str, SignalName]
     return names
 
 
-def _signals(archive: Archive, names: Mapping[str, SignalName], role: str, chosen: Mapping[str, str]) -> list[str]:
+def _signals(
+    archive: RecordedArrays, names: Mapping[str, SignalName], role: str, chosen: Mapping[str, str]
+) -> list[str]:
     """Return the arrays of a signal: one, or one for each impact in the order of their numbers."""
     found = [name for name, one in names.items() if one.role == role and (role in chosen or _is_array(archive, name))]
     numbers = [names[name].impact for name in found]
@@ -118,12 +100,12 @@ def _signals(archive: Archive, names: Mapping[str, SignalName], role: str, chose
     return sorted(found, key=lambda name: [int(number) for number in names[name].impact.split()])
 
 
-def _is_array(archive: Archive, name: str) -> bool:
+def _is_array(archive: RecordedArrays, name: str) -> bool:
     array = archive.entries[name].load()
     return array.dtype.kind in "fiu" and (array.size > 1 if not _POINTS & set(words_of(name)) else array.size > _SMALL)
 
 
-def _numbers(archive: Archive, name: str, most_axes: int = 2) -> Array:
+def _numbers(archive: RecordedArrays, name: str, most_axes: int = 2) -> Array:
     array = archive.entries[name].load()
     if array.dtype.kind not in "fiu" or array.ndim > most_axes:
         problem = f"'{name}' has the shape {array.shape} and the type {array.dtype}."
@@ -131,7 +113,7 @@ def _numbers(archive: Archive, name: str, most_axes: int = 2) -> Array:
     return array.astype(np.float64)
 
 
-def _points_of_impacts(archive: Archive, names: Mapping[str, SignalName]) -> list[str]:
+def _points_of_impacts(archive: RecordedArrays, names: Mapping[str, SignalName]) -> list[str]:
     """Return the points of the impacts of a roving hammer, if an entry lists several."""
     for name in archive.entries:
         if _POINTS & set(words_of(name)) and not names[name].role:
@@ -141,13 +123,13 @@ def _points_of_impacts(archive: Archive, names: Mapping[str, SignalName]) -> lis
     return []
 
 
-def _rows(archive: Archive, name: str) -> Array:
+def _rows(archive: RecordedArrays, name: str) -> Array:
     """Return records as rows; in MATLAB, a single record, and often several, are columns."""
     table = np.atleast_2d(_numbers(archive, name))
     return table.T if table.shape[0] > table.shape[1] else table
 
 
-def _record(archive: Archive, name: str, said: SignalName, role: str, remarks: Remarks) -> TimeRecord:
+def _record(archive: RecordedArrays, name: str, said: SignalName, role: str, remarks: Remarks) -> TimeRecord:
     """Return a record without its samples: what name, attributes and other entries state about it."""
     where = f"{archive.path}  {name}"
     if said.unclear:
@@ -177,7 +159,7 @@ def _record(archive: Archive, name: str, said: SignalName, role: str, remarks: R
 
 
 def _axis(
-    archive: Archive,
+    archive: RecordedArrays,
     names: Mapping[str, SignalName],
     shape: tuple[int, ...],
     remarks: Remarks,
@@ -211,7 +193,7 @@ def _row_of(fact: AxisFact, row: int) -> AxisFact:
     return fact._replace(value=value[row]) if value.ndim == 2 else fact
 
 
-def _read_others(archive: Archive, names: Mapping[str, SignalName], remarks: Remarks) -> None:
+def _read_others(archive: RecordedArrays, names: Mapping[str, SignalName], remarks: Remarks) -> None:
     """Read the entries and attributes that are neither signals nor times."""
     for key, text in archive.attributes.items():
         remarks.read(key, text, f"{archive.path}  {key}")
@@ -234,7 +216,7 @@ def _read_others(archive: Archive, names: Mapping[str, SignalName], remarks: Rem
             remarks.read(key, " ".join(f"{float(one)!r}" for one in np.unique(array)), where)
 
 
-def _unread(archive: Archive, names: Mapping[str, SignalName]) -> Iterator[tuple[str, Entry]]:
+def _unread(archive: RecordedArrays, names: Mapping[str, SignalName]) -> Iterator[tuple[str, ArrayEntry]]:
     for name, entry in archive.entries.items():
         if not names[name].role and entry.is_small:
             yield name, entry

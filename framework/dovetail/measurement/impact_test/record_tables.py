@@ -1,4 +1,4 @@
-"""Time records of impact tests in tables, in arrays of columns, and in LabVIEW measurement files."""
+"""Time records of impact tests in tables, in arrays of columns, and in channels."""
 
 from __future__ import annotations
 
@@ -12,13 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError, did_you_mean
-from dovetail.measurement.formats import lvm
-from dovetail.measurement.formats.text_tables import find_rows, find_table, read_rows, split_lines
+from dovetail.interfaces import RecordedChannels, Statement
+from dovetail.measurement.content.text_tables import find_rows, find_table, read_rows
 from dovetail.measurement.frf_units import read_unit
 from dovetail.measurement.impact_test.records import AxisFact, Pair, Point, TimeRecord
 from dovetail.measurement.impact_test.remarks import Remarks
 from dovetail.measurement.impact_test.signal_names import Role, SignalName, read_name
-from dovetail.measurement.statements import Statement
 
 Array = NDArray[np.float64]
 _HEADERS = "time,force,response | time,force 1,response 1,..."
@@ -53,15 +52,13 @@ class _Column:
         )
 
 
-def read_table(
-    path: Path, content: bytes, columns: Sequence[str], names: dict[str, str], remarks: Remarks
-) -> list[Pair]:
+def read_table(path: Path, text: str, columns: Sequence[str], names: dict[str, str], remarks: Remarks) -> list[Pair]:
     """Return force and response of each impact in a table.
 
     Parameters
     ----------
     path : Path
-    content : bytes
+    text : str
     columns : sequence of str
         The columns, instead of the table's header.
     names : dict of str to str
@@ -74,7 +71,7 @@ def read_table(
     MeasurementError
         No header, or no pairs of a force and a response.
     """
-    lines = split_lines(path, content)
+    lines = text.split("\n")
     if columns:
         wanted = [number for number, one in enumerate(_named(columns, names)) if one.role]
         table = find_rows(str(path), lines, columns, wanted)
@@ -213,8 +210,8 @@ def _pairs(where: str, columns: Sequence[_Column], rows: Array, remarks: Remarks
     ]
 
 
-def read_labview(path: Path, content: bytes, names: dict[str, str], remarks: Remarks) -> list[Pair]:
-    """Return force and response of each segment of a LabVIEW measurement file.
+def read_channels(segments: Sequence[RecordedChannels], names: dict[str, str], remarks: Remarks) -> list[Pair]:
+    """Return force and response of each segment of channels.
 
     Raises
     ------
@@ -222,7 +219,7 @@ def read_labview(path: Path, content: bytes, names: dict[str, str], remarks: Rem
         A segment without one force and one response over time.
     """
     pairs = []
-    for segment in lvm.read_segments(path, content):
+    for segment in segments:
         columns = _columns(segment.where, segment.names, (), names)
         chosen = [[n for n, column in enumerate(columns) if column.said.role == role] for role in ("force", "response")]
         if segment.dimension != "time" or any(len(part) != 1 for part in chosen):
@@ -230,40 +227,26 @@ def read_labview(path: Path, content: bytes, names: dict[str, str], remarks: Rem
             accepted = "time, and channels whose names begin with Force and Response, one of each"
             remedy = "Choose the channels: `names={'force': 'NAME', 'response': 'NAME'}`."
             raise MeasurementError(Fault(segment.where, problem, accepted, remedy))
-        axis = [AxisFact("times", segment.axis, segment.axis_unit, segment.where), *_other_axes(segment)]
+        axis = [AxisFact("times", segment.axis, segment.axis_unit, segment.where)]
+        axis += [AxisFact("step", step, segment.axis_unit, where) for step, where in segment.steps]
         axis += remarks.facts()
-        pair = []
-        for (number,) in chosen:
-            column = columns[number]
-            column.unit = column.unit or segment.units[number]
-            if column.unit and segment.units[number] and read_unit(column.unit) != read_unit(segment.units[number]):
-                problem = f"'{column.name}' has the Y_Unit_Label '{segment.units[number]}'."
-                raise MeasurementError(Fault(segment.where, problem, "one unit"))
-            record = column.record(segment.channels[number], axis, remarks)
-            dimension = segment.header.get("Y_Dimension", ())
-            if number < len(dimension) and dimension[number]:
-                about: Any = "load label" if column.said.role == "force" else "motion quantity"
-                words = Statement(about, dimension[number], f"{segment.where}, Y_Dimension")
-                record = record._replace(statements=(*record.statements, words))
-            pair.append(record)
-        pairs.append((pair[0], pair[1]))
+        force, response = (_channel(segment, part[0], columns[part[0]], axis, remarks) for part in chosen)
+        pairs.append((force, response))
     return pairs
 
 
-def _other_axes(segment: lvm.Segment) -> list[AxisFact]:
-    """Return what the header states about the axes of all channels, which must agree."""
-    facts = []
-    for key in ("X_Unit_Label", "X_Dimension"):
-        labels = {text.lower() for text in segment.header.get(key, ())[: len(segment.names)] if text}
-        if len(labels) > 1:
-            raise MeasurementError(Fault(segment.where, f"the channels have {key} {', '.join(sorted(labels))}.", "one"))
-    if len({text for text in segment.header.get("X0", ())[: len(segment.names)] if text}) > 1:
-        raise MeasurementError(Fault(segment.where, "the channels start at different times (X0).", "one X0"))
-    for step in segment.header.get("Delta_X", ())[: len(segment.names)]:
-        try:
-            value = float(step.replace(",", "."))
-        except ValueError:
-            continue
-        if value != 1.0:  # what LabVIEW writes of signals without a step
-            facts.append(AxisFact("step", value, segment.axis_unit, f"{segment.where}, Delta_X"))
-    return facts
+def _channel(
+    segment: RecordedChannels, number: int, column: _Column, axis: Sequence[AxisFact], remarks: Remarks
+) -> TimeRecord:
+    unit = segment.units[number]
+    column.unit = column.unit or unit
+    if column.unit and unit and read_unit(column.unit) != read_unit(unit):
+        problem = f"'{column.name}' has the unit '{unit}' in the header."
+        raise MeasurementError(Fault(segment.where, problem, "one unit"))
+    attached = Remarks(skip=remarks.skip)
+    role: Role = column.said.role
+    for one in (*segment.statements, *(segment.channel_statements[number] if segment.channel_statements else ())):
+        attached.read(one.key or "comment", one.text, one.where, role)
+    remarks.numbers += attached.numbers
+    record = column.record(segment.channels[number], axis, remarks)
+    return record._replace(statements=(*record.statements, *attached.statements[role]))

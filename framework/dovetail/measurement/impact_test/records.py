@@ -11,7 +11,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.measurement.statements import Statement
+from dovetail.interfaces import Statement
 
 Array = NDArray[np.float64]
 

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from dovetail.errors import Fault, MeasurementError, argument
+from dovetail.interfaces import Statement
 from dovetail.measurement.acting_numbers import find_acting_number
 from dovetail.measurement.frf_units import frequency_factor, read_unit
 from dovetail.measurement.impact_test.records import AxisFact, Point
 from dovetail.measurement.impact_test.sensitivity import volts
 from dovetail.measurement.impact_test.signal_names import Role, read_name
 from dovetail.measurement.quantity_words import read_label, word_set, words_of
-from dovetail.measurement.statements import Statement
 
 _UNIT_WORDS = word_set("unit units einheit einheiten uom eu")
 _QUANTITY_WORDS = word_set("quantity type measurand dimension signal response motion label name")

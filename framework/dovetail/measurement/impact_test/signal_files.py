@@ -1,4 +1,4 @@
-"""Files with time records of impact tests: arrays, tables, LabVIEW and universal files."""
+"""The time records of impact tests in files of any format."""
 
 from __future__ import annotations
 
@@ -11,25 +11,21 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.atomic_files import read_bounded
 from dovetail.errors import Fault, MeasurementError, argument, did_you_mean, listing
 from dovetail.frf import QUANTITIES, Quantity
-from dovetail.measurement.formats import guarded, npz
-from dovetail.measurement.formats.archives import Archive
-from dovetail.measurement.formats.text_tables import suffix_by_content
-from dovetail.measurement.formats.uff_sets import is_dof
+from dovetail.interfaces import Recorded, RecordedArrays, RecordedChannels, RecordedSignal, plugin_errors
+from dovetail.measurement.content.sets import is_dof, sets_of
+from dovetail.measurement.frf_files import arrays_of_fields, label_of, read_content, read_suffixes
 from dovetail.measurement.frf_units import motion_unit, read_unit
 from dovetail.measurement.impact_test.interpretation import Choice, Scale, choose_points, sampling_rate, scale_of
-from dovetail.measurement.impact_test.record_arrays import WANTED_WORDS, read_archive
+from dovetail.measurement.impact_test.record_arrays import read_archive
 from dovetail.measurement.impact_test.record_sets import read_sets
-from dovetail.measurement.impact_test.record_tables import read_columns, read_labview, read_table
+from dovetail.measurement.impact_test.record_tables import read_channels, read_columns, read_table
 from dovetail.measurement.impact_test.records import Pair
 from dovetail.measurement.impact_test.remarks import Remarks
 from dovetail.measurement.impact_test.sensitivity import volts
+from dovetail.registry import components
 
-_ARCHIVES = (".npz", ".mat", ".h5", ".hdf5")
-_TABLES = (".csv", ".tsv", ".txt", ".txf", ".asc", ".dat")
-_SUFFIXES = (*_ARCHIVES, ".npy", *_TABLES, ".lvm", ".uff", ".unv")
 _PARTS = ("force", "response", "rate", "time", "skip")
 _EVEN = 0.1
 """Largest error of a time, relative to the step, since files have few decimals."""
@@ -127,8 +123,9 @@ def read_signals(
         HDF5 and MATLAB 7.3 need h5py, which is not installed.
     """
     source = Path(path)
-    if source.suffix.lower() not in _SUFFIXES:
-        raise MeasurementError(Fault(str(source), "this is no file of time records.", ", ".join(_SUFFIXES)))
+    registry = components()
+    if source.suffix.lower() not in (known := read_suffixes(registry)):
+        raise MeasurementError(Fault(str(source), "this is not a file of time records.", ", ".join(known)))
     chosen = dict(names or {})
     if unknown := set(chosen) - set(_PARTS):
         part = sorted(unknown)[0]
@@ -137,7 +134,9 @@ def read_signals(
     _check_force_unit(force_unit, force_sensitivity)
     _check_response_unit(response_unit, response_sensitivity)
     remarks = Remarks(skip=chosen.pop("skip", "").split(","))
-    pairs = _read_pairs(source, _Options(chosen, columns, remarks))
+    reader, recorded = read_content(source, registry)
+    with plugin_errors(reader, label_of(reader)):
+        pairs = _read_pairs(source, recorded, _Options(chosen, columns, remarks))
     pairs = choose_points(pairs, str(source), response, force, is_dof)
     choices = Choice(force_unit, force_sensitivity), Choice(response_unit, response_sensitivity)
     scales = [tuple(scale_of(record, role, choice) for record, role, choice in zip(pair, ("force", "response"), choices,
@@ -198,33 +197,27 @@ def _negative_pulses(force: Array) -> tuple[str, ...]:
     return (f"{problem} If the hammer's sensor counts a push as negative, the FRF has the wrong sign.",)
 
 
-def _read_pairs(path: Path, options: _Options) -> list[Pair]:
-    """Return the records of a file."""
-    content = read_bounded(path)
-    suffix = suffix_by_content(path, content)
-    if options.columns and suffix not in (*_TABLES, ".npy"):
-        problem = f"columns={','.join(options.columns)} is for tables, not for {suffix} files."
+def _read_pairs(path: Path, recorded: Recorded, options: _Options) -> list[Pair]:
+    """Return the records in what a reader returned."""
+    if isinstance(recorded, str):
+        return read_table(path, recorded, options.columns, options.names, options.remarks)
+    if isinstance(recorded, np.ndarray) and not recorded.dtype.names:
+        return read_columns(path, recorded, options.columns, options.remarks)
+    if options.columns and not isinstance(recorded, np.ndarray):
+        problem = f"columns={','.join(options.columns)} is for tables, not for {path.suffix.lower()} files."
         raise MeasurementError(Fault(str(path), problem))
-    if suffix in (".uff", ".unv"):
-        if options.names:
-            raise MeasurementError(Fault(str(path), "names are for files of named arrays or columns, not for sets."))
-        return read_sets(path, content, options.remarks)
-    if suffix == ".lvm":
-        return read_labview(path, content, options.names, options.remarks)
-    if suffix in _TABLES:
-        return read_table(path, content, options.columns, options.names, options.remarks)
-    if suffix == ".npy":
-        array = npz.read_array(path, content)
-        if not array.dtype.names:
-            return read_columns(path, array, options.columns, options.remarks)
-        return read_archive(npz.archive_of_fields(path, array), options.names, options.remarks)
-    return read_archive(_open_archive(path, content, options.names), options.names, options.remarks)
-
-
-def _open_archive(path: Path, content: bytes, names: Mapping[str, str]) -> Archive:
-    if path.suffix.lower() == ".npz":
-        return npz.open_archive(path, content)
-    return guarded.read_arrays(path, content, [*names.values(), *WANTED_WORDS])
+    if isinstance(recorded, np.ndarray):
+        return read_archive(arrays_of_fields(path, recorded), options.names, options.remarks)
+    if isinstance(recorded, RecordedArrays):
+        return read_archive(recorded, options.names, options.remarks)
+    channels = [part for part in recorded if isinstance(part, RecordedChannels)]
+    if channels:
+        return read_channels(channels, options.names, options.remarks)
+    if options.names:
+        raise MeasurementError(Fault(str(path), "names are for files of named arrays or columns, not for sets."))
+    sets = sets_of(path, [part for part in recorded if not isinstance(part, RecordedChannels)])
+    signals = [part.load() for part in sets if part.kind == "signal"]
+    return read_sets(path, [signal for signal in signals if isinstance(signal, RecordedSignal)], options.remarks)
 
 
 def _check_force_unit(unit: str | None, sensitivity: str | None) -> None:

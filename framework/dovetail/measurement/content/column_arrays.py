@@ -1,4 +1,4 @@
-"""FRFs in the columns of one matrix, in an NPY file or as an entry of an archive."""
+"""FRFs in the columns of one matrix, alone in a file or as an entry of an archive."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError, listing
-from dovetail.measurement.formats.archives import Archive
-from dovetail.measurement.formats.tables import SAY_COLUMNS, check_columns, read_header, recording_of
+from dovetail.interfaces import RecordedArrays
+from dovetail.measurement.content.tables import SAY_COLUMNS, check_columns, read_header, recording_of
 from dovetail.measurement.free_text import FreeText
 from dovetail.measurement.recording import ReadOptions, Recording
 
 
-def find_matrix(archive: Archive, options: ReadOptions) -> str | None:
+def find_matrix(archive: RecordedArrays, options: ReadOptions) -> str | None:
     """Return the name of the matrix whose columns are the FRF, or None if the FRF is in several arrays.
 
     It is the only array of the file, or that with as many columns as the caller names; ``values`` in the caller's names

@@ -1,4 +1,4 @@
-"""FRFs in MATLAB workspaces: version 5 (``save -v6``, ``save -v7``), and version 7.3, which is HDF5."""
+"""The variables of MATLAB workspaces of version 5 (``save -v6`` and ``-v7``); only imported by the guarded process."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import io
 import struct
 import zlib
 from collections.abc import Iterator, Sequence
-from functools import partial
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -14,13 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.errors import Fault, MeasurementError, damage_reported
-from dovetail.measurement.formats.archives import LARGEST_ARRAY, SMALL_ARRAY, Archive, Entry
-from dovetail.measurement.formats.frd import closed_entry, with_frd_units
-from dovetail.measurement.formats.hdf5 import SIGNATURE
+from dovetail import Fault, MeasurementError, damage_reported
 
-_VERSION = slice(124, 128)
-_VERSION_5 = (b"\x00\x01IM", b"\x01\x00MI")
+_LARGEST_ARRAY = 40_000_000
+"""Largest size of an unpacked array in bytes."""
+_SMALL_ARRAY = 16_000
+"""Largest size in bytes of an array that is loaded to see what it states."""
 _CELL, _STRUCT, _OBJECT, _SPARSE, _FUNCTION, _OPAQUE = 1, 2, 3, 5, 16, 17
 """Numbers of classes in MATLAB's description of the format; those of numbers and texts are 4 and 6 to 15."""
 _NO_NUMBERS = (_CELL, _STRUCT, _OBJECT, _SPARSE, _FUNCTION, _OPAQUE)
@@ -37,24 +35,15 @@ _MOST_NUMBERS = 12_500_000
 """Largest number of elements in all variables together."""
 
 
-def check_version(path: Path, content: bytes) -> bool:
-    """Return whether a workspace has version 7.3.
+def workspace_contents(path: Path, content: bytes, names: Sequence[str] | None) -> dict[str, Any]:
+    """Return the variables of a workspace, and why others are not returned.
 
-    Raises
-    ------
-    MeasurementError
-        The version is neither 5 nor 7.3.
-    """
-    if SIGNATURE in (content[:8], content[512:520]):
-        return True
-    if content[_VERSION] in _VERSION_5:
-        return False
-    accepted = "version 5 (save -v6, save -v7) or 7.3 (save -v7.3)"
-    raise MeasurementError(Fault(str(path), "this is no MATLAB workspace of a version that is read.", accepted))
-
-
-def workspace(path: Path, content: bytes) -> Archive:
-    """Return the variables of a workspace of version 5; only for the guarded process.
+    Parameters
+    ----------
+    path : Path
+    content : bytes
+    names : sequence of str or None
+        Of the arrays; None for all.
 
     Raises
     ------
@@ -69,13 +58,32 @@ def workspace(path: Path, content: bytes) -> Archive:
             _check_sizes(path, listed)
             closed = {name: label for name, _, kind, label in listed if kind in (_FUNCTION, _OPAQUE)}
             wanted = [name for name, _, _, _ in listed if name and name not in closed]
-            variables = loadmat(io.BytesIO(content), variable_names=wanted)
-            entries = {key: entry for name in wanted for key, entry in _entries(path, name, variables[name])}
-            objects = {name: closed_entry(path, name, label, entries) for name, label in closed.items()}
-            return Archive(path, with_frd_units(path, entries, ".") | objects)
+            loaded = loadmat(io.BytesIO(content), variable_names=wanted)
+            variables = {key: value for name in wanted for key, value in _entries(name, loaded[name])}
         except MemoryError:
             problem = "the workspace unpacks to far more than an FRF needs."
             raise MeasurementError(Fault(str(path), problem)) from None
+    arrays = {name: value for name, value in variables.items() if isinstance(value, np.ndarray)}
+    accepted = "a full matrix of numbers"
+    return {
+        "entries": {name: (_what(value), {}, _is_small(value)) for name, value in variables.items()},
+        "closed": closed,
+        "attributes": {},
+        "groups": {},
+        "faults": {
+            name: (str(path), f"'{name}' is {_NOT_READ}.", accepted, "") for name in variables if name not in arrays
+        },
+    } | {f"array {name}": value for name, value in arrays.items() if names is None or name in names}
+
+
+def _what(value: NDArray[Any] | None) -> str:
+    if value is None:
+        return _NOT_READ
+    return "text" if value.dtype.kind == "U" else f"{value.shape} {value.dtype.name}"
+
+
+def _is_small(value: NDArray[Any] | None) -> bool:
+    return value is None or value.dtype.kind == "U" or value.nbytes <= _SMALL_ARRAY
 
 
 def _variables(content: bytes) -> Iterator[tuple[str, tuple[int, ...], int, str]]:
@@ -117,36 +125,32 @@ def _check_sizes(path: Path, variables: Sequence[tuple[str, tuple[int, ...], int
     """Refuse too many numbers before they are unpacked."""
     sizes = {name: 0 if kind in _NO_NUMBERS else prod(shape) for name, shape, kind, _ in variables}
     for number, (name, size) in enumerate(sizes.items(), start=1):
-        if not 0 <= size * _ITEM <= LARGEST_ARRAY:  # scipy takes a negative length to be unknown
+        if not 0 <= size * _ITEM <= _LARGEST_ARRAY:  # scipy takes a negative length to be unknown
             problem = f"the workspace is damaged: '{name}' has {size:,} numbers, not as many as an FRF."
             raise MeasurementError(Fault(f"{path}: variable {number}", problem))
     if sum(sizes.values()) > _MOST_NUMBERS:
         raise MeasurementError(Fault(str(path), "the workspace unpacks to far more than an FRF needs."))
 
 
-def _entries(path: Path, name: str, value: Any, depth: int = 0) -> Iterator[tuple[str, Entry]]:
-    """Yield numbers and texts, with fields of a struct named by path and contents of a cell numbered from 1."""
+def _entries(name: str, value: Any, depth: int = 0) -> Iterator[tuple[str, NDArray[Any] | None]]:
+    """Yield numbers and texts, with fields of a struct named by path and contents of a cell numbered from 1.
+
+    What is neither is None.
+    """
     from scipy.io.matlab import MatlabObject
 
     is_array = type(value) is np.ndarray  # function handles are subclasses
     if (is_array or isinstance(value, MatlabObject)) and value.dtype.names and value.size == 1:
         for field in value.dtype.names:
-            yield from _entries(path, f"{name}.{field}", value[field].item(), depth)
+            yield from _entries(f"{name}.{field}", value[field].item(), depth)
     elif is_array and value.dtype.names and value.size <= _MOST_CELLS and depth < 3:
         for number, element in enumerate(value.ravel(order="F"), start=1):
             for field in value.dtype.names:
-                yield from _entries(path, f"{name}({number}).{field}", element[field], depth + 1)
+                yield from _entries(f"{name}({number}).{field}", element[field], depth + 1)
     elif is_array and value.dtype.kind == "O" and value.size <= _MOST_CELLS and depth < 3:
         for number, content in enumerate(value.ravel(order="F"), start=1):
-            yield from _entries(path, f"{name}{{{number}}}", content, depth + 1)
+            yield from _entries(f"{name}{{{number}}}", content, depth + 1)
     elif not is_array or value.dtype.kind not in "biufcU":
-        yield name, Entry(_NOT_READ, partial(_refuse, path, name))
-    elif value.dtype.kind == "U":
-        yield name, Entry("text", partial(np.array, "".join(value.ravel().tolist())))
+        yield name, None
     else:
-        is_small = value.nbytes <= SMALL_ARRAY
-        yield name, Entry(f"{value.shape} {value.dtype.name}", partial(np.asarray, value), is_small=is_small)
-
-
-def _refuse(path: Path, name: str) -> NDArray[Any]:
-    raise MeasurementError(Fault(str(path), f"'{name}' is {_NOT_READ}.", "a full matrix of numbers"))
+        yield name, np.array("".join(value.ravel().tolist())) if value.dtype.kind == "U" else np.asarray(value)

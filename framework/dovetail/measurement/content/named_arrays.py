@@ -1,4 +1,4 @@
-"""FRFs in files of named arrays: the common part of the readers of NPZ, HDF5 and MATLAB files."""
+"""FRFs in files of named arrays, such as NPZ, HDF5 and MATLAB files."""
 
 from __future__ import annotations
 
@@ -12,27 +12,29 @@ from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError, listing
 from dovetail.frf import MOST_AVERAGES
-from dovetail.measurement.formats.archives import Archive
-from dovetail.measurement.formats.column_arrays import columns_of_array, find_matrix
-from dovetail.measurement.formats.column_names import (
+from dovetail.interfaces import RecordedArrays, Statement
+from dovetail.measurement.content.column_arrays import columns_of_array, find_matrix
+from dovetail.measurement.content.column_names import (
+    FIELD_NAMES,
     NUMERIC_FIELDS,
     VALUE_FIELDS,
     assign_fields,
     combine_values,
+    plain_name,
     quantity_of_name,
     taken_for,
 )
-from dovetail.measurement.formats.even_axis import with_even_axis
-from dovetail.measurement.formats.unused_entries import read_unused
+from dovetail.measurement.content.even_axis import with_even_axis
+from dovetail.measurement.content.unused_entries import read_unused
 from dovetail.measurement.quantity_words import axis_unit_in_name, unit_in_name
 from dovetail.measurement.recording import ReadOptions, Recording, parse_quantity
-from dovetail.measurement.statements import Statement, check_axis, fields_of, interpret
+from dovetail.measurement.statements import check_axis, fields_of, interpret
 
 _LONGEST_TEXT = 1000
 _SAY_UNIT = "Save a text frequency_unit with the array, or the frequencies in Hz."
 
 
-def read_recording(archive: Archive, options: ReadOptions) -> Recording:
+def read_recording(archive: RecordedArrays, options: ReadOptions) -> Recording:
     """Return the FRF in an archive.
 
     Raises
@@ -46,6 +48,8 @@ def read_recording(archive: Archive, options: ReadOptions) -> Recording:
         table = archive.entries[matrix].load()
         return columns_of_array(archive.path, table, replace(options, names={}), _shown(archive, matrix), free_text)
     archive = with_even_axis(archive, options.names)
+    if archive.closed and not any(plain_name(name) in FIELD_NAMES["frequency"] for name in archive.entries):
+        raise MeasurementError(*archive.closed)
     where = str(archive.path)
     names = assign_fields(where, {name: entry.what for name, entry in archive.entries.items()}, options.names)
     _check_folders(where, names, options.names)
@@ -77,11 +81,11 @@ def read_recording(archive: Archive, options: ReadOptions) -> Recording:
     )
 
 
-def _shown(archive: Archive, name: str) -> str:
+def _shown(archive: RecordedArrays, name: str) -> str:
     return f"the only array, '{name}'," if len(archive.entries) == 1 else f"'{name}'"
 
 
-def _statements(archive: Archive, names: Mapping[str, str]) -> list[Statement]:
+def _statements(archive: RecordedArrays, names: Mapping[str, str]) -> list[Statement]:
     """Return what the quantity, the unit and the names of the values state."""
     statements = []
     if word := _read_text(archive, names, "quantity"):
@@ -101,7 +105,7 @@ def _statements(archive: Archive, names: Mapping[str, str]) -> list[Statement]:
     return statements
 
 
-def _check_quantities(archive: Archive, names: Mapping[str, str], statements: Sequence[Statement]) -> None:
+def _check_quantities(archive: RecordedArrays, names: Mapping[str, str], statements: Sequence[Statement]) -> None:
     """Refuse a word, a unit and a name of the values that state different quantities."""
     meanings = {"quantity": "its word", "unit": "its unit"}
     stated = {meanings[one.about]: interpret([one]).quantity for one in statements}
@@ -122,7 +126,7 @@ def _check_folders(where: str, names: Mapping[str, str], chosen: Mapping[str, st
         )
 
 
-def _load_fields(archive: Archive, names: Mapping[str, str], options: ReadOptions) -> dict[str, NDArray[Any]]:
+def _load_fields(archive: RecordedArrays, names: Mapping[str, str], options: ReadOptions) -> dict[str, NDArray[Any]]:
     """Return the arrays with a number for each line, each of shape (n_freq,)."""
     frequency = _load_numbers(archive, names["frequency"], "frequency", "real")
     if frequency.size != max(frequency.shape, default=0) or frequency.size == 0:
@@ -143,7 +147,7 @@ def _load_fields(archive: Archive, names: Mapping[str, str], options: ReadOption
     return fields
 
 
-def _load_numbers(archive: Archive, name: str, field_name: str, kind: str) -> NDArray[Any]:
+def _load_numbers(archive: RecordedArrays, name: str, field_name: str, kind: str) -> NDArray[Any]:
     array = archive.entries[name].load()
     accepted = {"real": "fiu", "complex": "c"}[kind]
     if array.dtype.kind not in accepted:
@@ -153,7 +157,9 @@ def _load_numbers(archive: Archive, name: str, field_name: str, kind: str) -> ND
     return array.astype(np.complex128 if kind == "complex" else np.float64)
 
 
-def _select_frf(archive: Archive, name: str, array: NDArray[Any], lines: int, options: ReadOptions) -> NDArray[Any]:
+def _select_frf(
+    archive: RecordedArrays, name: str, array: NDArray[Any], lines: int, options: ReadOptions
+) -> NDArray[Any]:
     """Return the values (n_freq,) of the selected FRF from an array with an axis of frequencies."""
     if array.size == max(array.shape, default=0) != lines:
         raise MeasurementError(Fault(str(archive.path), f"'{name}' has {array.size} lines, the frequency has {lines}."))
@@ -170,7 +176,7 @@ def _select_frf(archive: Archive, name: str, array: NDArray[Any], lines: int, op
     return frf
 
 
-def _select_column(archive: Archive, name: str, shape: tuple[int, ...], options: ReadOptions) -> int:
+def _select_column(archive: RecordedArrays, name: str, shape: tuple[int, ...], options: ReadOptions) -> int:
     """Return the index of the selected FRF among those of an array, in C order."""
     selectors: tuple[str, ...] = ("response", "force") if len(shape) > 1 else ("index", "response", "force")
     wanted = [value for selector in selectors if (value := getattr(options, selector)) is not None]
@@ -185,12 +191,12 @@ def _select_column(archive: Archive, name: str, shape: tuple[int, ...], options:
     return int(np.ravel_multi_index([number - 1 for number in numbers], shape))
 
 
-def _shape_error(archive: Archive, name: str, array: NDArray[Any], accepted: str) -> MeasurementError:
+def _shape_error(archive: RecordedArrays, name: str, array: NDArray[Any], accepted: str) -> MeasurementError:
     problem = f"'{name}' has the shape {array.shape} and the type {array.dtype}."
     return MeasurementError(Fault(str(archive.path), problem, accepted))
 
 
-def _read_text(archive: Archive, names: Mapping[str, str], field_name: str) -> str:
+def _read_text(archive: RecordedArrays, names: Mapping[str, str], field_name: str) -> str:
     """Return a text by its name in the file, or from the attributes of the values or of the file; '' without one."""
     if field_name in names:
         array = archive.entries[names[field_name]].load()
@@ -207,7 +213,7 @@ def _read_text(archive: Archive, names: Mapping[str, str], field_name: str) -> s
     return ""
 
 
-def _read_averages(archive: Archive, names: Mapping[str, str]) -> int | None:
+def _read_averages(archive: RecordedArrays, names: Mapping[str, str]) -> int | None:
     if "averages" not in names:
         return None
     array = archive.entries[names["averages"]].load()

@@ -1,43 +1,35 @@
-"""FRFs in HDF5 files, plain or as MATLAB 7.3 writes them."""
+"""The contents of HDF5 files, plain or as MATLAB 7.3 writes them; only imported by the guarded process."""
 
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from functools import partial
+from collections.abc import Mapping, Sequence
+from dataclasses import astuple
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.errors import Fault, MeasurementError, damage_reported
-from dovetail.measurement.formats.archives import LARGEST_ARRAY, SMALL_ARRAY, Archive, Entry
-from dovetail.measurement.formats.frd import closed_entry, with_frd_units
+from dovetail import Fault, MeasurementError, damage_reported
 
 if TYPE_CHECKING:
     import h5py
 
-SIGNATURE = b"\x89HDF\r\n\x1a\n"
-_STARTS = (0, *(512 << power for power in range(18)))
+_LARGEST_ARRAY = 40_000_000
+"""Largest size of an unpacked array in bytes."""
+_SMALL_ARRAY = 16_000
+"""Largest size in bytes of an array that is loaded to see what it states."""
+_LARGEST_ANSWER = 64_000_000
+"""Bytes of arrays that are returned at once; others are asked for by their names."""
 _MOST_OBJECTS = 2000
 _DEEPEST = 8
 _LONGEST_TEXT = 4000
 _MOST_TEXTS = 64
-_CLOSED = "class of an object that only MATLAB opens"
-"""Attribute of such an entry, with the name of the class."""
 _NEEDED = ("unit", "units", "quantity", "MATLAB_class")
 _STRUCTURAL = (
-    "DIMENSION_",
-    "CLASS",
-    "NAME",
-    "REFERENCE_LIST",
-    "H5PATH",
-    "_Net",
-    "_nc",
-    "MATLAB_empty",
-    "MATLAB_fields",
+    *("DIMENSION_", "CLASS", "NAME", "REFERENCE_LIST", "H5PATH", "_Net", "_nc"),
+    *("MATLAB_empty", "MATLAB_fields"),
 )
 """Beginnings of attributes that describe the file's structure."""
 _MOST_NUMBERS = 100
@@ -45,17 +37,31 @@ _MOST_NUMBERS = 100
 _COMPLEX = (("r", "i"), ("real", "imag"), ("re", "im"))
 
 
-def check_signature(path: Path, content: bytes) -> None:
-    """Raise a MeasurementError if a file is not HDF5."""
-    if not any(content.startswith(SIGNATURE, start) for start in _STARTS):
-        raise MeasurementError(Fault(str(path), "this is no HDF5 file."))
+class _Contents:
+    """What has been found: datasets by name with descriptions, classes of closed objects, and attributes."""
+
+    def __init__(self, matlab: bool) -> None:
+        self.matlab = matlab
+        self.datasets: dict[str, h5py.Dataset] = {}
+        self.entries: dict[str, tuple[str, Mapping[str, str], bool]] = {}
+        self.closed: dict[str, str] = {}
+        self.groups: dict[str, Mapping[str, str]] = {}
+        self.count = 0
 
 
-@contextmanager
-def open_hdf5(path: Path, content: bytes, *, matlab: bool) -> Iterator[Archive]:
-    """Open an HDF5 file, only in the guarded process; with `matlab`, axes and texts are converted to numpy's.
+def hdf5_contents(path: Path, content: bytes, matlab: bool, names: Sequence[str] | None) -> dict[str, Any]:
+    """Return the arrays of a file, its attributes, and why other arrays are not returned.
 
     Nothing outside the file is read: links to other files, external storage and virtual datasets are left out.
+
+    Parameters
+    ----------
+    path : Path
+    content : bytes
+    matlab : bool
+        Convert axes and texts to numpy's.
+    names : sequence of str or None
+        Of the arrays; None for all that fit into one answer.
 
     Raises
     ------
@@ -66,64 +72,68 @@ def open_hdf5(path: Path, content: bytes, *, matlab: bool) -> Iterator[Archive]:
 
     damage = damage_reported(str(path), "the HDF5 file is damaged or is none")  # OSError, RuntimeError and others
     with damage, h5py.File(io.BytesIO(content), "r") as file:
-        groups: dict[str, Mapping[str, str]] = {}
-        entries = dict(_entries(path, file, "", 0, [0], matlab, groups))
-        if matlab:
-            labels = {name: label for name, entry in entries.items() if (label := entry.attributes.get(_CLOSED))}
-            entries = with_frd_units(path, {name: entries[name] for name in entries if name not in labels}, "/")
-            entries |= {name: closed_entry(path, name, label, entries) for name, label in labels.items()}
-        yield Archive(path, entries, _text_attributes(file), groups)
+        contents = _Contents(matlab)
+        _walk(path, file, "", 0, contents)
+        answer: dict[str, Any] = {
+            "entries": contents.entries,
+            "closed": contents.closed,
+            "attributes": _text_attributes(file),
+            "groups": contents.groups,
+            "faults": {},
+        }
+        size = 0
+        for name, dataset in contents.datasets.items():
+            size += (dataset.size or 0) * dataset.dtype.itemsize
+            if (names is None and size <= _LARGEST_ANSWER) or (names is not None and name in names):
+                try:
+                    answer[f"array {name}"] = _array(path, dataset, matlab)
+                except MeasurementError as error:
+                    answer["faults"][name] = astuple(error.faults[0])
+        return answer
 
 
-def _entries(
-    path: Path,
-    group: h5py.Group,
-    prefix: str,
-    depth: int,
-    count: list[int],
-    matlab: bool,
-    groups: dict[str, Mapping[str, str]],
-) -> Iterator[tuple[str, Entry]]:
+def _walk(path: Path, group: h5py.Group, prefix: str, depth: int, contents: _Contents) -> None:
+    """Collect the datasets of a group and of the groups in it."""
     import h5py
 
     for name in group:
-        count[0] += 1
-        if count[0] > _MOST_OBJECTS or depth > _DEEPEST:
+        contents.count += 1
+        if contents.count > _MOST_OBJECTS or depth > _DEEPEST:
             raise MeasurementError(Fault(str(path), "the file has more objects or deeper groups than any FRF."))
-        if (matlab and name.startswith("#")) or not isinstance(group.get(name, getlink=True), h5py.HardLink):
+        if (contents.matlab and name.startswith("#")) or not isinstance(group.get(name, getlink=True), h5py.HardLink):
             continue
         item = group[name]
         if isinstance(item, h5py.Group):
-            groups[f"{prefix}{name}/"] = _text_attributes(item)
-            yield from _entries(path, item, f"{prefix}{name}/", depth + 1, count, matlab, groups)
+            contents.groups[f"{prefix}{name}/"] = _text_attributes(item)
+            _walk(path, item, f"{prefix}{name}/", depth + 1, contents)
         elif isinstance(item, h5py.Dataset) and not item.is_virtual and not item.external:
-            yield from _dataset_entries(path, item, f"{prefix}{name}", matlab, count)
+            _add_dataset(item, f"{prefix}{name}", contents)
 
 
-def _dataset_entries(
-    path: Path, item: h5py.Dataset, name: str, matlab: bool, count: list[int]
-) -> Iterator[tuple[str, Entry]]:
-    """Yield a dataset, or the datasets to which a MATLAB cell refers, numbered from 1."""
+def _add_dataset(item: h5py.Dataset, name: str, contents: _Contents) -> None:
+    """Collect a dataset, or the datasets to which a MATLAB cell refers, numbered from 1."""
     import h5py
 
     attributes = _text_attributes(item)
-    label = attributes.get("MATLAB_class", "") if matlab else ""
+    label = attributes.get("MATLAB_class", "") if contents.matlab else ""
     holds_references = h5py.check_ref_dtype(item.dtype) is h5py.Reference and 0 < (item.size or 0) <= _MOST_OBJECTS
-    if matlab and holds_references and label in ("cell", ""):
-        folder, _, field = name.rpartition("/")  # each field of an array of structs is an array of references
+    if contents.matlab and holds_references and label in ("cell", ""):
+        folder, _, key = name.rpartition("/")  # each field of an array of structs is an array of references
         for number, reference in enumerate(item[()].ravel(), start=1):
-            count[0] += 1
+            contents.count += 1
             target = item.file[reference] if reference else None
-            if count[0] <= _MOST_OBJECTS and isinstance(target, h5py.Dataset) and not target.external:
-                element = f"{name}{{{number}}}" if label == "cell" else f"{folder}({number})/{field}"
-                yield from _dataset_entries(path, target, element, matlab, count)
+            if contents.count <= _MOST_OBJECTS and isinstance(target, h5py.Dataset) and not target.external:
+                _add_dataset(
+                    target, f"{name}{{{number}}}" if label == "cell" else f"{folder}({number})/{key}", contents
+                )
         return
     if label and "MATLAB_object_decode" in item.attrs and label not in ("char", "logical"):
-        attributes = {_CLOSED: label}
+        contents.closed[name] = label
+        return
     is_text = label == "char" or h5py.check_string_dtype(item.dtype) is not None
     what = "text" if is_text else f"{item.shape} {item.dtype}"
-    is_small = (item.size or 0) * item.dtype.itemsize <= SMALL_ARRAY
-    yield name, Entry(what, partial(_array, path, item, matlab), attributes, is_small)
+    contents.datasets[name] = item
+    contents.entries[name] = (what, attributes, (item.size or 0) * item.dtype.itemsize <= _SMALL_ARRAY)
 
 
 def _array(path: Path, dataset: h5py.Dataset, matlab: bool) -> NDArray[Any]:
@@ -131,8 +141,8 @@ def _array(path: Path, dataset: h5py.Dataset, matlab: bool) -> NDArray[Any]:
     import h5py
 
     size = int(np.prod(dataset.shape or (1,), dtype=np.float64)) * dataset.dtype.itemsize
-    if size > LARGEST_ARRAY:
-        accepted = f"at most {LARGEST_ARRAY // 1_000_000} MB"
+    if size > _LARGEST_ARRAY:
+        accepted = f"at most {_LARGEST_ARRAY // 1_000_000} MB"
         raise MeasurementError(Fault(str(path), f"'{dataset.name[1:]}' unpacks to {size / 1e6:.0f} MB.", accepted))
     if h5py.check_string_dtype(dataset.dtype) is not None:
         if dataset.shape == ():

@@ -28,8 +28,6 @@ _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+")
 """A number whose commas may mark thousands."""
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f]")
 """Bytes that do not occur in text of a single-byte encoding; form feeds and tabs do."""
-_UNIVERSAL = re.compile(rb"\s*-1[ \t]*\r?\n *(\d+[ \t]*\r?\n|58b )")
-_LABVIEW = re.compile(rb"(\xef\xbb\xbf)?\s*LabVIEW Measurement")
 _BLANKS = ""
 """The separator of columns that are separated by one or more blanks."""
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
@@ -91,6 +89,8 @@ class TextTable(NamedTuple):
     @property
     def units(self) -> tuple[str, ...]:
         """Cells of a row of units right below the header; empty if there is none."""
+        if self.line == self.first:  # without a header, the line below is a row of numbers
+            return ()
         below = self.lines[self.line + 1][:_LONGEST_LINE] if self.line + 1 < len(self.lines) else ""
         cells = _split_names(below, self.separator, len(self.header))
         if len(cells) != len(self.header) or not any(cells) or any(map(is_number, cells)):
@@ -106,16 +106,8 @@ def _is_below(line: str, separator: str, width: int) -> bool:
     return not cells or any(_WORD.search(cell) and not is_number(cell) for cell in cells)
 
 
-def suffix_by_content(path: Path, content: bytes) -> str:
-    """Return the suffix of a file in lower case; that of its format for universal and LabVIEW files called .txt."""
-    suffix = path.suffix.lower()
-    if suffix == ".txt" and _UNIVERSAL.match(content):
-        return ".unv"
-    return ".lvm" if suffix == ".txt" and _LABVIEW.match(content) else suffix
-
-
-def split_lines(path: Path, content: bytes) -> list[str]:
-    """Return the lines of a text file with any line ends, in UTF-8, UTF-16 with a byte order mark, or else Latin-1.
+def decode_text(path: Path, content: bytes) -> str:
+    """Return a text file with line feeds as line ends, from UTF-8, UTF-16 with a byte order mark, or else Latin-1.
 
     Raises
     ------
@@ -132,7 +124,7 @@ def split_lines(path: Path, content: bytes) -> list[str]:
             problem = f"the file is not text: byte {error.start + 1} is not {encoding.upper()[:6].rstrip('-')}."
             raise MeasurementError(Fault(str(path), problem, "comma-separated text")) from None
         text = content.decode("latin-1")
-    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def find_table(
@@ -338,12 +330,12 @@ def read_rows(
         raise MeasurementError(Fault(table.where, "there is no line after the header."))
     _check_thousands(table.where, marks)
     if end == len(table.lines):
-        check_end(table.where, table.lines)
+        check_not_truncated(table.where, table.lines)
     kind = np.float64 if complex_column is None else np.complex128
     return numbers, np.frombuffer(values, dtype=kind).reshape(len(numbers), len(wanted)).T
 
 
-def check_end(where: str, lines: Sequence[str]) -> None:
+def check_not_truncated(where: str, lines: Sequence[str]) -> None:
     """Refuse a truncated file, whose last line has no end and whose last number is shorter than all others.
 
     It is refused only if all numbers have many digits, since short numbers may be shorter by chance.

@@ -2,7 +2,7 @@
 
 A table has comments (``# quantity: mobility``) or any other lines, a header with the names of the columns, perhaps a
 row of units, the rows of numbers, and perhaps lines of text below. `read_header` assigns the columns to the fields of
-the FRF, and `decode` reads the numbers.
+the FRF, and `decode_table` reads the numbers.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError, argument, did_you_mean
 from dovetail.frf import MOST_AVERAGES, Quantity
-from dovetail.measurement.formats.column_names import (
+from dovetail.interfaces import Statement
+from dovetail.measurement.content.column_names import (
     FIELD_NAMES,
     NUMERIC_FIELDS,
     PHASES,
@@ -29,7 +30,7 @@ from dovetail.measurement.formats.column_names import (
     quantities_in,
     taken_for,
 )
-from dovetail.measurement.formats.text_tables import TextTable, find_rows, find_table, read_rows, split_lines
+from dovetail.measurement.content.text_tables import TextTable, find_rows, find_table, read_rows
 from dovetail.measurement.free_text import FreeText, read_texts
 from dovetail.measurement.frf_units import UnitMeaning, UnitReading, meaning_of_unit, read_unit
 from dovetail.measurement.quantity_words import axis_unit_in_name, unit_in_name
@@ -38,7 +39,7 @@ from dovetail.measurement.recording import (
     Recording,
     parse_quantity,
 )
-from dovetail.measurement.statements import Statement, check_axis, fields_of, interpret
+from dovetail.measurement.statements import check_axis, fields_of, interpret
 
 _COMMENT = re.compile(r"[#%]\s*(quantity|unit|averages|note|response|force)\s*[:=]\s*(.*?)\s*$", re.IGNORECASE)
 _BRACKET = re.compile(r"([^\[(]*?)\s*[\[(](.*)[\])]")
@@ -86,18 +87,18 @@ class Header(NamedTuple):
     statements: Sequence[Statement]
 
 
-def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
+def decode_table(path: Path, text: str, options: ReadOptions) -> Recording:
     """Return the FRF in a table.
 
     Raises
     ------
     MeasurementError
-        Not text, a header that is not understood, or a line that does not fit it.
+        A header that is not understood, or a line that does not fit it.
     """
     if options.chooses:
         problem = f"{options.chooses} chooses one of several FRFs; a {path.suffix} file holds one FRF."
         raise MeasurementError(Fault(str(path), problem))
-    lines = split_lines(path, content)
+    lines = text.split("\n")
     table = _table(str(path), lines, options)
     where = "the argument columns" if options.columns else f"{path}:{table.line + 1}"
     header = read_header(where, table.header, table.units, options.names, _comments_above(str(path), table))

@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import unit_of
+from dovetail.interfaces import RecordedArrays, Statement
 from dovetail.measurement.acting_numbers import is_harmless_number, may_act
-from dovetail.measurement.formats.archives import Archive
-from dovetail.measurement.formats.column_names import FIELD_NAMES, VALUE_FIELDS, plain_name
+from dovetail.measurement.content.column_names import FIELD_NAMES, VALUE_FIELDS, plain_name
 from dovetail.measurement.free_text import SKIP, FreeText, read_texts
 from dovetail.measurement.frf_units import read_unit
-from dovetail.measurement.statements import Statement
 
 _FRF_WORDS = frozenset(word for field in (*VALUE_FIELDS, "frequency") for word in FIELD_NAMES[field])
 _FACTOR = re.compile(r"(.*)unit_transformation[./]factor")
@@ -30,14 +29,14 @@ _SAME = 1e-4
 """Largest relative difference of a factor from that of its unit, which programs write with few digits."""
 
 
-def read_unused(archive: Archive, fields: Mapping[str, str], skip: tuple[str, ...]) -> FreeText:
+def read_unused(archive: RecordedArrays, fields: Mapping[str, str], skip: tuple[str, ...]) -> FreeText:
     """Return what entries and attributes state that are not read as fields of the FRF.
 
     Entries of other FRFs, in folders or structs of their values_name, are left out.
 
     Parameters
     ----------
-    archive : Archive
+    archive : RecordedArrays
     fields : mapping of str to str
         From fields of the FRF to the names of entries.
     skip : tuple of str
@@ -68,7 +67,7 @@ def read_unused(archive: Archive, fields: Mapping[str, str], skip: tuple[str, ..
     return _with_factors(archive, read_texts(texts, skip), factors)
 
 
-def _attribute_texts(archive: Archive, fields: Mapping[str, str]) -> Iterator[tuple[str, str, str]]:
+def _attribute_texts(archive: RecordedArrays, fields: Mapping[str, str]) -> Iterator[tuple[str, str, str]]:
     """Yield the attributes of the FRF's entries, of the groups that contain them, and of the file."""
     for field, name in fields.items():
         if field in VALUE_FIELDS or field == "frequency":
@@ -84,9 +83,9 @@ def _attribute_texts(archive: Archive, fields: Mapping[str, str]) -> Iterator[tu
             yield key, text, f"{archive.path}  attribute {key}"
 
 
-def _concerned(archive: Archive, fields: Mapping[str, str]) -> Iterator[str]:
+def _concerned(archive: RecordedArrays, fields: Mapping[str, str]) -> Iterator[str]:
     """Yield the names of entries that are not read and that do not belong to another FRF."""
-    used = set(fields.values()) | {name for name in archive.entries if name in archive.made_from}
+    used = set(fields.values())
     values_name = _values_of(fields)
     others: dict[str, bool] = {}
     for name in archive.entries:
@@ -118,7 +117,7 @@ def _key(name: str, fields: Mapping[str, str]) -> str:
     return name[shared:]
 
 
-def _load(archive: Archive, name: str) -> NDArray[Any] | None:
+def _load(archive: RecordedArrays, name: str) -> NDArray[Any] | None:
     """Return the contents of an entry, or None if it is large or cannot be read."""
     entry = archive.entries[name]
     if not entry.is_small:
@@ -134,7 +133,7 @@ def _text(value: NDArray[Any]) -> str:
     return (word.decode("utf-8", errors="replace") if isinstance(word, bytes) else str(word))[:_LONGEST]
 
 
-def _check_numbers(archive: Archive, name: str, value: NDArray[Any], *, is_beside: bool) -> None:
+def _check_numbers(archive: RecordedArrays, name: str, value: NDArray[Any], *, is_beside: bool) -> None:
     """Refuse numbers that may act on the values.
 
     A single one next to the values has to be a setting of the measurement; others are judged by their names.
@@ -148,12 +147,12 @@ def _check_numbers(archive: Archive, name: str, value: NDArray[Any], *, is_besid
             raise _acts(archive, name, "")
 
 
-def _acts(archive: Archive, name: str, value: str) -> MeasurementError:
+def _acts(archive: RecordedArrays, name: str, value: str) -> MeasurementError:
     problem = f"'{name[:60]}'{value} is not understood, and may act on the values."
     return MeasurementError(Fault(f"{archive.path}  {name[:60]}", problem, remedy=SKIP.replace("NAME", name[:60])))
 
 
-def _with_factors(archive: Archive, free_text: FreeText, factors: Mapping[str, float]) -> FreeText:
+def _with_factors(archive: RecordedArrays, free_text: FreeText, factors: Mapping[str, float]) -> FreeText:
     """Return the statements with those of Testlab's units, which a factor next to the label explains.
 
     Testlab stores SI and displays the label's unit, for which it multiplies by the factor. A factor to SI, or of 1,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 import tempfile
 from pathlib import Path
@@ -10,17 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.errors import Fault, MeasurementError
-from dovetail.frf import Frf
-from dovetail.measurement.formats.uff_sets import COHERENCE, DIRECTIONS, FORCE, FRF, GENERAL, ORDINATE
-from dovetail.measurement.frf_units import motion_unit
-from dovetail.measurement.recording import DOF, are_opposite
-from dovetail.measurement.writing import FrfToWrite
+from dovetail import Fault, Frf, FrfToWrite, MeasurementError
+from dovetail_plugins.readers.uff_sets import COHERENCE, DIRECTIONS, FORCE, FRF, GENERAL, ORDINATE
 
 VARIANCE = "variance of the FRF"
 """First words in the id line of a set with the variance of each line."""
 _BYTE_COUNT = slice(38, 50)
 """Position of the number of data bytes in the first set of a file, if it is binary."""
+_DOF = re.compile(r"(?:([^\s:]{1,10}):)?(\d{1,9})(?:([+-]?)(rx|ry|rz|x|y|z))?", re.IGNORECASE)
+"""Substructure, node, sense and direction."""
 _CODES = {name: code for code, name in DIRECTIONS.items() if name}
 
 
@@ -70,18 +69,20 @@ def encode(content: FrfToWrite, path: Path, binary: bool | None) -> bytes:
 
 def _response(content: FrfToWrite) -> dict[str, Any]:
     frf = content.frf
-    number, name, _ = ORDINATE[frf.quantity]
-    units = motion_unit(frf.quantity, rotation=frf.rotation), "N m" if frf.by_moment else "N"
-    sign = -1.0 if are_opposite(frf.response, frf.force) else 1.0
+    number, name, unit = ORDINATE[frf.quantity]
+    motion = f"rad{unit[1:]}" if frf.rotation else unit
+    load = "N m" if frf.by_moment else "N"
+    dofs = _dofs(frf)
+    sign = -1.0 if dofs["rsp_dir"] * dofs["ref_dir"] < 0 else 1.0
     response = {
         "func_type": FRF,
         "data": sign * content.values if frf.has_phase else np.abs(content.values),
         "ordinate_spec_data_type": number,
         "ordinate_axis_lab": name,
-        "ordinate_axis_units_lab": units[0] if content.factor == 1.0 else _id_line(content.unit),
+        "ordinate_axis_units_lab": motion if content.factor == 1.0 else _id_line(content.unit),
         "orddenom_spec_data_type": FORCE,
         "orddenom_axis_lab": "Moment" if frf.by_moment else "Force",
-        "orddenom_axis_units_lab": units[1] if content.factor == 1.0 else "NONE",
+        "orddenom_axis_units_lab": load if content.factor == 1.0 else "NONE",
     }
     return response if frf.averages is None else response | {"id2": f"averages: {frf.averages}"}
 
@@ -90,7 +91,7 @@ def _dofs(frf: Frf) -> dict[str, Any]:
     """Return the fields that name the DOFs."""
     fields: dict[str, Any] = {}
     for end, line, key, name in (("rsp", "id4", "response", frf.response), ("ref", "id5", "force", frf.force)):
-        match = DOF.fullmatch(name)
+        match = _DOF.fullmatch(name)
         if name and not match:
             fields[line] = _id_line(f"{key}: {name}")
         code = _CODES[match[4].lower()] if match and match[4] else 0

@@ -11,9 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.errors import Fault, MeasurementError
-from dovetail.measurement.formats.archives import Entry
-from dovetail.measurement.formats.column_names import FIELD_NAMES, plain_name
+from dovetail import ArrayEntry, Fault, MeasurementError
 
 _MODELS = ("frd", "idfrd", "genfrd", "ufrd")
 """Classes of frequency response data."""
@@ -26,30 +24,30 @@ _HERTZ = {
 _SECONDS = ("", "s", "second", "seconds")
 
 
-def closed_entry(path: Path, name: str, label: str, entries: Mapping[str, Entry]) -> Entry:
-    """Return the entry of an object that only MATLAB can open.
+def closed_object(path: Path, name: str, label: str) -> tuple[ArrayEntry, Fault | None]:
+    """Return the entry of an object that only MATLAB can open and, if it is an frd, what to type there.
 
-    Raises
-    ------
-    MeasurementError
-        It is an frd, and no other entry is a frequency; the message says what to type in MATLAB.
+    Parameters
+    ----------
+    path : Path
+    name, label : str
+        Of the object and of its class.
     """
     problem = f"'{name}' is an object of the class {label[:40]}, which only MATLAB opens."
     typed = f"{name} = chgFreqUnit({name},'Hz'); [H,f] = frdata({name},'v'); save('frf.mat','H','f')"
     remedy = f"Type there: {typed}" if label in _MODELS else ""
     fault = Fault(str(path), problem, "arrays, or a struct with ResponseData, Frequency and FrequencyUnit", remedy)
-    if remedy and not any(plain_name(key) in FIELD_NAMES["frequency"] for key in entries):
-        raise MeasurementError(fault)
-    return Entry(f"an object of the class {label[:40]}, which only MATLAB opens", partial(_refuse, fault))
+    entry = ArrayEntry(f"an object of the class {label[:40]}, which only MATLAB opens", partial(_refuse, fault))
+    return entry, fault if remedy else None
 
 
-def with_frd_units(path: Path, entries: Mapping[str, Entry], separator: str) -> dict[str, Entry]:
+def with_frd_units(path: Path, entries: Mapping[str, ArrayEntry], separator: str) -> dict[str, ArrayEntry]:
     """Return the entries with the units of frd structs attached, as their fields state them.
 
     Parameters
     ----------
     path : Path
-    entries : mapping of str to Entry
+    entries : mapping of str to ArrayEntry
     separator : str
         Between a struct and its fields.
     """
@@ -70,7 +68,7 @@ def with_frd_units(path: Path, entries: Mapping[str, Entry], separator: str) -> 
     return completed
 
 
-def _frequency(path: Path, name: str, entry: Entry, texts: Mapping[str, str]) -> Entry:
+def _frequency(path: Path, name: str, entry: ArrayEntry, texts: Mapping[str, str]) -> ArrayEntry:
     label = texts.get("FrequencyUnit", texts.get("Units", "")).strip()
     per = "/s" if texts.get("TimeUnit", "").strip().lower() in _SECONDS else "/TimeUnit"
     if (unit := _HERTZ.get(label.lower().replace("/timeunit", per))) is not None:
@@ -86,12 +84,12 @@ def _unit(name: str, texts: Mapping[str, str]) -> str:
     return " and ".join(sorted({text.strip() for field, text in texts.items() if field.partition("{")[0] == name}))
 
 
-def _text(entry: Entry) -> str:
+def _text(entry: ArrayEntry) -> str:
     array = entry.load() if entry.what == "text" else np.array("")
     return str(array.reshape(())[()]) if array.size == 1 and array.dtype.kind == "U" else ""
 
 
-def _complex(entry: Entry) -> NDArray[Any]:
+def _complex(entry: ArrayEntry) -> NDArray[Any]:
     array = entry.load()
     return array.astype(np.complex128) if array.dtype.kind in "fiu" else array
 

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError
-from dovetail.measurement.formats.archives import Archive, Entry
-from dovetail.measurement.formats.column_names import FIELD_NAMES, plain_name
+from dovetail.interfaces import ArrayEntry, RecordedArrays
+from dovetail.measurement.content.column_names import FIELD_NAMES, plain_name
 from dovetail.measurement.recording import MOST_LINES
 
 _STEPS = (
@@ -28,8 +28,8 @@ _COUNTS = ("number_of_values", "n_lines", "num_lines", "n_freq", "nf", "number_o
 _VALUES = ("values", "real", "amplitude", "db")
 
 
-def with_even_axis(archive: Archive, names: Mapping[str, str]) -> Archive:
-    """Return an archive with an entry ``frequency`` for each start and step in it, unless it has frequencies.
+def with_even_axis(archive: RecordedArrays, names: Mapping[str, str]) -> RecordedArrays:
+    """Return an archive with an entry ``frequency`` in place of each start and step, unless it has frequencies.
 
     Raises
     ------
@@ -41,7 +41,7 @@ def with_even_axis(archive: Archive, names: Mapping[str, str]) -> Archive:
         return archive
     if any(plain_name(name) in FIELD_NAMES["frequency"] for name in entries):
         return archive
-    made: dict[str, Entry] = {}
+    made: dict[str, ArrayEntry] = {}
     used: set[str] = set()
     for step in [name for name in entries if plain_name(name) in _STEPS]:
         folder = re.match(r"(?:.*[/.])?", step)
@@ -52,19 +52,20 @@ def with_even_axis(archive: Archive, names: Mapping[str, str]) -> Archive:
             remedy = "Save the first frequency too, as f_start, or the frequencies themselves."
             raise MeasurementError(Fault(str(archive.path), problem, ", ".join(_STARTS[:4]), remedy))
         load = partial(_axis, archive, start, step, count, names)
-        made[f"{prefix}frequency"] = Entry(f"from {start} in steps of {step}", load)
+        made[f"{prefix}frequency"] = ArrayEntry(f"from {start} in steps of {step}", load)
         used |= {step, start, *([count] if count is not None else [])}
-    return replace(archive, entries={**entries, **made}, made_from=frozenset(used)) if made else archive
+    kept = {name: entry for name, entry in entries.items() if name not in used}
+    return replace(archive, entries={**kept, **made}) if made else archive
 
 
-def _beside(entries: Mapping[str, Entry], prefix: str, words: tuple[str, ...]) -> str | None:
+def _beside(entries: Mapping[str, ArrayEntry], prefix: str, words: tuple[str, ...]) -> str | None:
     """Return the name of the only entry in a folder that is called by one of some words."""
     found = [name for name in entries if name.startswith(prefix) and plain_name(name) in words]
     found = [name for name in found if not re.search(r"[/.]", name[len(prefix) :])]
     return found[0] if len(found) == 1 else None
 
 
-def _axis(archive: Archive, start: str, step: str, count: str | None, names: Mapping[str, str]) -> NDArray[Any]:
+def _axis(archive: RecordedArrays, start: str, step: str, count: str | None, names: Mapping[str, str]) -> NDArray[Any]:
     first, width = (_number(archive, name) for name in (start, step))
     lines = int(_number(archive, count)) if count is not None else _length(archive, names)
     if not (0 < lines <= MOST_LINES and np.isfinite(first) and width > 0):
@@ -73,18 +74,18 @@ def _axis(archive: Archive, start: str, step: str, count: str | None, names: Map
     return np.asarray(first + width * np.arange(lines), dtype=np.float64)
 
 
-def _number(archive: Archive, name: str) -> float:
+def _number(archive: RecordedArrays, name: str) -> float:
     array = archive.entries[name].load()
     if array.size != 1 or array.dtype.kind not in "fiu":
         raise MeasurementError(Fault(f"{archive.path}  {name}", "one real number was expected."))
     return float(array.ravel()[0])
 
 
-def _length(archive: Archive, names: Mapping[str, str]) -> int:
+def _length(archive: RecordedArrays, names: Mapping[str, str]) -> int:
     """Return the largest dimension of the values, which is that of the frequency."""
     chosen = [names[field] for field in _VALUES if field in names]
     known = [name for name in archive.entries if any(plain_name(name) in FIELD_NAMES[field] for field in _VALUES)]
     for name in chosen or known:
-        if name in archive.entries and name not in archive.made_from:
+        if name in archive.entries:
             return max(archive.entries[name].load().shape, default=0)
     return 0
