@@ -293,12 +293,13 @@ def test_faults_of_frf(run, tmp_path, hits):
     assert "a.csv:5\n  'x' in column force is not a number." in fault_of(
         run, tmp_path, "a.csv", table.replace("0.03,3", "0.03,x")
     )
-    assert "is for tables, not for .npz files" in fault_of(run, tmp_path, "a.npz", b"PK", "--columns", "time,force")
+    archive = b"PK\x05\x06" + bytes(18)  # without arrays
+    assert "is for tables, not for .npz files" in fault_of(run, tmp_path, "a.npz", archive, "--columns", "time,force")
     assert "0 columns of force" in fault_of(run, tmp_path, "a.csv", table.replace("force", "power"))
     assert "does not say the sampling rate" in fault_of(run, tmp_path, "a.csv", table.replace("time", "turns"))
     assert "the file is empty" in fault_of(run, tmp_path, "a.csv", "")
-    assert "no file of time records" in fault_of(run, tmp_path, "a.xlsx", "x")
-    assert "this is no HDF5 file" in fault_of(run, tmp_path, "a.h5", "x")
+    assert "not a file of time records" in fault_of(run, tmp_path, "a.xlsx", "x")
+    assert "this is not an HDF5 file" in fault_of(run, tmp_path, "a.h5", "x")
     assert "the archive is damaged" in fault_of(run, tmp_path, "a.npz", b"PK")
     assert "0 time records of a force" in fault_of(run, tmp_path, "a.uff", "    -1\n   151\nx\n    -1\n")
     np.savez(tmp_path / "b.npz", force=hits[1])

@@ -110,7 +110,7 @@ def test_every_truncation_is_refused(tmp_path: Path) -> None:
     for length in range(1, len(whole) - 1, 397):
         (tmp_path / "a.h5").write_bytes(whole[:length])
         assert fault_of(tmp_path / "a.h5").startswith(
-            ("a.h5\n  the HDF5 file is damaged", "a.h5\n  this is no HDF5 file.")
+            ("a.h5\n  the HDF5 file is damaged", "a.h5\n  this is not an HDF5 file.")
         )
 
 

@@ -36,7 +36,7 @@ class Hdf5Reader(FrfReader):
             h5py is not installed.
         """
         if not self.sniff(content):
-            raise MeasurementError(Fault(str(path), "this is no HDF5 file."))
+            raise MeasurementError(Fault(str(path), "this is not an HDF5 file."))
         require_package("h5py", "hdf5", str(path), load=False)
         return read_arrays(hdf5_contents, path, content, False, separator="/", is_matlab=False)
 

@@ -309,8 +309,7 @@ def read_rows(
         cells = _split(line, separator) if quoted else line.split(separator, width)
         if len(cells) != width:
             count = len(cells) if quoted else line.count(separator) + 1
-            problem = f"the line has {count} column{'s' * (count != 1)}, the header {width}."
-            raise MeasurementError(Fault(f"{table.where}:{number}", problem, ",".join(names)))
+            raise _another_width(f"{table.where}:{number}", count, width, names)
         numbers.append(number)
         for column in wanted:
             text = cells[column].strip()
@@ -333,6 +332,11 @@ def read_rows(
         check_not_truncated(table.where, table.lines)
     kind = np.float64 if complex_column is None else np.complex128
     return numbers, np.frombuffer(values, dtype=kind).reshape(len(numbers), len(wanted)).T
+
+
+def _another_width(where: str, count: int, width: int, names: Sequence[str]) -> MeasurementError:
+    problem = f"the line has {count} column{'s' * (count != 1)}, the header {width}."
+    return MeasurementError(Fault(where, problem, ",".join(names)))
 
 
 def check_not_truncated(where: str, lines: Sequence[str]) -> None:
