@@ -32,8 +32,8 @@ from measured_data import cases, convert, measured
 
 import dovetail
 from dovetail.identification.measured_lines import MeasuredLines
-from dovetail.inference.adequacy.candidates import Trials
 from dovetail.inference.adequacy.causes import CAUSE_SECONDS, Settings
+from dovetail.inference.adequacy.quick_fits import Trials
 from dovetail.inference.fitting import refine
 
 SAME = {

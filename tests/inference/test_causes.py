@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail.inference.adequacy.candidates import Trials, power_given_out
 from dovetail.inference.adequacy.causes import _named, find_causes
 from dovetail.inference.adequacy.perturbations import list_perturbations
+from dovetail.inference.adequacy.quick_fits import Trials, power_given_out
 from dovetail.inference.adequacy.verdict import Cause, ModelError
 from dovetail.inference.fitting import fit_at, refine
 from dovetail.problem.observations import Observations

@@ -318,9 +318,9 @@ def _with_signs(lines: MeasuredLines, progress: Progress) -> MeasuredLines:
     if not unknown:
         return lines
     few = lines.every_nth
-    pairs = list(zip(description.responses, few.frfs, strict=True))
+    pairs = list(zip(description.responses, few.problem.observations.frfs, strict=True))
     amplitudes = [_amplitudes(frf) if response.name in unknown else frf for response, frf in pairs]
-    theta = refine(few.assembly, amplitudes, seed=description.identification.seed, progress=progress).theta
+    theta = refine(few.problem.with_frfs(amplitudes), seed=description.identification.seed, progress=progress).theta
     signs = {
         response.name: _sign(alone, theta, frf)
         for (response, frf), alone in zip(pairs, few.assembly.each_response, strict=True)

@@ -21,8 +21,9 @@ from dovetail.inference.fitting import refine
 from dovetail.interfaces import Progress
 from dovetail.measurement import ModelDof, Role, check_roles, find_gaps, find_missing_ends, on_grid, within_band
 from dovetail.measurement.roles import PHASE_ERROR, SUSPICIOUS, contradictions, power_given_out
+from dovetail.problem import Problem
 from dovetail.problem.merged_lines import MOST_LINES, every_nth_line, merged_lines
-from dovetail.problem.observations import one_per_response
+from dovetail.problem.observations import Observations, one_per_response
 from dovetail.problem.random_error import random_error_variance
 
 _RECIPROCITY, _EXCESS = 0.05, 3.0
@@ -87,6 +88,14 @@ class MeasuredLines:
         """The assembly on the measured lines of each response."""
         return self.described.on(*(frf.frequency for frf in self.frfs))
 
+    @cached_property
+    def problem(self) -> Problem:
+        """The problem of these lines."""
+        problem = Problem.of(self.assembly, self.frfs)
+        if self.unweighted is None:
+            return problem
+        return replace(problem, unweighted=Observations.of(self.assembly, self.unweighted))
+
     @property
     def per_group(self) -> int:
         """How many neighbouring lines become one so that at most `MOST_LINES` are fitted."""
@@ -115,7 +124,7 @@ class MeasuredLines:
         few = self.every_nth
         if few is self or self.unweighted is not None:
             return few
-        theta = refine(few.assembly, few.frfs, seed=seed, progress=progress).theta
+        theta = refine(few.problem, seed=seed, progress=progress).theta
         triples = zip(self.frfs, few.frfs, self.described.each_response, strict=True)
         frfs = tuple(
             merged_lines(frf, len(thinned.frequency), alone, theta) if frf.has_phase else thinned

@@ -22,15 +22,15 @@ from dovetail.identification.result import Identification
 from dovetail.inference.adequacy import CAUSE_SECONDS
 from dovetail.inference.adequacy.assess import check_limits, judge_fit
 from dovetail.inference.fitting import Fit, Objective, fit_at, multistart, refine
-from dovetail.inference.fitting.fit import allow_for_unknown_noise, fractions_within
+from dovetail.inference.fitting.fit import allow_for_unknown_noise
 from dovetail.inference.posterior import TYPICAL, Form, ModelError, Posterior, laplace_posterior, sample_posterior
 from dovetail.inference.posterior.distribution import check_options
 from dovetail.interfaces import Estimate, IdentificationMethod, IdentificationProblem, Progress, plugin_errors, silent
 from dovetail.network.bundle import TrainedNetwork
 from dovetail.network.pipeline import FEWEST_DRAWS, check_contract, component_label
 from dovetail.network.preprocessing import accelerance_amplitudes
-from dovetail.problem.observations import Observations
-from dovetail.problem.residuals import ModelFrfs
+from dovetail.problem import Problem
+from dovetail.problem.ranges import fractions_within
 from dovetail.provenance import provenance, source_of
 
 _LEAST_GAIN = 25.0
@@ -87,8 +87,8 @@ def _posterior_of(measured: MeasuredLines, theta: NDArray[np.float64], seconds: 
     """Build a posterior within the ranges from samples (n, n_params) [SI] of equal weight."""
     assembly = measured.described
     return Posterior.from_fractions(
-        assembly,
-        fractions_within(assembly, theta),
+        assembly.parameters,
+        fractions_within(assembly.parameters, theta),
         np.full(len(theta), 1.0 / len(theta)),
         model_error=ModelError(0.0),
         searches=len(theta),
@@ -124,15 +124,15 @@ def by_refined_fit(
         Of the other starts; the description's by default.
     progress : Progress
     """
-    assembly, frfs = measured.assembly, measured.frfs
+    problem, assembly = measured.problem, measured.assembly
     seed = assembly.description.identification.seed if seed is None else seed
     check_limits(model_error, cause_seconds)
     progress("fit", 0, 1)
     network, warnings = _network_answer(measured, trained)
     starts = [] if start is None else [assembly.vector(start)]
     starts += [known for known in (network, measured.start) if known is not None]
-    fit = refine(assembly, frfs, starts, seed=seed, progress=progress)
-    adequacy, fit = judge_fit(assembly, frfs, measured.unweighted, fit, model_error, seed, cause_seconds, progress)
+    fit = refine(problem, starts, seed=seed, progress=progress)
+    adequacy, fit = judge_fit(problem, fit, model_error, seed, cause_seconds, progress)
     evaluation = None if trained is None else trained.evaluation.to_dict()
     origin = provenance(measured.described, measured.whole, seed, evaluation)
     result = _result(measured, fit.theta, method="refined", provenance=origin, fit=fit, adequacy=adequacy)
@@ -198,12 +198,12 @@ def by_multistart(
         Of the Latin hypercube; the description's by default.
     progress : Progress
     """
-    assembly, frfs = measured.assembly, measured.frfs
+    problem, assembly = measured.problem, measured.assembly
     check_limits(model_error, cause_seconds)
     seed = assembly.description.identification.seed if seed is None else seed
-    fit = multistart(assembly, frfs, starts=starts, seconds=seconds, objective=objective, seed=seed, progress=progress)
+    fit = multistart(problem, starts=starts, seconds=seconds, objective=objective, seed=seed, progress=progress)
     origin = provenance(measured.described, measured.whole, seed) | {"objective": objective}
-    adequacy, own = judge_fit(assembly, frfs, measured.unweighted, fit, model_error, seed, cause_seconds, progress)
+    adequacy, own = judge_fit(problem, fit, model_error, seed, cause_seconds, progress)
     fit = fit if measured.unweighted is None else own
     return _result(measured, fit.theta, method="multistart", provenance=origin, fit=fit, adequacy=adequacy)
 
@@ -254,9 +254,8 @@ def by_posterior(
     allowed = TYPICAL if fitted.adequacy is None else fitted.adequacy.error_in_intervals
     used: Form = form if fitted.is_trustworthy else "laplace"
     posterior = _FORMS[used](
-        measured.assembly,
-        measured.frfs,
-        allow_for_unknown_noise(Observations.of(measured.assembly, measured.frfs), fitted.fit),
+        measured.problem,
+        allow_for_unknown_noise(measured.problem.observations, fitted.fit),
         samples=samples,
         model_error=allowed,
         seed=fitted.provenance["seed"],
@@ -294,12 +293,12 @@ def by_plugin(
         The method fails, or does not return finite parameters within their ranges.
     """
     check_limits(model_error, cause_seconds)
-    assembly, frfs = measured.assembly, measured.frfs
+    problem, assembly = measured.problem, measured.assembly
     seed = assembly.description.identification.seed if seed is None else seed
-    target, began = Observations.of(assembly, frfs), time.monotonic()
-    fraction, sampled = _estimate_of(method, assembly, target, seed, progress)
-    fit = fit_at(assembly, target, fraction, seconds=time.monotonic() - began)
-    adequacy, own = judge_fit(assembly, frfs, measured.unweighted, fit, model_error, seed, cause_seconds, progress)
+    began = time.monotonic()
+    fraction, sampled = _estimate_of(method, problem, seed, progress)
+    fit = fit_at(problem, fraction, seconds=time.monotonic() - began)
+    adequacy, own = judge_fit(problem, fit, model_error, seed, cause_seconds, progress)
     fit = fit if measured.unweighted is None else own
     origin = provenance(measured.described, measured.whole, seed)
     origin["components"][f"method {method.name}"] = source_of(method)
@@ -316,7 +315,7 @@ def by_plugin(
 
 
 def _estimate_of(
-    method: IdentificationMethod, assembly: Assembly, target: Observations, seed: int, progress: Progress
+    method: IdentificationMethod, solved: Problem, seed: int, progress: Progress
 ) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
     """Return a plugin's estimate (n_params,), and its samples (n, n_params) if any, in fractions of the ranges.
 
@@ -325,15 +324,15 @@ def _estimate_of(
     PluginError
         As in `by_plugin`.
     """
-    model, label = ModelFrfs.of(assembly), component_label(method)
-    problem = IdentificationProblem(assembly.parameters, target.frfs, target.variance(), model.frf, model.frf_jacobian)
+    model, target, label = solved.model, solved.observations, component_label(method)
+    problem = IdentificationProblem(solved.parameters, target.frfs, target.variance(), model.frf, model.frf_jacobian)
     with plugin_errors(method, label):
         estimate = method.identify(problem, seed=seed, progress=progress)
         check_contract(estimate, method, Estimate, "identify")
-        (fraction,) = _fractions(assembly, [estimate.theta], label)
+        (fraction,) = _fractions(solved.assembly, [estimate.theta], label)
         if estimate.samples is None:
             return fraction, None
-        samples = _fractions(assembly, estimate.samples, label)
+        samples = _fractions(solved.assembly, estimate.samples, label)
         if len(samples) < FEWEST_DRAWS:
             too_few = f"it gave {len(samples)} samples, too few for intervals."
             raise PluginError(Fault(label, too_few, f"{FEWEST_DRAWS} or more, or none"))
@@ -342,9 +341,9 @@ def _estimate_of(
 
 def _best_fit_warnings(measured: MeasuredLines, fit: Fit, name: str, seed: int, progress: Progress) -> tuple[str, ...]:
     """Return a warning if a fit that starts from a plugin's estimate explains the measurement far better."""
-    assembly, frfs = measured.assembly, measured.frfs
-    theta = refine(assembly, frfs, [fit.theta], seed=seed, progress=progress).theta
-    best = fit_at(assembly, Observations.of(assembly, frfs), assembly.to_unit(theta))
+    problem = measured.problem
+    theta = refine(problem, [fit.theta], seed=seed, progress=progress).theta
+    best = fit_at(problem, problem.to_unit(theta))
     gain = (fit.chi_squared - best.chi_squared) * fit.degrees_of_freedom
     if gain <= max(_LEAST_GAIN * len(theta), _LEAST_PART * best.chi_squared * fit.degrees_of_freedom):
         return ()

@@ -216,7 +216,7 @@ def identify_from_modes(
     ends = maximise_posterior(PosteriorResiduals(residuals), ends, tolerance=1e-4)
     z, weight, unreliable = draw(PosteriorResiduals(residuals), ends, form, samples, seed)
     posterior = Posterior.from_fractions(
-        assembly,
+        assembly.parameters,
         unit_from_normal(z),
         weight,
         model_error=error,

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from dovetail.errors import require_package
-from dovetail.inference.fitting.fit import end_reached
 from dovetail.inference.posterior.distribution import Posterior
 from dovetail.inference.posterior.verdicts import NOT_TRUSTWORTHY, Group, Verdict
 from dovetail.interfaces import Parameter, Prior, Scale
+from dovetail.problem.ranges import end_reached
 
 ROUNDING = 1e-9
 """Part of its range by which a value may lie outside."""

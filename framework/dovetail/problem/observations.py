@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
 from dovetail.errors import Fault, MeasurementError
-from dovetail.frf import Frf
+from dovetail.frf import Frf, Quantity
 from dovetail.problem.random_error import (
     estimated_variance,
     is_too_short,
@@ -67,9 +67,12 @@ class Observations:
     ----------
     frfs : tuple of Frf
         One for each response, in its quantity, on its frequencies in the assembly.
+    recorded : tuple of str
+        Quantity in which each was measured, if it may be another one.
     """
 
     frfs: tuple[Frf, ...]
+    recorded: tuple[Quantity, ...] = ()
 
     @staticmethod
     def of(assembly: Assembly, measured: Frf | Sequence[Frf]) -> Observations:
@@ -80,8 +83,15 @@ class Observations:
         MeasurementError
             There are more or fewer than responses.
         """
-        pairs = zip(one_per_response(assembly, measured), assembly.description.responses, strict=True)
-        return Observations(tuple(frf.to(response.quantity) for frf, response in pairs))
+        frfs = one_per_response(assembly, measured)
+        pairs = zip(frfs, assembly.description.responses, strict=True)
+        in_quantities = tuple(frf.to(response.quantity) for frf, response in pairs)
+        return Observations(in_quantities, tuple(frf.quantity for frf in frfs))
+
+    @property
+    def recorded_quantities(self) -> tuple[Quantity, ...]:
+        """Quantity in which each FRF was measured."""
+        return self.recorded or tuple(frf.quantity for frf in self.frfs)
 
     @property
     def counts(self) -> tuple[int, ...]:

@@ -15,6 +15,7 @@ from scipy.ndimage import uniform_filter1d
 from dovetail.assembly import Assembly, ResponseFrfs
 from dovetail.frf import Frf
 from dovetail.frf.rice import rice_mean
+from dovetail.interfaces import Parameter
 from dovetail.problem.least_squares import Linearisation, SumOfSquares
 
 
@@ -151,13 +152,12 @@ class WithPrior:
     ----------
     misfit : SumOfSquares
         Of fractions of the ranges.
-    assembly : Assembly
-        Whose parameters they are.
+    parameters : sequence of Parameter
     """
 
-    def __init__(self, misfit: SumOfSquares, assembly: Assembly) -> None:
+    def __init__(self, misfit: SumOfSquares, parameters: Sequence[Parameter]) -> None:
         self._misfit = misfit
-        self._normal = [(column, p) for column, p in enumerate(assembly.parameters) if p.prior == "normal"]
+        self._normal = [(column, p) for column, p in enumerate(parameters) if p.prior == "normal"]
 
     def residuals(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return residuals (n, m) at fractions (n, p) of the ranges."""

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from numbers import Real
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly import Assembly
 from dovetail.errors import Fault, Importance, Note, ParameterError, listing
-from dovetail.frf import Frf
 from dovetail.frf.resonance_peaks import counterpart, resonance_peaks
-from dovetail.inference.adequacy.candidates import MOST_GIVEN_OUT, power_given_out
 from dovetail.inference.adequacy.causes import find_causes
 from dovetail.inference.adequacy.model_error_size import (
     FitWithError,
@@ -22,6 +19,7 @@ from dovetail.inference.adequacy.model_error_size import (
     fit_with_error,
     judge_with_error,
 )
+from dovetail.inference.adequacy.quick_fits import MOST_GIVEN_OUT, power_given_out
 from dovetail.inference.adequacy.single_resonance import separate_errors
 from dovetail.inference.adequacy.verdict import (
     NOTHING_LEFT,
@@ -32,13 +30,14 @@ from dovetail.inference.adequacy.verdict import (
     word_for,
 )
 from dovetail.inference.fitting import Fit, refine
-from dovetail.inference.fitting.fit import bounds_reached, is_noise, shows_structure
+from dovetail.inference.fitting.fit import is_noise, shows_structure
 from dovetail.inference.fitting.whiteness import find_deviating_bands
 from dovetail.inference.posterior import typical_model_error
 from dovetail.inference.posterior.model_error import ModelError
 from dovetail.interfaces import Progress, logged, silent
+from dovetail.problem import Problem
 from dovetail.problem.observations import Observations
-from dovetail.problem.residuals import ModelFrfs
+from dovetail.problem.ranges import bounds_reached
 
 
 @dataclass(frozen=True)
@@ -78,8 +77,7 @@ def check_limits(model_error: float | None, cause_seconds: float = 0.0) -> None:
 
 
 def assess(
-    assembly: Assembly,
-    measured: Sequence[Frf],
+    problem: Problem,
     fit: Fit,
     model_error: float | None,
     *,
@@ -90,10 +88,7 @@ def assess(
 
     Parameters
     ----------
-    assembly : Assembly
-        On the lines of the measurement.
-    measured : sequence of Frf
-        One for each response.
+    problem : Problem
     fit : Fit
         Of the same measurement.
     model_error : float or None
@@ -108,9 +103,9 @@ def assess(
     Fit
         The given fit if it is to the noise and no error is allowed.
     """
-    model, target = ModelFrfs.of(assembly), Observations.of(assembly, measured)
-    remarks = tuple(_remarks(assembly, target, fit, None))
-    noise = is_noise(assembly, target, fit)
+    target = problem.observations
+    remarks = tuple(_remarks(problem, fit, None))
+    noise = is_noise(problem, fit)
     if not shows_structure(target, fit, fits=noise):
         return Adequacy("does not fit", allowed=model_error, reasons=(NOTHING_SHOWN,)), fit
     if noise and target.residual_count(fit.used) <= len(fit.theta):
@@ -119,24 +114,24 @@ def assess(
         return Adequacy("to the noise", allowed=model_error, reasons=remarks), fit
     progress("model error", 0, 1)
     with logged(__name__, "errors of the model"):
-        errors = None if noise else find_errors(assembly, target, fit, progress)
+        errors = None if noise else find_errors(problem, fit, progress)
         allowed = None if model_error is None else typical_model_error(model_error)
         used = None if errors is None else errors.fit
         if allowed is not None:
-            used = fit_with_error(model, target, fit, allowed)
+            used = fit_with_error(problem, fit, allowed)
     assert used is not None
-    at_bounds = bounds_reached(assembly, used.fraction)
-    theta = assembly.from_unit(used.fraction)
+    at_bounds = bounds_reached(problem.parameters, used.fraction)
+    theta = problem.from_unit(used.fraction)
     refitted = replace(fit, theta=theta, information=used.information, at_bounds=at_bounds)
     if errors is None:
         return Adequacy("to the noise", allowed=model_error, reasons=remarks), refitted
     estimated, shown = errors.fit, replace(errors.fit, size=errors.size)
-    remarks = tuple(_remarks(assembly, target, refitted, errors.in_intervals if errors.phases else None))
+    remarks = tuple(_remarks(problem, refitted, errors.in_intervals if errors.phases else None))
     began = time.monotonic()
     with logged(__name__, "causes of the misfit"):
-        causes = find_causes(assembly, measured, refitted, seconds=cause_seconds, progress=progress)
+        causes = find_causes(problem, refitted, seconds=cause_seconds, progress=progress)
     late = [Note(_LATE, Importance.DETAIL)] if 0.0 < cause_seconds < time.monotonic() - began else []
-    given_out = power_given_out(assembly, target, fit.variance)
+    given_out = power_given_out(problem, fit.variance)
     adequacy = Adequacy(
         "does not fit" if given_out > MOST_GIVEN_OUT else errors.word,
         errors.size,
@@ -155,9 +150,7 @@ def assess(
 
 
 def judge_fit(
-    assembly: Assembly,
-    measured: Sequence[Frf],
-    unweighted: Sequence[Frf] | None,
+    problem: Problem,
     fit: Fit,
     model_error: float | None,
     seed: int,
@@ -168,12 +161,10 @@ def judge_fit(
 
     Parameters
     ----------
-    unweighted : sequence of Frf or None
-        The measurement with its random error, if the variance of `measured` is that of weights.
-    seed : int
-        Of the starts of the fit that is judged instead.
-    assembly, measured, fit, model_error, cause_seconds, progress
+    problem, fit, model_error, cause_seconds, progress
         As in `assess`.
+    seed : int
+        Of the starts of the fit that is judged instead if lines are weighted.
 
     Returns
     -------
@@ -182,12 +173,13 @@ def judge_fit(
     Fit
         As `assess` returns it. With weights, the given parameters with their chi-squared over the random error.
     """
-    if unweighted is None:
-        return assess(assembly, measured, fit, model_error, cause_seconds=cause_seconds, progress=progress)
-    judged = refine(assembly, unweighted, [fit.theta], seed=seed, progress=progress)
-    adequacy, _ = assess(assembly, unweighted, judged, model_error, cause_seconds=cause_seconds, progress=progress)
-    residual = Observations.of(assembly, unweighted).weighted(judged.variance, judged.used)
-    squares = float(np.sum(residual.of(ModelFrfs.of(assembly).frf(fit.theta[np.newaxis])) ** 2))
+    if problem.unweighted is None:
+        return assess(problem, fit, model_error, cause_seconds=cause_seconds, progress=progress)
+    own = problem.judged
+    judged = refine(own, [fit.theta], seed=seed, progress=progress)
+    adequacy, _ = assess(own, judged, model_error, cause_seconds=cause_seconds, progress=progress)
+    residual = own.observations.weighted(judged.variance, judged.used)
+    squares = float(np.sum(residual.of(own.values(fit.theta)[np.newaxis]) ** 2))
     return adequacy, replace(
         fit,
         chi_squared=squares / judged.degrees_of_freedom,
@@ -220,17 +212,16 @@ class FoundErrors:
     phases: tuple[float, ...] = ()
 
 
-def find_errors(assembly: Assembly, target: Observations, fit: Fit, progress: Progress = silent) -> FoundErrors:
+def find_errors(problem: Problem, fit: Fit, progress: Progress = silent) -> FoundErrors:
     """Return the errors of a model whose fit does not reach the noise."""
-    model = ModelFrfs.of(assembly)
-    separated = separate_errors(assembly, target, fit)
+    target, separated = problem.observations, separate_errors(problem, fit)
     if separated is not None:
         progress("model error", 1, 2)
         there = replace(fit, theta=separated.theta)
-        judged = judge_with_error(model, target, there, separated.in_intervals)
+        judged = judge_with_error(problem, there, separated.in_intervals)
         progress("model error", 2, 2)
         return FoundErrors(word_for(separated.size), separated.size, judged.size, judged, separated.phases)
-    estimated = estimate_model_error(model, target, fit, progress)
+    estimated = estimate_model_error(problem, fit, progress)
     least = ModelError(
         _distance_of_lost_peaks(target, estimated.values), magnitude=_typical_ratio(target, estimated.values)
     )
@@ -241,8 +232,9 @@ def find_errors(assembly: Assembly, target: Observations, fit: Fit, progress: Pr
     return FoundErrors(word_for(size), replace(size, **unknown), errors_in_intervals(size), estimated)
 
 
-def _remarks(assembly: Assembly, target: Observations, fit: Fit, in_intervals: ModelError | None) -> Iterator[str]:
+def _remarks(problem: Problem, fit: Fit, in_intervals: ModelError | None) -> Iterator[str]:
     """Yield what a measurement cannot show, however well the model fits, as sentences."""
+    target = problem.observations
     if max(target.counts) < _SETTINGS.fewest_lines:
         yield "So few lines show no resonance: intervals allow for no error of natural frequencies or damping."
     if fit.variance_assumed:
@@ -250,7 +242,7 @@ def _remarks(assembly: Assembly, target: Observations, fit: Fit, in_intervals: M
             "So few lines do not show their random error: intervals allow for up to 10 % of the largest value. "
             "Give the variance of the measurement, or its coherence and averages."
         )
-    followers = _followers_of_gain(assembly, fit.theta) if target.residual_count(fit.used) > len(fit.theta) else []
+    followers = _followers_of_gain(problem, fit.theta) if target.residual_count(fit.used) > len(fit.theta) else []
     if followers:
         shown = "no interval shows it"
         if in_intervals is not None:
@@ -261,15 +253,15 @@ def _remarks(assembly: Assembly, target: Observations, fit: Fit, in_intervals: M
         )
 
 
-def _followers_of_gain(assembly: Assembly, theta: NDArray[np.float64]) -> list[str]:
+def _followers_of_gain(problem: Problem, theta: NDArray[np.float64]) -> list[str]:
     """Return the parameters that make up for a wrong gain, as where all masses are sought; none if a gain is sought."""
-    values, derivatives = (array[0] for array in ModelFrfs.of(assembly).frf_jacobian(theta[np.newaxis]))
+    values, derivatives = (array[0] for array in problem.model.frf_jacobian(theta[np.newaxis]))
     size = np.maximum(np.abs(values), np.finfo(float).tiny)
     gain, columns = (
         np.concatenate([part.real, part.imag]) for part in (values / size, derivatives * theta / size[:, None])
     )
     share = np.linalg.lstsq(columns, gain, rcond=_SETTINGS.independent)[0]
-    parameters, gains = zip(assembly.parameters, share, strict=True), assembly.description.unknown_gains
+    parameters, gains = zip(problem.parameters, share, strict=True), problem.assembly.description.unknown_gains
     followers = [parameter for parameter, part in parameters if abs(part) > _SETTINGS.follows]
     told = any(parameter.prior == "normal" or parameter.name in gains for parameter in followers)
     remainder = np.linalg.norm(columns @ share - gain) / np.linalg.norm(gain)

@@ -15,18 +15,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly import Assembly
 from dovetail.errors import DovetailError
 from dovetail.frf import QUANTITIES, Frf
 from dovetail.inference.adequacy import level_causes, model_causes
-from dovetail.inference.adequacy.candidates import Trial, Trials
 from dovetail.inference.adequacy.model_causes import Candidate
 from dovetail.inference.adequacy.perturbations import Perturbation
+from dovetail.inference.adequacy.quick_fits import Trial, Trials
 from dovetail.inference.adequacy.verdict import Cause
 from dovetail.inference.fitting import Fit
 from dovetail.interfaces import Progress, silent
+from dovetail.problem import Problem
 from dovetail.problem.least_squares import without
-from dovetail.problem.residuals import ModelFrfs
 
 
 @dataclass(frozen=True)
@@ -101,8 +100,7 @@ _LOG = logging.getLogger(__name__)
 
 
 def find_causes(
-    assembly: Assembly,
-    measured: Sequence[Frf],
+    problem: Problem,
     fit: Fit,
     *,
     seconds: float = CAUSE_SECONDS,
@@ -112,10 +110,7 @@ def find_causes(
 
     Parameters
     ----------
-    assembly : Assembly
-        On the lines of the measurement.
-    measured : sequence of Frf
-        One for each response.
+    problem : Problem
     fit : Fit
         Of the same measurement.
     seconds : float
@@ -132,7 +127,7 @@ def find_causes(
     """
     if not seconds:
         return ()
-    trials = Trials(assembly, measured, fit, time.monotonic() + seconds)
+    trials = Trials(problem, fit, time.monotonic() + seconds)
     before = trials.unchanged
     excess = before.misfit - _SETTINGS.noise
     improvements: list[tuple[float, Cause]] = []
@@ -240,12 +235,12 @@ def _phases(trials: Trials) -> Iterator[Candidate]:
         ("conjugate", "the phase conjugated", np.conj),
     ):
         changed = [replace(frf, values=change(frf.values)) for frf in frfs]
-        yield name, words, trials.fit(trials.assembly, changed, starts)
+        yield name, words, trials.fit(trials.problem.with_frfs(changed), starts)
     labels = trials.assembly.description.response_labels if len(frfs) > 1 else ()
     for number, label in enumerate(labels):
         signs = np.where(np.arange(len(frfs)) == number, -1.0, 1.0)
         reversed_there = [replace(frf, values=sign * frf.values) for frf, sign in zip(frfs, signs, strict=True)]
-        yield "sign", f"the sign at {label} reversed", trials.fit(trials.assembly, reversed_there, starts)
+        yield "sign", f"the sign at {label} reversed", trials.fit(trials.problem.with_frfs(reversed_there), starts)
 
 
 def _gains_and_masses(trials: Trials) -> Iterator[Candidate]:
@@ -264,9 +259,9 @@ def _gains(trials: Trials, power: int = 0) -> Iterator[Candidate]:
             continue
         corrected = [replace(frf, values=frf.values / factor) for frf in frfs]
         words = _as_gain(factor, unit) if abs(np.log(factor)) >= np.log1p(_SETTINGS.gain) else ""
-        trial = trials.fit(trials.assembly, corrected, [free.theta, trials.shape])
+        trial = trials.fit(trials.problem.with_frfs(corrected), [free.theta, trials.shape])
         if power:
-            quantity = trials.stated[0]
+            quantity = trials.recorded[0]
             actual = QUANTITIES[QUANTITIES.index(quantity) + power]
             words = f"the values read as {actual}, not as {quantity}" + (f", and {words}" if words else "")
         yield "quantity" if power else "unit" if unit else "gain", words, trial
@@ -298,7 +293,7 @@ def _quantities(trials: Trials) -> Iterator[Candidate]:
     low, high = np.array_split(np.argsort(axis), 2)
     span = float(np.median(axis[high]) - np.median(axis[low]))
     power = int(np.clip(np.round((np.median(ratio[high]) - np.median(ratio[low])) / max(span, 1e-9)), -2, 2))
-    quantities = {QUANTITIES.index(quantity) + power for quantity in trials.stated}
+    quantities = {QUANTITIES.index(quantity) + power for quantity in trials.recorded}
     if power and all(0 <= index < len(QUANTITIES) for index in quantities):
         yield from _gains(trials, power)
 
@@ -323,7 +318,7 @@ def _delays(trials: Trials) -> Iterator[Candidate]:
     amount += rest
     if abs(amount) > _SETTINGS.phase:
         words = f"a delay of {1e6 * amount / angular.max():.3g} microseconds taken out"
-        yield "delay", words, trials.fit(trials.assembly, corrected(amount), [free.theta])
+        yield "delay", words, trials.fit(trials.problem.with_frfs(corrected(amount)), [free.theta])
 
 
 def _overhangs(trials: Trials) -> Iterator[Candidate]:
@@ -342,8 +337,10 @@ def _parts(trials: Trials) -> Iterator[Candidate]:
 def _alignment(trials: Trials, perturbation: Perturbation) -> float:
     """Return |cos| of the angle between residuals and a perturbation's effect, both without what the joint can do."""
     theta, residual = trials.unchanged.theta[np.newaxis], trials.residual()
-    frf, jacobian = ModelFrfs.of(trials.assembly).linearise(theta)
-    ahead = residual.of(ModelFrfs.of(perturbation.apply(_SETTINGS.step)).frf(theta))[0]
+    frf, jacobian = trials.problem.model.linearise(theta)
+    ahead = residual.of(trials.problem.with_assembly(perturbation.apply(_SETTINGS.step)).values(theta[0])[np.newaxis])[
+        0
+    ]
     residuals = residual.of(frf)[0]
     change, left = without(np.stack([ahead - residuals, residuals]), residual.jacobian(frf, jacobian)[0])
     return float(abs(change @ left) / max(np.linalg.norm(change) * np.linalg.norm(left), np.finfo(float).tiny))
@@ -360,7 +357,7 @@ def _perturbed(trials: Trials, perturbation: Perturbation, amounts: tuple[float,
             joint = trials.search(there, trials.unchanged.theta) if amount else trials.unchanged.theta
             found, theta = trials.fit_amount(perturbation, joint, amount)
             if abs(found) >= perturbation.negligible:
-                trial = trials.fit(perturbation.apply(found), trials.target.frfs, [theta])
+                trial = trials.fit(trials.problem.with_assembly(perturbation.apply(found)), [theta])
                 candidates.append((perturbation.kind, perturbation.describe(found), trial))
         except (DovetailError, np.linalg.LinAlgError):
             continue

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from dovetail.description import Description, Response
 from dovetail.frf.resonances import Resonances, fit_resonances
-from dovetail.inference.adequacy.candidates import Trial, Trials
 from dovetail.inference.adequacy.model_causes import Candidate
+from dovetail.inference.adequacy.quick_fits import Trial, Trials
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ def try_levels(trials: Trials) -> Iterator[Candidate]:
     of_response, resonances = dict[int, NDArray[np.complex128]](), list[Resonances]()
     for numbers in (np.flatnonzero(level == one).tolist() for one in range(level.max() + 1)):
         part = trials.of_responses(numbers)
-        theta = part.fit(part.assembly, part.target.frfs, [trials.best, trials.shape]).theta
+        theta = part.fit(part.problem, [trials.best, trials.shape]).theta
         fitted = part.target.split(part.values(theta))
         of_response |= dict(zip(numbers, fitted, strict=True))
         resonances.append(fit_resonances(part.target.frfs, fitted))
@@ -117,6 +117,6 @@ def _without_growth(trials: Trials, growth: float) -> Trial | None:
         distance = frf.frequency - pole
         added = near * (distance / (distance - 1j * growth * pole.imag * part) - 1.0)
         corrected = replace(frf, values=frf.values * values / (values + added))
-        trial = trials.fit(trials.assembly, [corrected], [theta])
+        trial = trials.fit(trials.problem.with_frfs([corrected]), [theta])
         theta = trial.theta
     return trial

@@ -15,7 +15,7 @@ from dovetail.description import Place, has_dampers, with_damping
 from dovetail.errors import DovetailError
 from dovetail.frf import conversion
 from dovetail.frf.resonances import Resonances, fit_resonances
-from dovetail.inference.adequacy.candidates import Trial, Trials
+from dovetail.inference.adequacy.quick_fits import Trial, Trials
 from dovetail.inference.fitting.search_lines import missed_resonances
 from dovetail.interfaces import Parameter
 from dovetail.synthesis import Point
@@ -87,7 +87,7 @@ def try_points(trials: Trials) -> Iterator[Candidate]:
 
     def at(node: Node, with_force: bool, start: NDArray[np.float64]) -> Candidate:
         there = _measured_at(trials.assembly, node, with_force=with_force)
-        trial = trials.fit(there, trials.target.frfs, [trials.search(there, trials.shape, start)])
+        trial = trials.fit(trials.problem.with_assembly(there), [trials.search(there, trials.shape, start)])
         ends[with_force, node] = trial
         which = "force and response" if with_force else "the response"
         return "point", f"{which} {_words(trials.assembly, node)}", trial
@@ -209,7 +209,11 @@ def try_exchanges(trials: Trials) -> Iterator[Candidate]:
         exchanged = trials.assembly.with_description(replace(description, responses=tuple(responses)))
         labels = description.response_labels
         words = f"the measurements at {labels[former]} and {labels[latter]} exchanged"
-        yield "order", words, trials.fit(exchanged, frfs, [trials.search(exchanged, trials.shape)])
+        yield (
+            "order",
+            words,
+            trials.fit(trials.problem.with_assembly(exchanged), [trials.search(exchanged, trials.shape)]),
+        )
 
 
 def try_missing_resonances(trials: Trials) -> Iterator[Candidate]:
@@ -263,7 +267,7 @@ def try_ranges(trials: Trials) -> Iterator[Candidate]:
             try:
                 widened = assembly.with_description(assembly.description.with_range(joint, name, lower, upper))
                 starts = [trials.unchanged.theta, trials.search(widened, trials.shape)]
-                trial = trials.fit(widened, trials.target.frfs, starts)
+                trial = trials.fit(trials.problem.with_assembly(widened), starts)
             except DovetailError:
                 continue
             value = float(trial.theta[index])
@@ -295,7 +299,7 @@ def try_damping(trials: Trials) -> Iterator[Candidate]:
     for structural, words in others:
         damped = trials.assembly.with_description(with_damping(description, structural))
         starts = [trials.unchanged.theta, trials.search(damped, trials.unchanged.theta)]
-        yield "damping", words, trials.fit(damped, trials.target.frfs, starts)
+        yield "damping", words, trials.fit(trials.problem.with_assembly(damped), starts)
 
 
 def try_window(trials: Trials) -> Iterator[Candidate]:
@@ -333,4 +337,4 @@ def _without_window(
         under_window, without = (conversion(frf.frequency - 1j * a, "receptance", frf.quantity) for a in (added, 0.0))
         damped = plain + (near * (distance / (distance - 1j * added) - 1.0)).sum(axis=0)
         frfs.append(replace(frf, values=frf.values * plain / damped * without / under_window))
-    return trials.fit(trials.assembly, frfs, [trials.unchanged.theta])
+    return trials.fit(trials.problem.with_frfs(frfs), [trials.unchanged.theta])

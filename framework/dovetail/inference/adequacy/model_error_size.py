@@ -23,9 +23,9 @@ from dovetail.inference.posterior.frequency_average import needs_average, unshap
 from dovetail.inference.posterior.likelihood import PRIOR_PRECISION, MarginalisedResiduals, marginalised_squares
 from dovetail.inference.posterior.model_error import KINDS, MODEL_ERROR, ModelError, error_shapes, typical_model_error
 from dovetail.interfaces import Progress, silent
+from dovetail.problem import Problem
 from dovetail.problem.least_squares import minimise
-from dovetail.problem.observations import Observations
-from dovetail.problem.residuals import FrfResiduals, ModelFrfs, Residual, WithPrior
+from dovetail.problem.residuals import FrfResiduals, Residual, WithPrior
 
 
 @dataclass(frozen=True)
@@ -99,18 +99,18 @@ class FitWithError:
     unknown: tuple[str, ...] = ()
 
 
-class _Problem:
+class _ErrorEffects:
     """A measurement, its residuals, and the effects of errors of the model on them."""
 
-    def __init__(self, model: ModelFrfs, target: Observations, fit: Fit) -> None:
-        self.model, self.target, self._fit = model, target, fit
-        self.fraction = model.assemblies[0].to_unit(fit.theta)
-        self.axes = [frf.frequency for frf in target.frfs]
+    def __init__(self, problem: Problem, fit: Fit) -> None:
+        self.problem, self.model, self.target, self._fit = problem, problem.model, problem.observations, fit
+        self.fraction = problem.to_unit(fit.theta)
+        self.axes = [frf.frequency for frf in self.target.frfs]
 
     @property
     def values(self) -> NDArray[np.complex128]:
         """The model's FRFs at the fit (n_lines,)."""
-        return np.asarray(self.model.frf(self.model.assemblies[0].from_unit(self.fraction[np.newaxis]))[0])
+        return self.problem.values(self.problem.from_unit(self.fraction))
 
     def residual(self, values: NDArray[np.complex128], size: ModelError) -> tuple[NDArray[np.intp], Residual]:
         """Return the lines that residuals need, and the residuals; other errors are added to their random error."""
@@ -157,49 +157,47 @@ class _Problem:
         errors = residual.jacobian(values[np.newaxis, lines], shapes[np.newaxis, :, lines])[0]
         model = self.model if len(lines) == len(values) else self.model.at(lines)
         misfit = MarginalisedResiduals(FrfResiduals(model, residual), errors)
-        problem = WithPrior(misfit, model.assemblies[0])
+        problem = WithPrior(misfit, self.problem.parameters)
         minima = minimise(problem, self.fraction[np.newaxis], tolerance=_SETTINGS.tolerance, most_steps=_SETTINGS.steps)
         return np.asarray(minima.position[0])
 
 
-def fit_with_error(model: ModelFrfs, target: Observations, fit: Fit, size: ModelError) -> FitWithError:
+def fit_with_error(problem: Problem, fit: Fit, size: ModelError) -> FitWithError:
     """Refit the parameters, starting from a fit, with errors of the model of a given size allowed."""
-    problem = _Problem(model, target, fit)
-    return _Linearised(problem, problem.refit(size), size).result(size)
+    effects = _ErrorEffects(problem, fit)
+    return _Linearised(effects, effects.refit(size), size).result(size)
 
 
-def judge_with_error(model: ModelFrfs, target: Observations, fit: Fit, size: ModelError) -> FitWithError:
+def judge_with_error(problem: Problem, fit: Fit, size: ModelError) -> FitWithError:
     """Return what errors of given sizes, and others that make chi-squared 1, make of a fit with its parameters."""
-    problem = _Problem(model, target, fit)
-    linearised = _Linearised(problem, problem.fraction, size)
+    effects = _ErrorEffects(problem, fit)
+    linearised = _Linearised(effects, effects.fraction, size)
     return linearised.result(linearised.with_other(size))
 
 
-def estimate_model_error(model: ModelFrfs, target: Observations, fit: Fit, progress: Progress = silent) -> FitWithError:
+def estimate_model_error(problem: Problem, fit: Fit, progress: Progress = silent) -> FitWithError:
     """Estimate the sizes of the model's errors around a fit.
 
     Parameters
     ----------
-    model : ModelFrfs
-        On the lines of the measurement.
-    target : Observations
+    problem : Problem
     fit : Fit
         Its parameters are not changed. If a model has many errors, a fit that allows for all of them would give up the
         clear features, such as the peaks, for unclear ones.
     progress : Progress
     """
-    problem = _Problem(model, target, fit)
-    size = _most_plausible(_estimates(problem, progress))
-    linearised = _Linearised(problem, problem.fraction, size)
-    return replace(linearised.result(size), unknown=_unknown(problem, linearised, size))
+    effects = _ErrorEffects(problem, fit)
+    size = _most_plausible(_estimates(effects, progress))
+    linearised = _Linearised(effects, effects.fraction, size)
+    return replace(linearised.result(size), unknown=_unknown(effects, linearised, size))
 
 
-def _unknown(problem: _Problem, linearised: _Linearised, size: ModelError) -> tuple[str, ...]:
+def _unknown(effects: _ErrorEffects, linearised: _Linearised, size: ModelError) -> tuple[str, ...]:
     """Return the kinds of errors whose size neither the residuals nor the peaks determine.
 
     A standard deviation that is estimated from n values has a relative error of 1 / sqrt(2 n).
     """
-    distance, _, heights = problem.peaks_apart()
+    distance, _, heights = effects.peaks_apart()
     of_peaks = {"natural_frequency": distance, "damping": heights}
     return tuple(
         kind
@@ -208,27 +206,27 @@ def _unknown(problem: _Problem, linearised: _Linearised, size: ModelError) -> tu
     )
 
 
-def _estimates(problem: _Problem, progress: Progress) -> Iterator[tuple[float, ModelError]]:
+def _estimates(effects: _ErrorEffects, progress: Progress) -> Iterator[tuple[float, ModelError]]:
     """Yield the widths of averages, as errors of natural frequencies, and the sizes estimated with them."""
-    fraction = problem.fraction
-    least, most, heights = problem.peaks_apart()
+    fraction = effects.fraction
+    least, most, heights = effects.peaks_apart()
     widths, width = [], max(least, _SETTINGS.narrowest)
     while width <= min(most, _SETTINGS.widest):
         widths.append(width)
         width *= _SETTINGS.wider
     for step, width in enumerate(widths):
         progress("model error", step, len(widths))
-        size = _Linearised(problem, fraction, typical_model_error(width), most).estimate()
+        size = _Linearised(effects, fraction, typical_model_error(width), most).estimate()
         if width > _SETTINGS.narrowest:  # what is far below the width of an average is hidden in it
             size = replace(size, natural_frequency=max(size.natural_frequency, width / _SETTINGS.consistent))
         damping = np.sqrt(max(size.damping**2, heights**2 - size.magnitude**2))
         apart = replace(size, natural_frequency=max(size.natural_frequency, least), damping=float(damping))
         if word_for(apart) != "does not fit":  # peaks may have been taken for each other
             size = apart
-        estimate = _Linearised(problem, fraction, size).with_other(size)  # by the averages that intervals will use
+        estimate = _Linearised(effects, fraction, size).with_other(size)  # by the averages that intervals will use
         if word_for(estimate) == "does not fit":
-            size = _Linearised(problem, fraction, typical_model_error(width), most).estimate_beside_others()
-            moderate = _Linearised(problem, fraction, size).with_other(size)
+            size = _Linearised(effects, fraction, typical_model_error(width), most).estimate_beside_others()
+            moderate = _Linearised(effects, fraction, size).with_other(size)
             estimate = estimate if word_for(moderate) == "does not fit" else moderate
         yield width, estimate
 
@@ -251,13 +249,13 @@ class _Linearised:
     """A fit with residuals that are linearised in the parameters and in the errors of the model."""
 
     def __init__(
-        self, problem: _Problem, fraction: NDArray[np.float64], size: ModelError, most: float = _SETTINGS.most
+        self, effects: _ErrorEffects, fraction: NDArray[np.float64], size: ModelError, most: float = _SETTINGS.most
     ) -> None:
-        self._problem, self.fraction, self._size, self._most = problem, fraction, size, most
-        model = problem.model
+        self._effects, self.fraction, self._size, self._most = effects, fraction, size, most
+        model = effects.model
         frf, jacobian = model.linearise(model.assemblies[0].from_unit(fraction[np.newaxis]))
         self._frf, self._jacobian = frf, jacobian
-        self._shapes = problem.shapes(frf[0], size)
+        self._shapes = effects.shapes(frf[0], size)
 
     def _whitened(self, size: ModelError) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:
         """Return residuals (m,), whitened with the other errors, and their derivatives (k, m) by kind of error."""
@@ -272,14 +270,14 @@ class _Linearised:
         """Return lines and residuals with other errors of a given size; the averages are computed only once."""
         size, values = replace(self._size, other=other), self._frf[0]
         if not needs_average(size):
-            return self._problem.residual(values, size)
+            return self._effects.residual(values, size)
         lines, averages = self._averages
-        target = self._problem.target
+        target = self._effects.target
         return lines, with_deviation(averages, target.split(unshaped_deviation(target, values, size)))
 
     @cached_property
     def _averages(self) -> tuple[NDArray[np.intp], Residual]:
-        return self._problem.residual(self._frf[0], replace(self._size, other=0.0))
+        return self._effects.residual(self._frf[0], replace(self._size, other=0.0))
 
     def estimate(self) -> ModelError:
         """Return the most probable sizes."""

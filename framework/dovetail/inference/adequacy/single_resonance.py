@@ -15,14 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from dovetail.assembly import Assembly
 from dovetail.frf import Frf
 from dovetail.frf.resonances import fit_resonances
 from dovetail.frf.single_mode import UNKNOWNS, SingleMode
 from dovetail.inference.fitting import Fit, refine
 from dovetail.inference.posterior.model_error import TYPICAL, ModelError
+from dovetail.problem import Problem
 from dovetail.problem.observations import Observations
-from dovetail.problem.residuals import ModelFrfs
 
 
 @dataclass(frozen=True)
@@ -81,21 +80,19 @@ class SeparatedErrors:
     phases: tuple[float, ...]
 
 
-def separate_errors(assembly: Assembly, target: Observations, fit: Fit) -> SeparatedErrors | None:
+def separate_errors(problem: Problem, fit: Fit) -> SeparatedErrors | None:
     """Separate the errors of a model with a single resonance in the band; None if there are more, or if that fails.
 
     Parameters
     ----------
-    assembly : Assembly
-        On the lines of the measurement.
-    target : Observations
+    problem : Problem
     fit : Fit
         That does not reach the noise. Parameters that no search found, such as a plugin's, are judged as they are.
     """
     if not fit.steps:
         return None
-    model = ModelFrfs.of(assembly)
-    at_fit = target.split(model.frf(fit.theta[np.newaxis])[0])
+    target = problem.observations
+    at_fit = target.split(problem.values(fit.theta))
     if not all(frf.has_phase for frf in target.frfs) or _single_pole(target.frfs, at_fit) is None:
         return None
     measured = _modal_fits(target.frfs, target, fit, at_fit)
@@ -110,33 +107,33 @@ def separate_errors(assembly: Assembly, target: Observations, fit: Fit) -> Separ
         return None
     if not np.isfinite(_known_phase(phases, measured)):
         return None  # phase and background explain each other
-    theta = _refitted(assembly, target, fit, fit.theta, measured, np.exp(1j * phases))
-    remaining = _errors_that_parameters_leave(assembly, target, fit, theta, measured)
+    theta = _refitted(problem, fit, fit.theta, measured, np.exp(1j * phases))
+    remaining = _errors_that_parameters_leave(problem, fit, theta, measured)
     if remaining is None:
         return None
     errors, deviations = remaining
     gain = _if_certain(_rms(errors[2:]), _rms(deviations[2:]))
     if np.isfinite(gain):
-        theta = _refitted(assembly, target, fit, theta, measured, np.exp(errors[2:] + 1j * phases))
+        theta = _refitted(problem, fit, theta, measured, np.exp(errors[2:] + 1j * phases))
     sizes = [_if_certain(abs(error), deviation) for error, deviation in zip(errors[:2], deviations[:2], strict=True)]
     return _separated(target, theta, measured, phases, ModelError(sizes[0], damping=sizes[1], magnitude=gain))
 
 
 def _refitted(
-    assembly: Assembly,
-    target: Observations,
+    problem: Problem,
     fit: Fit,
     start: NDArray[np.float64],
     measured: Sequence[SingleMode],
     factors: NDArray[np.complex128],
 ) -> NDArray[np.float64]:
     """Return the parameters (p,) [SI] that fit best without the backgrounds, and without a factor of each FRF."""
+    target = problem.observations
     parts = zip(target.frfs, measured, factors, target.split(fit.variance), strict=True)
     corrected = [
         replace(frf, values=(frf.values - one.background) / factor, variance=variance / abs(factor) ** 2)
         for frf, one, factor, variance in parts
     ]
-    return refine(assembly, corrected, [start]).theta
+    return refine(problem.with_frfs(corrected), [start]).theta
 
 
 def _single_pole(frfs: Sequence[Frf], values: Sequence[NDArray[np.complex128]]) -> complex | None:
@@ -174,17 +171,17 @@ def _explain(modal: Sequence[SingleMode]) -> bool:
 
 
 def _errors_that_parameters_leave(
-    assembly: Assembly, target: Observations, fit: Fit, theta: NDArray[np.float64], measured: Sequence[SingleMode]
+    problem: Problem, fit: Fit, theta: NDArray[np.float64], measured: Sequence[SingleMode]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
     """Return the errors (2 + n,) that the parameters cannot follow, and their deviations; None if a modal fit fails.
 
     They are those of the logarithms of natural frequency, damping and the gain of each response.
     """
-    model, fraction = ModelFrfs.of(assembly), assembly.to_unit(theta)
+    target, fraction = problem.observations, problem.to_unit(theta)
     free = np.flatnonzero((fraction > 0.0) & (fraction < 1.0))
     points = np.concatenate([fraction[np.newaxis], fraction + _SETTINGS.step * np.eye(len(fraction))[free]])
     features = []
-    for values in model.frf(assembly.from_unit(np.minimum(points, 1.0))):
+    for values in problem.model.frf(problem.from_unit(np.minimum(points, 1.0))):
         of_model = target.split(values)
         fits = _modal_fits(_with_values(target.frfs, of_model), target, fit, of_model)
         if fits is None:

@@ -11,15 +11,14 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from dovetail.assembly import Assembly
 from dovetail.errors import Fault, ParameterError, listing
-from dovetail.frf import Frf
 from dovetail.inference.fitting.whiteness import NOISE_ALARM, has_size_of_noise, is_white, log_improbability
-from dovetail.interfaces import Parameter, Progress, Scale, silent
+from dovetail.interfaces import Progress, silent
+from dovetail.problem import Problem
 from dovetail.problem.least_squares import minimise, without
 from dovetail.problem.observations import Observations
 from dovetail.problem.random_error import ASSUMED_NOISE, FOURTH_DIFFERENCE
-from dovetail.problem.residuals import FrfResiduals, ModelFrfs
+from dovetail.problem.ranges import bounds_reached
 
 Objective: TypeAlias = Literal["frf", "weighted"]
 """Residuals that are minimised: differences of the FRFs as they are, or over their random error."""
@@ -28,8 +27,6 @@ _TOLERANCE = 0.02
 """Decrease of the sum of squares in one step that ends a search; it is small compared to the scatter of the sum."""
 _MOST_STEPS = 150
 """Largest number of steps of one search; one that needs more is in a wrong valley."""
-_AT_END = 1e-6
-"""Part of the range within which a value is at its end; more digits than any measurement tells apart."""
 _LARGEST_NOISE = 0.1
 """Random error, over the largest value, that FRFs of practice rarely exceed: of one average at a coherence of 0.99."""
 _LEAST_SCATTER = 0.5
@@ -133,8 +130,7 @@ class Fit:
 
 
 def fit_at(
-    assembly: Assembly,
-    target: Observations,
+    problem: Problem,
     fraction: NDArray[np.float64],
     *,
     starts: int = 1,
@@ -146,19 +142,19 @@ def fit_at(
 
     Parameters
     ----------
-    assembly : Assembly
-    target : Observations
+    problem : Problem
     fraction : (n_params,) array
         The parameters, in fractions of their ranges.
     starts, agreeing, steps, seconds
         As in `Fit`; by default those of parameters that were not searched for.
     """
+    target = problem.observations
     variance = target.variance()
+    there = problem.weighted(variance).linearise(fraction[np.newaxis])
     used = np.ones(len(variance), dtype=np.bool_)
-    there = FrfResiduals(assembly, target.weighted(variance, used)).linearise(fraction[np.newaxis])
     freedom = max(1, target.residual_count(used) - len(fraction))
     return Fit(
-        theta=assembly.from_unit(fraction),
+        theta=problem.from_unit(fraction),
         information=there.curvature[0],
         chi_squared=float(there.cost[0]) / freedom,
         degrees_of_freedom=freedom,
@@ -169,7 +165,7 @@ def fit_at(
         background=0.0,
         ignored=np.empty(0),
         used=used,
-        at_bounds=bounds_reached(assembly, fraction),
+        at_bounds=bounds_reached(problem.parameters, fraction),
         starts=starts,
         agreeing=agreeing,
         steps=steps,
@@ -191,8 +187,7 @@ def allow_for_unknown_noise(target: Observations, fit: Fit) -> Fit:
 
 
 def multistart(
-    assembly: Assembly,
-    measured: Frf | Sequence[Frf],
+    problem: Problem,
     *,
     starts: int = 64,
     seconds: float | None = None,
@@ -204,10 +199,7 @@ def multistart(
 
     Parameters
     ----------
-    assembly : Assembly
-        With parameters to identify.
-    measured : Frf or sequence of Frf
-        One for each response, on its frequencies in the assembly.
+    problem : Problem
     starts : int
     seconds : float, optional
         Time after which no further step begins.
@@ -228,23 +220,20 @@ def multistart(
     _check(starts, seconds, objective)
     began = time.monotonic()
     deadline = np.inf if seconds is None else began + seconds
-    target = Observations.of(assembly, measured)
+    target = problem.observations
     variance = target.variance()
-    used = np.ones(len(variance), dtype=np.bool_)
-    weights = variance if objective == "weighted" else _mean_of_response(target, variance)
-    problem = FrfResiduals(assembly, target.weighted(weights, used))
+    misfit = problem.weighted(variance if objective == "weighted" else _mean_of_response(target, variance))
     minima = []
-    points = scipy.stats.qmc.LatinHypercube(len(assembly.parameters), rng=np.random.default_rng(seed)).random(starts)
+    points = scipy.stats.qmc.LatinHypercube(len(problem.parameters), rng=np.random.default_rng(seed)).random(starts)
     for number, point in enumerate(points):
         progress("fit", number, starts)
         start = point[np.newaxis]
-        minima.append(minimise(problem, start, tolerance=_TOLERANCE, most_steps=_MOST_STEPS, deadline=deadline))
+        minima.append(minimise(misfit, start, tolerance=_TOLERANCE, most_steps=_MOST_STEPS, deadline=deadline))
         if time.monotonic() > deadline:
             break
     costs = np.array([minimum.cost[0] for minimum in minima])
     return fit_at(
-        assembly,
-        target,
+        problem,
         minima[int(np.argmin(costs))].position[0],
         starts=len(costs),
         agreeing=count_agreeing(costs),
@@ -277,38 +266,12 @@ def highest_agreeing(cost: float) -> float:
     return cost * (1.0 + _SAME_MINIMUM) + 1.0
 
 
-def fractions_within(assembly: Assembly, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the fractions (..., p) of SI values, those outside of their ranges brought to the nearest end."""
-    lower, upper = np.transpose([(parameter.lower, parameter.upper) for parameter in assembly.parameters])
-    return np.clip(assembly.to_unit(np.clip(theta, lower, upper)), 0.0, 1.0)
-
-
-def bounds_reached(assembly: Assembly, fraction: NDArray[np.float64]) -> dict[str, str]:
-    """Return the parameters at a bound of their range, and at which, from fractions (n_params,) of the ranges."""
-    values = assembly.from_unit(fraction).tolist()
-    pairs = zip(assembly.parameters, values, strict=True)
-    ends = {p.name: end_reached(value, p.lower, p.upper, p.scale) for p, value in pairs}
-    return {name: end for name, end in ends.items() if end}
-
-
-def end_reached(value: float, lower: float, upper: float, scale: Scale) -> str:
-    """Return the end of a range, "lower" or "upper", at which a value is within rounding; empty if at neither.
-
-    A value is at an end that it equals in the four digits that are shown, or within a millionth of the range.
-    """
-    shown, low, high = (f"{number:.4g}" for number in (value, lower, upper))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        place = float(Parameter("value", "1", lower, upper, scale).to_unit(np.array(value)))
-    if abs(place) <= _AT_END or (shown == low != high):
-        return "lower"
-    return "upper" if abs(place - 1.0) <= _AT_END or (shown == high != low) else ""
-
-
-def is_noise(assembly: Assembly, target: Observations, fit: Fit) -> bool:
+def is_noise(problem: Problem, fit: Fit) -> bool:
     """Return whether the residuals of a fit are noise: no larger, and not correlated along the frequency axis."""
     if fit.discrepancy:
         return False
-    frf, jacobian = ModelFrfs.of(assembly).linearise(fit.theta[np.newaxis])
+    target = problem.observations
+    frf, jacobian = problem.model.linearise(fit.theta[np.newaxis])
     weighted = target.weighted(fit.variance, fit.used)
     residuals = weighted.of(frf)[0]
     of_responses = target.by_line(without(residuals, weighted.jacobian(frf, jacobian)[0]))

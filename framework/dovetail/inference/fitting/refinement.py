@@ -10,15 +10,14 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from dovetail.assembly import Assembly
-from dovetail.frf import Frf
-from dovetail.inference.fitting.fit import Fit, bounds_reached, count_agreeing, fractions_within, highest_agreeing
+from dovetail.inference.fitting.fit import Fit, count_agreeing, highest_agreeing
 from dovetail.inference.fitting.search_lines import Smoothed, missed_resonances, search_lines, thinned_lines
 from dovetail.inference.fitting.whiteness import NOISE_ALARM, has_size_of_noise, is_of_few_lines, is_white
 from dovetail.interfaces import Progress, logged, silent
+from dovetail.problem import Problem
 from dovetail.problem.least_squares import Minima, cuts, minimise, profiles
-from dovetail.problem.observations import Observations
-from dovetail.problem.residuals import FrfResiduals, ModelFrfs, WithPrior
+from dovetail.problem.ranges import bounds_reached, fractions_within
+from dovetail.problem.residuals import FrfResiduals, WithPrior
 
 
 @dataclass(frozen=True)
@@ -84,8 +83,7 @@ _SETTINGS = Settings()
 
 
 def refine(
-    assembly: Assembly,
-    measured: Frf | Sequence[Frf],
+    problem: Problem,
     starts: Sequence[NDArray[np.float64]] = (),
     *,
     seed: int = 0,
@@ -95,11 +93,9 @@ def refine(
 
     Parameters
     ----------
-    assembly : Assembly
-        With parameters to identify.
-    measured : Frf or sequence of Frf
-        One for each response, on the assembly's frequencies. Its random error is taken from its variance, or coherence
-        and averages, or from the scatter from line to line.
+    problem : Problem
+        The random error of its observations is taken from their variance, or coherence and averages, or from the
+        scatter from line to line.
     starts : sequence of (n_params,) arrays
         SI; values outside the ranges are brought to their bounds. The first batch has these alone or, if none are
         given, the middle of the ranges and those points of a Latin hypercube whose FRFs are most like the measured
@@ -124,26 +120,24 @@ def refine(
     the weights, so that the lines with the least noise do not dominate.
     """
     progress("fit", 0, 1)
-    with logged(__name__, f"fit of {len(assembly.parameters)} parameters"):
-        return _Refinement(assembly, Observations.of(assembly, measured), seed, progress).run(starts)
+    with logged(__name__, f"fit of {len(problem.parameters)} parameters"):
+        return _Refinement(problem, seed, progress).run(starts)
 
 
 class _Refinement:
     """The state of one refinement: the weights and the lines that count."""
 
-    def __init__(self, assembly: Assembly, target: Observations, seed: int, progress: Progress) -> None:
-        self._assembly = assembly
-        self._model = ModelFrfs.of(assembly)
-        self._target = target
-        self._hypercube = scipy.stats.qmc.LatinHypercube(len(assembly.parameters), rng=np.random.default_rng(seed))
+    def __init__(self, problem: Problem, seed: int, progress: Progress) -> None:
+        target = problem.observations
+        self._problem, self._target = problem, target
+        self._hypercube = scipy.stats.qmc.LatinHypercube(len(problem.parameters), rng=np.random.default_rng(seed))
         self._random = np.random.default_rng([seed, 1])
         self._variance = target.variance()
         self._model_variance = np.zeros_like(self._variance)
         self._used = np.ones(len(target.frequency), dtype=np.bool_)
         self._few = search_lines(target, self._variance)
         self._some = thinned_lines(target, _SETTINGS.fit_lines, self._few)
-        self._model_of_few = self._model_at(self._few)
-        self._model_of_some = self._model_at(self._some)
+        self._on_few, self._on_some = self._on_lines(self._few), self._on_lines(self._some)
         self._steps = self._starts = self._searches = 0
         self._expected = _SETTINGS.first_starts + _SETTINGS.first_carried + 1
         self._progress = progress
@@ -165,7 +159,7 @@ class _Refinement:
         if not self._is_noise(best):
             best, (discrepancy, background) = self._with_discrepancy(best, minima)
         return Fit(
-            theta=self._assembly.from_unit(best.position[0]),
+            theta=self._problem.from_unit(best.position[0]),
             information=best.curvature[0],
             chi_squared=chi_squared,
             degrees_of_freedom=self._freedom,
@@ -176,7 +170,7 @@ class _Refinement:
             background=background,
             ignored=self._target.frequency[~self._used],
             used=self._used,
-            at_bounds=bounds_reached(self._assembly, best.position[0]),
+            at_bounds=bounds_reached(self._problem.parameters, best.position[0]),
             starts=self._starts,
             agreeing=count_agreeing(minima.cost),
             steps=self._steps,
@@ -215,8 +209,8 @@ class _Refinement:
     def _first_batch(self, starts: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
         """Return the given starts, which are often enough, or else the middle of the ranges and similar points."""
         if starts:
-            return fractions_within(self._assembly, np.array(starts))
-        middle = np.full((1, len(self._assembly.parameters)), 0.5)
+            return fractions_within(self._problem.parameters, np.array(starts))
+        middle = np.full((1, len(self._problem.parameters)), 0.5)
         return np.concatenate([middle, self._most_similar(_SETTINGS.first_starts - 1, _SETTINGS.candidates)])
 
     def _most_similar(self, count: int, candidates: int) -> NDArray[np.float64]:
@@ -244,10 +238,10 @@ class _Refinement:
         of the right minimum is narrow, but in a wrong minimum nearly all of the FRF is right, and it stays so along the
         profile. Smoothed residuals sense such a resonance from further away.
         """
-        target = self._target.at(self._few)
+        target = self._on_few.observations
         residual = self._target.weighted(self._variance, self._used).at(self._few)
         smoothed = (Smoothed.over(target, residual, width) for width in _SETTINGS.widths)
-        problems = [FrfResiduals(self._model_of_few, each) for each in smoothed]
+        problems = [self._on_few.residuals(each) for each in smoothed]
         position, steps = minima.position[0], _SETTINGS.profile_steps
         along = profiles(problems[0], position, self._grid(), steps)
         self._steps += along.cost.size * (steps + 1)
@@ -262,8 +256,7 @@ class _Refinement:
     @property
     def _search(self) -> FrfResiduals:
         """The problem of the first searches: logarithms of amplitudes on few lines."""
-        logarithms = self._target.at(self._few).logarithms(self._variance[self._few])
-        return FrfResiduals(self._model_of_few, logarithms)
+        return self._on_few.residuals(self._on_few.observations.logarithms(self._variance[self._few]))
 
     def _searched(self, batch: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return where searches by logarithms of amplitudes ended, the most promising first."""
@@ -280,40 +273,38 @@ class _Refinement:
     def _with_delays(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
         """Set delays to the values that fit best: the amplitudes of the search do not depend on them."""
         residual = self._target.weighted(self._variance, self._used).at(self._some)
-        problem = FrfResiduals(self._model_of_some, residual)
-        calibrations = self._assembly.description.calibrations
-        owners = enumerate(self._assembly.description.identified_parameters)
+        misfit, description = self._on_some.residuals(residual), self._problem.assembly.description
+        calibrations, owners = description.calibrations, enumerate(description.identified_parameters)
         for column in (column for column, (owner, name) in owners if owner in calibrations and name == "delay"):
-            delay = self._assembly.parameters[column]
+            delay = self._problem.parameters[column]
             turns = (delay.upper - delay.lower) * float(self._target.frequency.max())
             tried = np.repeat(position[np.newaxis], 1 + min(_SETTINGS.most_delays, int(8 * turns) + 1), axis=0)
             tried[1:, :, column] = np.linspace(0.0, 1.0, len(tried) - 1)[:, np.newaxis]
-            costs = np.array([np.sum(problem.residuals(each) ** 2, axis=1) for each in tried])
+            costs = np.array([np.sum(misfit.residuals(each) ** 2, axis=1) for each in tried])
             position = tried[np.argmin(costs, axis=0), np.arange(len(position))]
         return position
 
     def _compared(self, start: NDArray[np.float64]) -> Minima:
         """Fit on some of the lines, which suffice to compare the minima."""
         residual = self._target.weighted(self._variance + self._model_variance, self._used).at(self._some)
-        return self._minimised(FrfResiduals(self._model_of_some, residual), start)
+        return self._minimised(self._on_some.residuals(residual), start)
 
     def _extended(self, minima: Minima, ends: NDArray[np.float64]) -> Minima:
         return Minima.ranked(minima, self._compared(ends)) if len(ends) else minima
 
     def _fitted(self, start: NDArray[np.float64]) -> Minima:
         """Fit on all lines."""
-        residual = self._target.weighted(self._variance + self._model_variance, self._used)
-        return self._minimised(FrfResiduals(self._model, residual), start)
+        return self._minimised(self._problem.weighted(self._variance + self._model_variance, self._used), start)
 
-    def _minimised(self, problem: FrfResiduals, start: NDArray[np.float64]) -> Minima:
-        with_prior = WithPrior(problem, self._assembly)
+    def _minimised(self, misfit: FrfResiduals, start: NDArray[np.float64]) -> Minima:
+        with_prior = WithPrior(misfit, self._problem.parameters)
         tolerance, most_steps = _SETTINGS.fit_tolerance, _SETTINGS.fit_steps
         minima = minimise(with_prior, start, tolerance=tolerance, most_steps=most_steps, callback=self._report_search)
         self._steps += int(minima.steps.sum())
         return Minima.ranked(minima)
 
-    def _model_at(self, lines: NDArray[np.intp]) -> ModelFrfs:
-        return self._model if len(lines) == len(self._variance) else self._model.at(lines)
+    def _on_lines(self, lines: NDArray[np.intp]) -> Problem:
+        return self._problem if len(lines) == len(self._variance) else self._problem.at(lines)
 
     def _reweighted(self, best: Minima) -> Minima:
         """Estimate the random error again from the best fit, leave out isolated lines, and fit again if needed."""
@@ -349,7 +340,7 @@ class _Refinement:
         for _ in range(_SETTINGS.most_discrepancies):
             before, values = self._model_variance, self._values(best)
             magnitude = np.abs(values)
-            if self._assembly.description.unknown_gains:
+            if self._problem.assembly.description.unknown_gains:
                 magnitude = np.maximum(magnitude, self._target.amplitude)  # or a vanishing model would fit best
             relative, background = self._target.discrepancy(values, magnitude, self._variance, self._used)
             self._model_variance = (relative * magnitude) ** 2 + (background * self._target.level) ** 2
@@ -360,7 +351,7 @@ class _Refinement:
         return best, (relative, background)
 
     def _values(self, minima: Minima) -> NDArray[np.complex128]:
-        return np.asarray(self._model.frf(self._assembly.from_unit(minima.position[:1]))[0])
+        return self._problem.values(self._problem.from_unit(minima.position[0]))
 
     def _sizes(self, best: Minima) -> NDArray[np.float64]:
         """Return the size of each line's whitened residual at the best fit."""
@@ -374,7 +365,7 @@ class _Refinement:
 
     @property
     def _freedom(self) -> int:
-        return max(1, self._target.residual_count(self._used) - len(self._assembly.parameters))
+        return max(1, self._target.residual_count(self._used) - len(self._problem.parameters))
 
     def _chi_squared(self, best: Minima) -> float:
         return float(np.sum(self._residuals(best) ** 2)) / self._freedom

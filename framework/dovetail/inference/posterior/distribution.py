@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from numbers import Integral
@@ -11,7 +11,6 @@ from typing import Any, Literal, TypeAlias, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly import Assembly
 from dovetail.errors import Fault, ParameterError, did_you_mean, listing
 from dovetail.inference.posterior.likelihood import PRIOR_PRECISION, normal_from_unit, unit_from_normal
 from dovetail.inference.posterior.model_error import ModelError
@@ -33,6 +32,8 @@ from dovetail.inference.posterior.verdicts import (
     word_for,
     word_for_groups,
 )
+from dovetail.interfaces import Parameter
+from dovetail.problem.ranges import values_at
 
 _NUMBERS = {2: "two", 3: "three", 4: "four"}
 _FEWEST_SAMPLES = 20  # of fewer, the ends of an interval would be the outermost samples
@@ -129,7 +130,7 @@ class Posterior:
 
     @staticmethod
     def from_fractions(
-        assembly: Assembly,
+        parameters: Sequence[Parameter],
         fraction: NDArray[np.float64],
         weight: NDArray[np.float64],
         *,
@@ -139,20 +140,20 @@ class Posterior:
         seconds: float,
         log_likelihood: NDArray[np.float64] | None = None,
     ) -> Posterior:
-        """Return the posterior with these samples, in fractions of the assembly's ranges."""
-        normal = np.array([parameter.prior == "normal" for parameter in assembly.parameters])
+        """Return the posterior of parameters with these samples, in fractions of the ranges."""
+        normal = np.array([parameter.prior == "normal" for parameter in parameters])
         return Posterior(
-            names=tuple(parameter.name for parameter in assembly.parameters),
-            theta=assembly.from_unit(fraction),
+            names=tuple(parameter.name for parameter in parameters),
+            theta=values_at(parameters, fraction),
             fraction=fraction,
             weight=weight,
-            estimate=assembly.from_unit(central_fractions(fraction, weight, normal)),
+            estimate=values_at(parameters, central_fractions(fraction, weight, normal)),
             model_error=model_error,
             searches=searches,
             lines=lines,
             seconds=seconds,
             log_likelihood=log_likelihood,
-            normal=tuple(parameter.name for parameter in assembly.parameters if parameter.prior == "normal"),
+            normal=tuple(parameter.name for parameter in parameters if parameter.prior == "normal"),
         )
 
     def sample(self, count: int, seed: int = 0) -> NDArray[np.float64]:

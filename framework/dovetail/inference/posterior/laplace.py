@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from dovetail.assembly import Assembly
-from dovetail.frf import Frf
 from dovetail.inference.fitting import Fit
 from dovetail.inference.posterior.distribution import Posterior, check_options
 from dovetail.inference.posterior.likelihood import PosteriorResiduals, build_likelihood, unit_from_normal
@@ -19,8 +16,7 @@ from dovetail.inference.posterior.mode_search import likelihood_at_mode, maximis
 from dovetail.inference.posterior.model_error import TYPICAL, ModelError
 from dovetail.inference.posterior.unknown_chain import UnknownChain
 from dovetail.interfaces import Progress, silent
-from dovetail.problem.observations import Observations
-from dovetail.problem.residuals import ModelFrfs
+from dovetail.problem import Problem
 
 
 @dataclass(frozen=True)
@@ -96,8 +92,7 @@ class LaplaceApproximation:
 
 
 def laplace_posterior(
-    assembly: Assembly,
-    measured: Frf | Sequence[Frf],
+    problem: Problem,
     fit: Fit,
     *,
     samples: int = 400,
@@ -109,7 +104,7 @@ def laplace_posterior(
 
     Parameters
     ----------
-    assembly, measured, fit, model_error, seed, progress
+    problem, fit, model_error, seed, progress
         As in `sample_posterior`.
     samples : int
         Number of samples drawn from the Gaussian.
@@ -126,22 +121,22 @@ def laplace_posterior(
     """
     check_options(samples)
     progress("modes", 0, 1)
-    chain = UnknownChain.of(assembly, measured, fit, model_error) if model_error.background else None
+    chain = UnknownChain.of(problem, fit, model_error) if model_error.background else None
     if chain is not None:
         posterior = laplace_posterior(
-            chain.assembly, measured, chain.fit, samples=samples, model_error=chain.model_error, seed=seed
+            chain.problem, chain.fit, samples=samples, model_error=chain.model_error, seed=seed
         )
         return chain.without(posterior)
     began = time.perf_counter()
-    likelihood, best = likelihood_at_mode(assembly, measured, fit, model_error)
+    likelihood, best = likelihood_at_mode(problem, fit, model_error)
     residuals = likelihood.posterior
     modes = maximise_posterior(residuals, starts_near(best), tolerance=_SETTINGS.tolerance)
     approximation = LaplaceApproximation.at(residuals, modes[0])
     z, weight = approximation.draw(samples, seed), np.full(samples, 1.0 / samples)
     if model_error.quantities:
-        z, weight = half_about_the_fit(assembly, measured, fit, model_error, z, weight, seed)
+        z, weight = half_about_the_fit(problem, fit, model_error, z, weight, seed)
     posterior = Posterior.from_fractions(
-        assembly,
+        problem.parameters,
         unit_from_normal(z),
         weight,
         model_error=model_error,
@@ -149,14 +144,13 @@ def laplace_posterior(
         lines=sum(likelihood.model.counts),
         seconds=time.perf_counter() - began,
     )
-    mode = assembly.from_unit(unit_from_normal(approximation.mode))
+    mode = problem.from_unit(unit_from_normal(approximation.mode))
     pairs = zip(posterior.names, approximation.unreliable, strict=True)
     return replace(posterior, form="laplace", mode=mode, unreliable=tuple(name for name, failed in pairs if failed))
 
 
 def half_about_the_fit(
-    assembly: Assembly,
-    measured: Frf | Sequence[Frf],
+    problem: Problem,
     fit: Fit,
     model_error: ModelError,
     z: NDArray[np.float64],
@@ -171,7 +165,7 @@ def half_about_the_fit(
 
     Parameters
     ----------
-    assembly, measured, fit, model_error, seed
+    problem, fit, model_error, seed
         As in `laplace_posterior`.
     z : (n, p) array
         Samples of the posterior, as normal quantiles of the fractions of the ranges.
@@ -183,11 +177,11 @@ def half_about_the_fit(
     weight : (n,) array
         Sums to 1.
     """
-    target, values = Observations.of(assembly, measured), ModelFrfs.of(assembly).frf(fit.theta[np.newaxis])[0]
+    target, values = problem.observations, problem.values(fit.theta)
     pairs = zip(target.frfs, target.split(values), strict=True)
     of_fit = [replace(frf, values=modelled if frf.has_phase else np.abs(modelled)) for frf, modelled in pairs]
-    residuals = build_likelihood(assembly, of_fit, fit, model_error).posterior
-    starts = starts_near(assembly.to_unit(fit.theta))
+    residuals = build_likelihood(problem.with_frfs(of_fit), fit, model_error).posterior
+    starts = starts_near(problem.to_unit(fit.theta))
     mode = maximise_posterior(residuals, starts, tolerance=_SETTINGS.tolerance)[0]
     both, halves, second = z.copy(), weight / weight.sum(), slice(1, None, 2)
     both[second] = LaplaceApproximation.at(residuals, mode).draw(len(z[second]), seed)

@@ -9,7 +9,6 @@ z is the normal quantile of a parameter's fraction of its range.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -18,11 +17,10 @@ from numpy.typing import NDArray
 from scipy.linalg import qr
 from scipy.special import ndtr, ndtri
 
-from dovetail.assembly import Assembly
-from dovetail.frf import Frf
 from dovetail.inference.fitting import Fit
 from dovetail.inference.posterior.frequency_average import needs_average, unshaped_deviation, weigh
 from dovetail.inference.posterior.model_error import ModelError, error_shapes
+from dovetail.problem import Problem
 from dovetail.problem.least_squares import Linearisation, SumOfSquares
 from dovetail.problem.observations import Observations
 from dovetail.problem.part_quantities import quantity_derivatives
@@ -105,22 +103,17 @@ class Likelihood:
         return np.asarray(-np.concatenate(squares) / 2.0)
 
 
-def build_likelihood(
-    assembly: Assembly, measured: Frf | Sequence[Frf], fit: Fit, model_error: ModelError
-) -> Likelihood:
+def build_likelihood(problem: Problem, fit: Fit, model_error: ModelError) -> Likelihood:
     """Weight a measurement by its random error and by the errors that the model is allowed.
 
     Parameters
     ----------
-    assembly : Assembly
-    measured : Frf or sequence of Frf
-        One for each response, on its frequencies in the assembly.
+    problem : Problem
     fit : Fit
         Of the same measurement. Its random error and the lines that it left out are used.
     model_error : ModelError
     """
-    model, target = ModelFrfs.of(assembly), Observations.of(assembly, measured)
-    values = model.frf(fit.theta[np.newaxis])[0]
+    target, values = problem.observations, problem.values(fit.theta)
     shapes = error_shapes(target.frfs, target.split(values), model_error)
     lines, residual = weigh(target, fit.variance, fit.used, values, model_error)
 
@@ -131,11 +124,11 @@ def build_likelihood(
     if model_error.quantities:
         displaced = errors[: len(shapes["natural_frequency"])]  # the first kind
         displaced = model_error.quantities / model_error.natural_frequency * displaced
-        of_parts = added(quantity_derivatives(assembly, fit.theta, lines))
+        of_parts = added(quantity_derivatives(problem.assembly, fit.theta, lines))
         errors = np.concatenate([errors, _scaled_to_errors(of_parts, displaced)])
     variance = fit.variance + unshaped_deviation(target, values, model_error) ** 2
     by_line = None if needs_average(model_error) else target.weighted(variance, fit.used)
-    return Likelihood(target, variance, model.at(lines), residual, by_line, errors)
+    return Likelihood(target, variance, problem.model.at(lines), residual, by_line, errors)
 
 
 def _scaled_to_errors(derivatives: NDArray[np.float64], errors: NDArray[np.float64]) -> NDArray[np.float64]:

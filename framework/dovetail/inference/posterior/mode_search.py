@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,7 +13,6 @@ import scipy
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
-from dovetail.frf import Frf
 from dovetail.inference.fitting import Fit
 from dovetail.inference.posterior.likelihood import (
     Z_LIMIT,
@@ -26,8 +25,9 @@ from dovetail.inference.posterior.likelihood import (
 )
 from dovetail.inference.posterior.model_error import ModelError
 from dovetail.interfaces import Progress, silent
+from dovetail.problem import Problem
 from dovetail.problem.least_squares import Linearisation, minimise
-from dovetail.problem.residuals import FrfResiduals, ModelFrfs
+from dovetail.problem.residuals import FrfResiduals
 
 
 @dataclass(frozen=True)
@@ -68,9 +68,7 @@ class Settings:
 _SETTINGS = Settings()
 
 
-def likelihood_at_mode(
-    assembly: Assembly, measured: Frf | Sequence[Frf], fit: Fit, model_error: ModelError
-) -> tuple[Likelihood, NDArray[np.float64]]:
+def likelihood_at_mode(problem: Problem, fit: Fit, model_error: ModelError) -> tuple[Likelihood, NDArray[np.float64]]:
     """Build the likelihood with the errors of the model taken at its best FRFs.
 
     The effect of errors on the FRFs depends on the FRFs themselves, which a fit that does not reach the noise may have
@@ -82,18 +80,18 @@ def likelihood_at_mode(
     (p,) array
         Fractions of the ranges from which the search continues.
     """
-    fraction = assembly.to_unit(fit.theta)
+    fraction = problem.to_unit(fit.theta)
     if not model_error.quantities:
-        return build_likelihood(assembly, measured, fit, model_error), fraction
-    likelihood = build_likelihood(assembly, measured, fit, replace(model_error, quantities=0.0))
+        return build_likelihood(problem, fit, model_error), fraction
+    likelihood = build_likelihood(problem, fit, replace(model_error, quantities=0.0))
     mode = maximise_posterior(likelihood.posterior, starts_near(fraction))[0]
     fraction = unit_from_normal(mode)
-    there = replace(fit, theta=assembly.from_unit(fraction))
-    return build_likelihood(assembly, measured, there, model_error), fraction
+    there = replace(fit, theta=problem.from_unit(fraction))
+    return build_likelihood(problem, there, model_error), fraction
 
 
 def search_modes(
-    assembly: Assembly,
+    problem: Problem,
     likelihood: Likelihood,
     best: NDArray[np.float64],
     random: np.random.Generator,
@@ -103,7 +101,7 @@ def search_modes(
 
     Parameters
     ----------
-    assembly : Assembly
+    problem : Problem
     likelihood : Likelihood
     best : (p,) array
         Fractions of the ranges at the best fit.
@@ -116,7 +114,7 @@ def search_modes(
     (n, p) array
         Normal quantiles of the fractions, the highest mode first. The same mode may occur several times.
     """
-    of_fit, exchanged = starts_near(best), _within(_exchanged(assembly, best), _SETTINGS.margin)
+    of_fit, exchanged = starts_near(best), _within(_exchanged(problem.assembly, best), _SETTINGS.margin)
     refined = _SETTINGS.refined_modes + len(exchanged)
     total = _SETTINGS.searches * (3 + len(_SETTINGS.tempering)) + len(exchanged) + len(of_fit) + refined
     searches = itertools.count(1)
@@ -124,7 +122,7 @@ def search_modes(
     def callback() -> None:
         progress("modes", next(searches), total)
 
-    logarithms, tempered = _on_few_lines(assembly, likelihood)
+    logarithms, tempered = _on_few_lines(problem, likelihood)
     points = scipy.stats.qmc.LatinHypercube(len(best), rng=random).random(_SETTINGS.searches)
     tolerance, most_steps = _SETTINGS.first_tolerance, _SETTINGS.first_steps
     near = minimise(logarithms, points, tolerance=tolerance, most_steps=most_steps, callback=callback).position
@@ -141,12 +139,12 @@ def search_modes(
 
 
 def _on_few_lines(
-    assembly: Assembly, likelihood: Likelihood
+    problem: Problem, likelihood: Likelihood
 ) -> tuple[FrfResiduals, Callable[[float], PosteriorResiduals]]:
     """Return the logarithms' residuals on evenly chosen lines, and the posterior there with a weighted measurement."""
     step = max(1, len(likelihood.variance) // _SETTINGS.lines)
     lines = np.arange(step // 2, len(likelihood.variance), step)
-    model = ModelFrfs.of(assembly).at(lines)
+    model = problem.model.at(lines)
     logarithms = FrfResiduals(model, likelihood.target.at(lines).logarithms(likelihood.variance[lines]))
     misfit, errors, full_weight = likelihood.misfit, likelihood.errors, 1.0
     if likelihood.by_line is not None:

@@ -7,14 +7,12 @@ that this region needs. Randomize-then-optimize then draws independent samples, 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly import Assembly
-from dovetail.frf import Frf
 from dovetail.inference.fitting import Fit
 from dovetail.inference.posterior.distribution import Form, Posterior, check_options
 from dovetail.inference.posterior.laplace import LaplaceApproximation, half_about_the_fit
@@ -33,6 +31,7 @@ from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoint
 from dovetail.inference.posterior.unknown_chain import UnknownChain
 from dovetail.inference.posterior.verdicts import drawn_by_weight
 from dovetail.interfaces import Progress, logged, silent
+from dovetail.problem import Problem
 
 
 @dataclass(frozen=True)
@@ -78,8 +77,7 @@ _SETTINGS = Settings()
 
 
 def sample_posterior(
-    assembly: Assembly,
-    measured: Frf | Sequence[Frf],
+    problem: Problem,
     fit: Fit,
     *,
     samples: int = 400,
@@ -91,10 +89,8 @@ def sample_posterior(
 
     Parameters
     ----------
-    assembly : Assembly
+    problem : Problem
         The distributions of its parameters over their ranges, uniform or normal on their scales, are the prior.
-    measured : Frf or sequence of Frf
-        One for each response, on its frequencies in the assembly.
     fit : Fit
         Of the same measurement. Its random error and the lines that it left out are used.
     samples : int
@@ -122,11 +118,10 @@ def sample_posterior(
     independent of their starts.
     """
     check_options(samples)
-    chain = UnknownChain.of(assembly, measured, fit, model_error) if model_error.background else None
+    chain = UnknownChain.of(problem, fit, model_error) if model_error.background else None
     if chain is not None:
         posterior = sample_posterior(
-            chain.assembly,
-            measured,
+            chain.problem,
             chain.fit,
             samples=samples,
             model_error=chain.model_error,
@@ -136,9 +131,9 @@ def sample_posterior(
         return chain.without(posterior)
     progress("modes", 0, 1)
     with logged(__name__, "modes of the posterior"):
-        likelihood, best = likelihood_at_mode(assembly, measured, fit, model_error)
+        likelihood, best = likelihood_at_mode(problem, fit, model_error)
         random = np.random.default_rng([seed, 3])
-        modes = search_modes(assembly, likelihood, best, random, progress)
+        modes = search_modes(problem, likelihood, best, random, progress)
     began = time.perf_counter()
     with logged(__name__, f"{samples} samples of the posterior"):
         sampler = _Sampler(likelihood, modes, fit.information, np.random.default_rng([seed, 2]), progress)
@@ -148,10 +143,10 @@ def sample_posterior(
             z, log_weight = sampler.move(z, log_weight, samples)
     weight = np.exp(log_weight - log_weight.max())
     if model_error.quantities:
-        z, weight = half_about_the_fit(assembly, measured, fit, model_error, z, weight, seed)
+        z, weight = half_about_the_fit(problem, fit, model_error, z, weight, seed)
     fraction = unit_from_normal(z)
     return Posterior.from_fractions(
-        assembly,
+        problem.parameters,
         fraction,
         weight / weight.sum(),
         model_error=model_error,

@@ -6,13 +6,11 @@ the linear form would let errors of the fitted FRF take the place of a model tha
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly import Assembly
 from dovetail.description import ParameterEntry
 from dovetail.frf import Frf
 from dovetail.frf.single_mode import background_shapes
@@ -20,8 +18,7 @@ from dovetail.inference.fitting import Fit
 from dovetail.inference.posterior.distribution import Posterior
 from dovetail.inference.posterior.model_error import TYPICAL, ModelError
 from dovetail.interfaces import Parameter
-from dovetail.problem.observations import Observations
-from dovetail.problem.residuals import ModelFrfs
+from dovetail.problem import Problem
 
 _INFORMATION = 1e3
 """Fisher information of the chain's fractions with which the sampler begins to explore."""
@@ -29,11 +26,11 @@ _INFORMATION = 1e3
 
 @dataclass(frozen=True, eq=False)
 class UnknownChain:
-    """An assembly with unknown gain and phase of each measurement, and its fit.
+    """A problem with unknown gain and phase of each measurement, and its fit.
 
     Parameters
     ----------
-    assembly : Assembly
+    problem : Problem
     fit : Fit
     model_error : ModelError
         What is left of it.
@@ -41,14 +38,14 @@ class UnknownChain:
         Of the parameters that are not the chain's.
     """
 
-    assembly: Assembly
+    problem: Problem
     fit: Fit
     model_error: ModelError
     columns: NDArray[np.intp]
 
     @staticmethod
-    def of(assembly: Assembly, measured: Frf | Sequence[Frf], fit: Fit, model_error: ModelError) -> UnknownChain | None:
-        """Return the assembly with unknown chains; None if errors are not common to all lines, or chains are known.
+    def of(problem: Problem, fit: Fit, model_error: ModelError) -> UnknownChain | None:
+        """Return the problem with unknown chains; None if errors are not common to all lines, or chains are known.
 
         Gains and phases have normal priors with the sizes of `model_error`.
         """
@@ -56,6 +53,7 @@ class UnknownChain:
             "gain", "1", 1.0, model_error.magnitude, "log", "Measured over true amplitude"
         )
         phase = Parameter.with_normal_prior("phase", "rad", 0.0, model_error.phase, "linear", "Of the measured FRF")
+        assembly, target = problem.assembly, problem.observations
         description = assembly.description
         chains, added = dict(description.calibrations), list[str]()
         for response in description.responses:
@@ -71,8 +69,7 @@ class UnknownChain:
         columns = np.array([names.index(parameter.name) for parameter in assembly.parameters], dtype=np.intp)
         theta = unknown.vector(dict.fromkeys(added, 0.0) | {name: 1.0 for name in added if name.endswith(".gain")})
         theta[columns] = fit.theta
-        target = Observations.of(assembly, measured)
-        values = target.split(ModelFrfs.of(assembly).frf(fit.theta[np.newaxis])[0])
+        values = target.split(problem.values(fit.theta))
         pairs = zip(target.frfs, values, target.split(fit.variance), strict=True)
         for response, factor in zip(description.responses, (_factor(*pair) for pair in pairs), strict=True):
             for name, value in ((f"{response.name}.gain", abs(factor)), (f"{response.name}.phase", np.angle(factor))):
@@ -82,9 +79,8 @@ class UnknownChain:
         information = _INFORMATION * np.eye(len(names))
         information[np.ix_(columns, columns)] = fit.information
         left = replace(model_error, magnitude=TYPICAL.magnitude, phase=TYPICAL.phase)
-        return UnknownChain(
-            unknown, replace(fit, theta=np.clip(theta, lower, upper), information=information), left, columns
-        )
+        there = replace(fit, theta=np.clip(theta, lower, upper), information=information)
+        return UnknownChain(problem.with_assembly(unknown), there, left, columns)
 
     def without(self, posterior: Posterior) -> Posterior:
         """Return a posterior of this assembly without the chains: they are marginalised.

@@ -19,9 +19,10 @@ from dovetail.inference.fitting import Fit
 from dovetail.inference.fitting.search_lines import lines_represented, search_lines
 from dovetail.inference.posterior.likelihood import MarginalisedResiduals
 from dovetail.measurement.roles import power_balance
+from dovetail.problem import Problem
 from dovetail.problem.least_squares import SumOfSquares, minimise
 from dovetail.problem.observations import Observations
-from dovetail.problem.residuals import FrfResiduals, ModelFrfs, Residual
+from dovetail.problem.residuals import Residual
 
 
 @dataclass(frozen=True)
@@ -90,31 +91,28 @@ class Trials:
 
     Parameters
     ----------
-    assembly : Assembly
-        On the lines of the measurement.
-    measured : sequence of Frf
-        One for each response.
+    problem : Problem
     fit : Fit
-        Of the same measurement.
     deadline : float
         `time.monotonic()` after which every fit stops within one step.
 
     Attributes
     ----------
+    recorded : tuple of str
+        Quantity in which each FRF was measured.
     is_active : bool
         Whether the measured structure gives out power, which no passive structure does; judged on all lines.
     """
 
-    def __init__(self, assembly: Assembly, measured: Sequence[Frf], fit: Fit, deadline: float = np.inf) -> None:
-        target = Observations.of(assembly, measured)
-        self.is_active = power_given_out(assembly, target, fit.variance) > MOST_GIVEN_OUT
+    def __init__(self, problem: Problem, fit: Fit, deadline: float = np.inf) -> None:
+        target = problem.observations
+        self.is_active = power_given_out(problem, fit.variance) > MOST_GIVEN_OUT
         lines = search_lines(target, fit.variance)
         lines = lines[fit.used[lines] & (target.amplitude[lines] > 0.0)]  # an exact zero has no logarithm
         self.best = fit.theta
         self.deadline = deadline
-        self.target = target.at(lines)
-        self.stated = tuple(frf.quantity for frf in measured)
-        self.assembly = assembly.on(*(frf.frequency for frf in self.target.frfs))
+        self.problem = problem.at(lines)
+        self.recorded = target.recorded_quantities
         self.relative = fit.variance[lines] / np.maximum(self.target.amplitude**2, fit.variance[lines])
         self._used = np.ones(len(lines), dtype=np.bool_)
         self._represented = lines_represented(target, lines)
@@ -130,6 +128,16 @@ class Trials:
         """Whether the time is over."""
         return time.monotonic() > self.deadline
 
+    @property
+    def assembly(self) -> Assembly:
+        """The described model on these lines."""
+        return self.problem.assembly
+
+    @property
+    def target(self) -> Observations:
+        """The measurement on these lines."""
+        return self.problem.observations
+
     @cached_property
     def perturbations(self) -> tuple[Perturbation, ...]:
         """The deviations from the description that are tried."""
@@ -139,11 +147,11 @@ class Trials:
         """Return the trials of some of the responses alone."""
         counts, chosen = self.target.counts, np.isin(np.arange(len(self.target.frfs)), numbers)
         part = copy(self)
-        part.target = Observations(tuple(self.target.frfs[number] for number in numbers))
-        part.stated = tuple(self.stated[number] for number in numbers)
+        frfs = tuple(self.target.frfs[number] for number in numbers)
+        part.recorded = tuple(self.recorded[number] for number in numbers)
         responses = tuple(self.assembly.description.responses[number] for number in numbers)
         alone = self.assembly.with_description(replace(self.assembly.description, responses=responses))
-        part.assembly = alone.on(*(frf.frequency for frf in part.target.frfs))
+        part.problem = Problem(alone.on(*(frf.frequency for frf in frfs)), Observations(frfs))
         part.relative = self.relative[np.repeat(chosen, counts)]
         part._used = self._used[np.repeat(chosen, counts)]
         part._represented = self._represented[np.repeat(chosen, counts)]
@@ -153,7 +161,7 @@ class Trials:
     @cached_property
     def unchanged(self) -> Trial:
         """The fit with nothing changed."""
-        trial = self.fit(self.assembly, self.target.frfs, self.starts)
+        trial = self.fit(self.problem, self.starts)
         self._most = trial.misfit + _SETTINGS.hopeless
         return trial
 
@@ -165,11 +173,10 @@ class Trials:
     @cached_property
     def shape(self) -> NDArray[np.float64]:
         """(p,) parameters [SI] whose amplitudes fit best up to a gain and a power of the frequency."""
-        model = ModelFrfs.of(self.assembly)
         residual = self._logarithms(self._amplitudes)
         axis = np.log(self.target.frequency)
         free = _SETTINGS.free * residual.weight * np.stack([np.ones_like(axis), axis - axis.mean()])
-        problem = MarginalisedResiduals(FrfResiduals(model, residual), free)
+        problem = MarginalisedResiduals(self.problem.residuals(residual), free)
         starts = np.concatenate([self.assembly.to_unit(self.best)[np.newaxis], self._most_similar(problem)])
         return np.asarray(self.assembly.from_unit(self._lowest(problem, starts)))
 
@@ -178,30 +185,27 @@ class Trials:
 
         The search begins at `starts` and at the random joints with the most similar amplitudes.
         """
-        problem = FrfResiduals(ModelFrfs.of(assembly), self._logarithms(self._amplitudes))
+        problem = self.problem.with_assembly(assembly).residuals(self._logarithms(self._amplitudes))
         points = np.concatenate([assembly.to_unit(np.array([self.best, *starts])), self._most_similar(problem)])
         return np.asarray(assembly.from_unit(self._lowest(problem, points)))
 
-    def fit(self, assembly: Assembly, frfs: Sequence[Frf], starts: Sequence[NDArray[np.float64]]) -> Trial:
+    def fit(self, problem: Problem, starts: Sequence[NDArray[np.float64]]) -> Trial:
         """Fit a model to measured FRFs: first to their logarithms, then to the values, weighted by typical residuals.
 
         Parameters
         ----------
-        assembly : Assembly
-            On the lines of the trials.
-        frfs : sequence of Frf
-            The measurement on these lines, perhaps changed.
+        problem : Problem
+            On these lines; model or measurement may be changed.
         starts : sequence of (p,) arrays
             SI.
         """
-        target, model = Observations(tuple(frfs)), ModelFrfs.of(assembly)
-        positions = assembly.to_unit(np.array(starts))
-        position = self._lowest(FrfResiduals(model, self._logarithms(target)), positions)
-        best = self._trial(model, target, assembly.from_unit(position))
+        target, positions = problem.observations, problem.to_unit(np.array(starts))
+        position = self._lowest(problem.residuals(self._logarithms(target)), positions)
+        best = self._trial(problem, problem.from_unit(position))
         for _ in range(_SETTINGS.reweighted if best.misfit < self._most else 0):
-            problem = FrfResiduals(model, self._weighted(target, best.values))
-            position = self._lowest(problem, assembly.to_unit(best.theta)[np.newaxis])
-            before, now = best, self._trial(model, target, assembly.from_unit(position))
+            misfit = problem.residuals(self._weighted(target, best.values))
+            position = self._lowest(misfit, problem.to_unit(best.theta)[np.newaxis])
+            before, now = best, self._trial(problem, problem.from_unit(position))
             best = min(before, now, key=lambda trial: trial.misfit)
             if now.misfit > before.misfit - _SETTINGS.settled or self.late:
                 break
@@ -231,17 +235,17 @@ class Trials:
         float
             The amount.
         """
-        model, amount = ModelFrfs.of(self.assembly), 0.0
+        amount = 0.0
         target, position = Observations(tuple(frfs)), self.assembly.to_unit(np.array(starts))
         residual: Residual = self._logarithms(target)
         ends: list[tuple[Trial, float]] = []
         for _ in range(_SETTINGS.passes):
             values = target.values[np.newaxis]
             direction = residual.jacobian(values, (change * values)[:, np.newaxis])[0]
-            problem = MarginalisedResiduals(FrfResiduals(model, residual), _SETTINGS.free * direction)
+            problem = MarginalisedResiduals(self.problem.residuals(residual), _SETTINGS.free * direction)
             position = self._lowest(problem, position)[np.newaxis]
             theta = self.assembly.from_unit(position[0])
-            frf = model.frf(theta[np.newaxis])
+            frf = self.values(theta)[np.newaxis]
             left = residual.of(frf)[0]
             step = -float(left @ direction[0] / (direction[0] @ direction[0]))
             amount += step
@@ -260,7 +264,7 @@ class Trials:
             problem = PerturbedResiduals(perturbation, residual)
             end = self._lowest(problem, problem.position(self.assembly.to_unit(theta), amount))
             amount, theta = problem.amount(end), self.assembly.from_unit(end[:-1])
-            trial = self._trial(ModelFrfs.of(perturbation.apply(amount)), self.target, theta)
+            trial = self._trial(self.problem.with_assembly(perturbation.apply(amount)), theta)
             if trial.misfit > self._most:
                 break
             residual = self._weighted(self.target, trial.values)
@@ -276,7 +280,7 @@ class Trials:
 
     def values(self, theta: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return the FRFs (n_lines,) at parameters (p,) [SI]."""
-        return np.asarray(ModelFrfs.of(self.assembly).frf(theta[np.newaxis])[0])
+        return self.problem.values(theta)
 
     @property
     def _amplitudes(self) -> Observations:
@@ -307,8 +311,8 @@ class Trials:
         typical = float(np.median(np.maximum(target.squares(values) - variance, 0.0) / size))
         return target.weighted(variance + typical * size, self._used)
 
-    def _trial(self, model: ModelFrfs, target: Observations, theta: NDArray[np.float64]) -> Trial:
-        return self._judged(target, theta, model.frf(theta[np.newaxis])[0])
+    def _trial(self, problem: Problem, theta: NDArray[np.float64]) -> Trial:
+        return self._judged(problem.observations, theta, problem.values(theta))
 
     def _judged(self, target: Observations, theta: NDArray[np.float64], values: NDArray[np.complex128]) -> Trial:
         measured = target.values
@@ -325,13 +329,12 @@ class Trials:
         return Trial(theta, misfit, coherence, residual, values)
 
 
-def power_given_out(assembly: Assembly, target: Observations, variance: NDArray[np.float64]) -> float:
+def power_given_out(problem: Problem, variance: NDArray[np.float64]) -> float:
     """Return the share of the power at drive points that the structure gives out; a passive one only takes power up.
 
     Parameters
     ----------
-    assembly : Assembly
-    target : Observations
+    problem : Problem
     variance : (n_lines,) array
         Of all their values.
 
@@ -342,9 +345,10 @@ def power_given_out(assembly: Assembly, target: Observations, variance: NDArray[
         0 if none does, and without drive points or phases, or where unknowns of the measurement chain turn the phase.
     """
     given_out = total = 0.0
-    of_responses = zip(target.frfs, assembly.description.responses, target.split(variance), strict=True)
+    target, description = problem.observations, problem.assembly.description
+    of_responses = zip(target.frfs, description.responses, target.split(variance), strict=True)
     for frf, response, errors in of_responses:
-        if response.is_drive_point and frf.has_phase and not assembly.description.calibrations:
+        if response.is_drive_point and frf.has_phase and not description.calibrations:
             balance = power_balance(frf, errors)
             given_out, total = given_out + balance[0], total + balance[1]
     return given_out / total if total else 0.0
