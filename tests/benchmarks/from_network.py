@@ -31,6 +31,7 @@ import dovetail
 from dovetail.dataset import latin_hypercube
 from dovetail.inference.fitting import refine
 from dovetail.measurement import noisy_frf
+from dovetail.problem import Problem
 
 WIDER = 1.2
 """Proposal's standard deviations over the network's, so that its tails hold the posterior's."""
@@ -121,7 +122,7 @@ def one_case(
     assembly = model.assembly
     answer = model.identify(frf, "network")
     for route, starts in (("refined", ()), ("refined, network's start", (answer.theta,))):
-        fit = refine(assembly, frf, starts=list(starts), seed=seed)
+        fit = refine(Problem.of(assembly, frf), starts=list(starts), seed=seed)
         tallies[route].seconds.append(fit.seconds)
         tallies[route].counted.append(fit.steps)
     if not draws:

@@ -27,6 +27,7 @@ from dovetail.inference.posterior import (
     typical_model_error,
 )
 from dovetail.measurement import noisy_frf
+from dovetail.problem import Problem
 from dovetail_bench.evaluation.mesh_refinement import finer
 
 ASSEMBLY = Path(__file__).resolve().parents[2] / "assemblies" / "bt40_er32.yaml"
@@ -50,7 +51,7 @@ def cases(assembly: dovetail.Assembly, count: int, mesh: int) -> Iterator[Case]:
     for index, (place, clean) in enumerate(zip(assembly.to_unit(truth), values, strict=True)):
         exact = dovetail.Frf(assembly.frequency, clean, "accelerance", label=f"case {index}")
         measured = noisy_frf(exact, NOISE, np.random.default_rng([9, index]))
-        yield Case(index, place, measured, refine(assembly, measured))
+        yield Case(index, place, measured, refine(Problem.of(assembly, measured)))
 
 
 def ends(posterior: Posterior) -> np.ndarray:
@@ -66,13 +67,15 @@ def study(count: int, sampled: int, mesh: int, model_error: float) -> None:
     allowed = typical_model_error(model_error)
     for case in cases(assembly, count, mesh):
         began = time.process_time()
-        found = laplace_posterior(assembly, case.measured, case.fit, model_error=allowed, seed=case.index)
+        found = laplace_posterior(Problem.of(assembly, case.measured), case.fit, model_error=allowed, seed=case.index)
         seconds.append(time.process_time() - began)
         low, high = ends(found)
         held.append((low < case.place) & (case.place < high))
         doubted.append([name in found.unreliable for name in names])
         if case.index < sampled:
-            other = sample_posterior(assembly, case.measured, case.fit, model_error=allowed, seed=case.index)
+            other = sample_posterior(
+                Problem.of(assembly, case.measured), case.fit, model_error=allowed, seed=case.index
+            )
             other_low, other_high = ends(other)
             beside.append([(high - low) / (other_high - other_low), apart(low, high, other_low, other_high)])
             same.append([found.verdicts[name].word == other.verdicts[name].word for name in names])

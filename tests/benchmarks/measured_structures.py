@@ -102,7 +102,7 @@ def table_of_alterations(data: Path, method: str, only: str, cause_seconds: floa
 def best_misfit(assembly: dovetail.Assembly, frf: dovetail.Frf) -> float:
     """Return how far a measurement is from the best fit of a model, as causes are compared."""
     lines = MeasuredLines.of(assembly, frf)
-    return Trials(lines.assembly, lines.frfs, refine(lines.assembly, lines.frfs)).unchanged.misfit
+    return Trials(lines.problem, refine(lines.problem)).unchanged.misfit
 
 
 def verdict(result: dovetail.Identification) -> str:

@@ -47,8 +47,7 @@ from dovetail.inference.adequacy.model_error_size import estimate_model_error, f
 from dovetail.inference.adequacy.verdict import Adequacy, word_for
 from dovetail.inference.fitting import Fit, fit_at, refine
 from dovetail.inference.posterior import laplace_posterior, sample_posterior, typical_model_error
-from dovetail.problem.observations import Observations
-from dovetail.problem.residuals import ModelFrfs
+from dovetail.problem import Problem
 
 STRUCTURES = 25
 MOST_LINES = 5000
@@ -181,14 +180,14 @@ def judged(work: tuple[int, str, float], seed: int, method: str) -> Case | None:
     measured = measure(truth, theta, noise, rng, stated=stated)
     assembly.frf_jacobian(theta)
     began = time.perf_counter()
-    fit = refine(assembly, measured)
+    fit = refine(Problem.of(assembly, measured))
     adequacy, refitted = told_of(assembly, measured, fit)
     held, widths = _intervals(assembly, measured, refitted, adequacy, theta, kind, method)
     seconds = time.perf_counter() - began
     poles = Poles.of(truth, theta)
     known = pole_errors(poles, Poles.of(assembly, theta))
     exact = replace(measured, values=truth.frf(theta), variance=fit.variance, coherence=None, averages=None)
-    best = refine(assembly, exact, [theta, refitted.theta])
+    best = refine(Problem.of(assembly, exact), [theta, refitted.theta])
     forgiving = best_fit_with_error(assembly, exact, theta, known[0])
     left = min(pole_errors(poles, Poles.of(assembly, point)) for point in (best.theta, forgiving))
     told = adequacy.size
@@ -216,10 +215,10 @@ def judged(work: tuple[int, str, float], seed: int, method: str) -> Case | None:
 
 def told_of(assembly: dovetail.Assembly, measured: dovetail.Frf, fit: Fit) -> tuple[Adequacy, Fit]:
     """Return what `assess` does, without the search for causes, which takes much longer."""
-    model, target = ModelFrfs.of(assembly), Observations.of(assembly, [measured])
-    if is_noise(assembly, target, fit):
+    problem = Problem.of(assembly, measured)
+    if is_noise(problem, fit):
         return Adequacy("to the noise"), fit
-    found = estimate_model_error(model, target, fit)
+    found = estimate_model_error(problem, fit)
     refitted = replace(fit, theta=assembly.from_unit(found.fraction), information=found.information)
     return Adequacy(word_for(found.size), found.size), refitted
 
@@ -228,9 +227,9 @@ def best_fit_with_error(
     assembly: dovetail.Assembly, exact: dovetail.Frf, theta: np.ndarray, known: float
 ) -> np.ndarray:
     """Return the parameters that fit best from the true ones, if errors of the known size are allowed."""
-    model, target = ModelFrfs.of(assembly), Observations.of(assembly, [exact])
-    start = replace(fit_at(assembly, target, assembly.to_unit(theta)), variance=exact.variance)
-    return assembly.from_unit(fit_with_error(model, target, start, typical_model_error(known)).fraction)
+    problem = Problem.of(assembly, exact)
+    start = replace(fit_at(problem, assembly.to_unit(theta)), variance=exact.variance)
+    return assembly.from_unit(fit_with_error(problem, start, typical_model_error(known)).fraction)
 
 
 def _intervals(

@@ -20,6 +20,7 @@ import dovetail
 from dovetail.dataset import latin_hypercube
 from dovetail.inference.fitting import Fit, multistart, refine
 from dovetail.measurement import noisy_frf
+from dovetail.problem import Problem
 
 ASSEMBLY = Path(__file__).resolve().parents[2] / "assemblies" / "bt40_er32.yaml"
 HEADER = (
@@ -52,16 +53,16 @@ def study(cases: int, every: int, report: Callable[[str], object] = print) -> No
     assembly = assembly.on(assembly.frequency[::every])
     theta = latin_hypercube(assembly, cases, seed=11)
     values = assembly.frf(theta)
-    refine(assembly, measurement(assembly, values[0], 0.01, 0, True))  # compiles the kernels
+    refine(Problem.of(assembly, measurement(assembly, values[0], 0.01, 0, True)))  # compiles the kernels
     report(HEADER)
     for level in (0.01, 0.05):
         for phase in (True, False):
             measured = [measurement(assembly, frf, level, seed, phase) for seed, frf in enumerate(values)]
-            fits = [refine(assembly, frf) for frf in measured]
+            fits = [refine(Problem.of(assembly, frf)) for frf in measured]
             report(row(level, phase, "refined", fits))
             for objective in ("frf", "weighted"):
                 others = [
-                    multistart(assembly, frf, starts=1000, seconds=fit.seconds, objective=objective)
+                    multistart(Problem.of(assembly, frf), starts=1000, seconds=fit.seconds, objective=objective)
                     for frf, fit in zip(measured, fits, strict=True)
                 ]
                 report(row(level, phase, f"multistart, {objective}", others))

@@ -21,6 +21,7 @@ from dovetail.design import plan_measurements
 from dovetail.design.experiment_design import NOISE
 from dovetail.inference.fitting import refine
 from dovetail.inference.posterior import ModelError, Posterior, quantiles, sample_posterior
+from dovetail.problem import Problem
 
 ASSEMBLY = Path(__file__).resolve().parents[2] / "assemblies" / "bt40_er32.yaml"
 
@@ -85,7 +86,9 @@ def measure(
 
 def posterior(assembly: dovetail.Assembly, frfs: list[dovetail.Frf], seed: int) -> Posterior:
     """Return the posterior given the FRFs of all responses."""
-    return sample_posterior(assembly, frfs, refine(assembly, frfs), model_error=ModelError(0.0), seed=seed)
+    return sample_posterior(
+        Problem.of(assembly, frfs), refine(Problem.of(assembly, frfs)), model_error=ModelError(0.0), seed=seed
+    )
 
 
 if __name__ == "__main__":

@@ -34,6 +34,7 @@ from dovetail.inference.posterior import ModelError, sample_posterior
 from dovetail.inference.posterior.likelihood import PosteriorResiduals, normal_from_unit, unit_from_normal
 from dovetail.inference.posterior.mode_search import CubeResiduals
 from dovetail.measurement import noisy_frf
+from dovetail.problem import Problem
 from dovetail.problem.least_squares import Linearisation, SumOfSquares, minimise
 from dovetail.problem.residuals import FrfResiduals, Weighted
 
@@ -182,8 +183,8 @@ def one_case(index: int, count: int) -> dict[str, Any]:
     clean = assembly.frf(truth)
     exact = dovetail.Frf(assembly.frequency, clean, "accelerance")
     measured = noisy_frf(exact, NOISE, np.random.default_rng([12, index]))
-    fit = refine(assembly, measured)
-    posterior = sample_posterior(assembly, measured, fit, model_error=ModelError(0.0), seed=index)
+    fit = refine(Problem.of(assembly, measured))
+    posterior = sample_posterior(Problem.of(assembly, measured), fit, model_error=ModelError(0.0), seed=index)
     misfit = FrfResiduals(assembly, Weighted.against(measured, measured.variance, np.ones(len(clean), dtype=np.bool_)))
     place = assembly.to_unit(truth)
     fisher = misfit.linearise(place[np.newaxis]).curvature[0]

@@ -53,7 +53,7 @@ def shown(request, sdof, tmp_path_factory):
     frf = dovetail.Frf(sdof.frequency, sdof.frf({"k": 3e6, "c": C}), "accelerance", label="measured.csv")
     fitted = dovetail.identify(sdof, dovetail.noisy_frf(frf, 0.01, 1), form="laplace", samples=20)
     options = {"model_error": typical_model_error(0.0), "searches": 400, "lines": 600, "seconds": 0.0}
-    posterior = Posterior.from_fractions(sdof, sdof.to_unit(theta), np.full(400, 1.0 / 400), **options)
+    posterior = Posterior.from_fractions(sdof.parameters, sdof.to_unit(theta), np.full(400, 1.0 / 400), **options)
     parameters = {
         name: replace(one, value=value)
         for (name, one), value in zip(fitted.parameters.items(), best.tolist(), strict=True)

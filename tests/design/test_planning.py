@@ -17,6 +17,7 @@ from dovetail.design.truncated_gaussian import remaining_uncertainty
 from dovetail.errors import ParameterError
 from dovetail.inference.fitting import refine
 from dovetail.inference.posterior import ModelError, sample_posterior
+from dovetail.problem import Problem
 from support.mass_on_mount import mass_on_mount
 
 
@@ -51,7 +52,8 @@ def test_gains_are_those_that_a_measurement_achieves(sdof):
         normal = np.random.default_rng(seed).standard_normal((2, len(values)))
         noisy = values + deviation * (normal[0] + 1j * normal[1]) / np.sqrt(2)
         frf = dovetail.Frf(sdof.frequency, noisy, "accelerance", variance=np.full(len(values), deviation**2))
-        samples = sample_posterior(sdof, frf, refine(sdof, frf), model_error=ModelError(0.0), seed=seed)
+        problem = Problem.of(sdof, frf)
+        samples = sample_posterior(problem, refine(problem), model_error=ModelError(0.0), seed=seed)
         mean = samples.weight @ samples.fraction
         achieved.append(12 * samples.weight @ (samples.fraction - mean) ** 2)
     left = [1 - gain for gain in found.points[0].gain.values()]

@@ -18,6 +18,7 @@ from dovetail.inference.posterior import ModelError, error_shapes, sample_poster
 from dovetail.inference.posterior.model_error import fit_resonances
 from dovetail.network.augmentation import Augmentation, NoisyFeatures
 from dovetail.network.preprocessing import log10p1
+from dovetail.problem import Problem
 from dovetail.problem.observations import Observations
 from dovetail.problem.residuals import FrfResiduals, ModelFrfs
 from support.noisy_measurements import frf_on, noisy
@@ -99,13 +100,13 @@ def test_fits_find_the_joint_from_both(chain, frfs, method):
 
 
 def test_the_information_of_two_measurements_is_the_sum_of_both(chain, frfs):
-    both = refine(chain, frfs).information
-    alone = [refine(chain.at(index), frf).information for index, frf in enumerate(frfs)]
+    both = refine(Problem.of(chain, frfs)).information
+    alone = [refine(Problem.of(chain.at(index), frf)).information for index, frf in enumerate(frfs)]
     np.testing.assert_allclose(both, sum(alone), rtol=0.1, atol=1e-6 * np.max(both))
 
 
 def test_one_response_in_a_list_is_the_same_as_one(chain, frfs):
-    alone, listed = refine(chain.at(0), frfs[0], seed=3), refine(chain.at(0), frfs[:1], seed=3)
+    alone, listed = refine(Problem.of(chain.at(0), frfs[0]), seed=3), refine(Problem.of(chain.at(0), frfs[:1]), seed=3)
     np.testing.assert_array_equal(alone.theta, listed.theta)
     np.testing.assert_array_equal(alone.information, listed.information)
 
@@ -142,7 +143,7 @@ def test_each_has_its_own_noise_phase_and_bad_lines(chain, clean):
     values = noisy(chain.at(0), clean[0].values, 0.001, 1).values.copy()
     values[120] *= 3.0
     spiked = dovetail.Frf(chain.frequency, values, "receptance")
-    fit = refine(chain, [spiked, loud])
+    fit = refine(Problem.of(chain, [spiked, loud]))
     assert fit.ignored.tolist() == [chain.frequency[120]]
     assert not fit.used[120]
     assert fit.used[LINES:].all()
@@ -269,7 +270,7 @@ def test_a_wrong_number_of_measurements_is_one_clear_error(chain, clean, count):
     assert "'chain' has 2 responses" in fault.problem
     assert fault.accepted == "1. lower, 0 mm; 2. upper, 0 mm"
     with pytest.raises(MeasurementError):
-        multistart(chain, (clean * 2)[:count])
+        multistart(Problem.of(chain, (clean * 2)[:count]))
 
 
 def test_resonances_make_up_the_frfs_of_all_responses(chain, clean):
@@ -322,9 +323,9 @@ def test_the_model_errs_in_its_poles_alike_and_in_magnitude_on_its_own(chain, cl
 
 @pytest.mark.usefixtures("few_mode_searches")
 def test_model_error_widens_the_posterior_of_both(chain, frfs):
-    fit = refine(chain, frfs)
+    fit = refine(Problem.of(chain, frfs))
     exact, allowed = (
-        sample_posterior(chain, frfs, fit, samples=100, model_error=size).fraction.std(axis=0)
+        sample_posterior(Problem.of(chain, frfs), fit, samples=100, model_error=size).fraction.std(axis=0)
         for size in (ModelError(0.0), typical_model_error(0.02))
     )
     assert np.all(allowed[[0, 2]] > 1.2 * exact[[0, 2]])

@@ -15,6 +15,7 @@ from dovetail.identification import measured_lines, reconstruction
 from dovetail.identification.measured_lines import MeasuredLines
 from dovetail.inference.fitting import refine
 from dovetail.interfaces import silent
+from dovetail.problem import Problem
 from dovetail.problem import merged_lines as merging
 
 TRUTH = np.array([3e6, 4.0])
@@ -47,7 +48,7 @@ def test_merged_lines_give_the_fit_and_the_errors_of_all_lines(sdof, few, seed, 
     every = MeasuredLines.of(sdof, frf)
     merged = every.merged(0, silent)
     assert abs(sum(len(one.frequency) for one in merged.frfs) - FEW) < 5
-    fits = [refine(lines.assembly, lines.frfs, [TRUTH]) for lines in (every, merged)]
+    fits = [refine(Problem.of(lines.assembly, lines.frfs), [TRUTH]) for lines in (every, merged)]
     covariance = [np.linalg.inv(fit.information) for fit in fits]
     deviation = np.sqrt(np.diagonal(covariance[0]))
     fractions = [sdof.to_unit(fit.theta[np.newaxis])[0] for fit in fits]
@@ -60,7 +61,7 @@ def test_every_nth_line_alone_would_lose_what_the_means_keep(sdof, few):
     every = MeasuredLines.of(sdof, measured(sdof, 6000))
     thinned = every.every_nth
     deviations = [
-        np.sqrt(np.diagonal(np.linalg.inv(refine(lines.assembly, lines.frfs, [TRUTH]).information)))
+        np.sqrt(np.diagonal(np.linalg.inv(refine(Problem.of(lines.assembly, lines.frfs), [TRUTH]).information)))
         for lines in (every, thinned)
     ]
     np.testing.assert_allclose(deviations[1] / deviations[0], np.sqrt(12.0), rtol=0.15)

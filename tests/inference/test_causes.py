@@ -18,6 +18,7 @@ from dovetail.inference.adequacy.perturbations import list_perturbations
 from dovetail.inference.adequacy.quick_fits import Trials, power_given_out
 from dovetail.inference.adequacy.verdict import Cause, ModelError
 from dovetail.inference.fitting import fit_at, refine
+from dovetail.problem import Problem
 from dovetail.problem.observations import Observations
 from support.noisy_measurements import noisy
 
@@ -83,11 +84,11 @@ def fit_of(assembly, measured, theta=None):
     """A fit that has some parameters, by default those in the middle, which spares the search for others."""
     target = Observations.of(assembly, measured)
     fraction = assembly.to_unit(assembly.vector(theta))
-    return fit_at(assembly, target, fraction)
+    return fit_at(Problem(assembly, target), fraction)
 
 
 def first_cause_from(assembly, measured, theta=None):
-    return first_of(find_causes(assembly, [measured], fit_of(assembly, measured, theta), seconds=200.0))
+    return first_of(find_causes(Problem.of(assembly, [measured]), fit_of(assembly, measured, theta), seconds=200.0))
 
 
 @pytest.mark.parametrize("kind", ["sign", "gain", "unit", "delay", "conjugate", "quantity"])
@@ -111,7 +112,7 @@ def test_the_cause_is_named_first_in_a_result(sdof, kind):
 def test_a_mass_at_the_only_mass_is_a_gain(sdof):
     """Stiffness and damping follow, so that the two have the same effect; both are named, the first that was tried."""
     measured = altered(sdof, None, "mass")
-    gain, mass, *_ = find_causes(sdof, [measured], fit_of(sdof, measured), seconds=200.0)
+    gain, mass, *_ = find_causes(Problem.of(sdof, [measured]), fit_of(sdof, measured), seconds=200.0)
     check(mass, "mass")
     assert gain.name == "gain"
     assert gain.residual_factor == pytest.approx(mass.residual_factor, rel=0.002)
@@ -180,7 +181,7 @@ TRUTH = {"k1.k": 1e6, "k2.k": 1.5e6, "k1.c": 8.0, "k2.c": 5.0}
 def causes_of(assembly, measured):
     """Find the causes from a fit that has the true parameters, which spares the search for others."""
     fit = fit_of(assembly, measured, {name: TRUTH[name] for name in names(assembly)})
-    return find_causes(assembly, Observations.of(assembly, measured).frfs, fit, seconds=200.0)
+    return find_causes(Problem.of(assembly, Observations.of(assembly, measured).frfs), fit, seconds=200.0)
 
 
 def names(assembly):
@@ -309,7 +310,7 @@ def test_a_range_a_thousand_times_off_is_named_with_the_right_value(name, factor
         noisy(assembly, assembly.frf([theta[p.name] for p in assembly.parameters]), 0.01, 1), variance=None
     )
     described = dovetail.load(wrong)
-    first = find_causes(described, [measured], refine(described, [measured]), seconds=60)[0]
+    first = find_causes(Problem.of(described, [measured]), refine(Problem.of(described, [measured])), seconds=60)[0]
     assert first.name == "range"
     found = re.match(rf"{name} at (\S+) N", first.words)
     assert found is not None
@@ -369,7 +370,7 @@ def test_a_neighbouring_node_is_named_of_however_many():
     assembly = arm(60)
     theta = assembly.from_unit(np.full(len(assembly.parameters), 0.6))
     measured = noisy(assembly, arm(57).frf(theta), 0.01, 1)
-    causes = find_causes(assembly, [measured], refine(assembly, measured), seconds=200.0)
+    causes = find_causes(Problem.of(assembly, [measured]), refine(Problem.of(assembly, measured)), seconds=200.0)
     assert causes[0].name == "point"
     assert causes[0].words == "force and response on the arm at 298.7 mm"
     assert causes[0].coherence[1] > 0.99
@@ -379,14 +380,14 @@ def test_the_node_beside_the_one_of_the_most_similar_amplitudes_is_named_if_it_f
     assembly, elsewhere = arm(25, elements=24), arm(18, force=25, elements=24)
     theta = assembly.from_unit(np.full(len(assembly.parameters), 0.6))
     measured = noisy(assembly, elsewhere.frf(theta), 0.01, 1)
-    causes = find_causes(assembly, [measured], refine(assembly, measured), seconds=200.0)
+    causes = find_causes(Problem.of(assembly, [measured]), refine(Problem.of(assembly, measured)), seconds=200.0)
     assert (causes[0].name, causes[0].words) == ("point", "the response on the arm at 226.7 mm")
 
 
 def test_the_search_for_causes_ends_in_time_however_slow_the_model_is(sdof, monkeypatch):
     """A fit takes up to 40 steps: one that has begun ends after its step."""
     measured = altered(sdof, None, "mass")
-    fit = refine(sdof, measured)
+    fit = refine(Problem.of(sdof, measured))
 
     def slow(method):
         def slowed(self, *arguments):
@@ -398,7 +399,7 @@ def test_the_search_for_causes_ends_in_time_however_slow_the_model_is(sdof, monk
     for name in ("frf", "frf_jacobian"):
         monkeypatch.setattr(dovetail.Assembly, name, slow(getattr(dovetail.Assembly, name)))
     began = time.monotonic()
-    find_causes(sdof, [measured], fit, seconds=1.0)
+    find_causes(Problem.of(sdof, [measured]), fit, seconds=1.0)
     assert time.monotonic() - began < 3.0
 
 
@@ -481,7 +482,7 @@ def test_a_passive_structure_gives_out_power_only_if_sign_or_phase_are_wrong(qua
     genuine = noisy(model, model.frf(TRUTH), 0.02, 1).to(quantity)
 
     def given_out(values):
-        return power_given_out(model, Observations((replace(genuine, values=values),)), genuine.variance)
+        return power_given_out(Problem(model, Observations((replace(genuine, values=values),))), genuine.variance)
 
     assert given_out(genuine.values) == 0.0
     assert given_out(-genuine.values) > 0.95
@@ -492,13 +493,13 @@ def test_power_is_not_told_from_transfer_frfs_amplitudes_and_noise():
     model = chain(MASSES)
     drive_point, transfer = (noisy(alone, -alone.frf(TRUTH), 0.02, 1) for alone in model.each_response)
     variance = np.concatenate([drive_point.variance, transfer.variance])
-    assert power_given_out(model, Observations((drive_point, transfer)), variance) > 0.95
+    assert power_given_out(Problem(model, Observations((drive_point, transfer))), variance) > 0.95
     lines = len(transfer.frequency)
-    assert power_given_out(model.at(1), Observations((transfer,)), variance[lines:]) == 0.0
+    assert power_given_out(Problem(model.at(1), Observations((transfer,))), variance[lines:]) == 0.0
     amplitude = replace(drive_point, values=drive_point.amplitude.astype(complex), has_phase=False)
-    assert power_given_out(model.at(0), Observations((amplitude,)), variance[:lines]) == 0.0
+    assert power_given_out(Problem(model.at(0), Observations((amplitude,))), variance[:lines]) == 0.0
     noise = np.full(lines, 1e4 * drive_point.amplitude.max() ** 2)
-    assert power_given_out(model.at(0), Observations((drive_point,)), noise) == 0.0
+    assert power_given_out(Problem(model.at(0), Observations((drive_point,))), noise) == 0.0
 
 
 def test_power_is_not_told_where_a_measuring_chain_turns_the_phase(sdof):
@@ -507,14 +508,14 @@ def test_power_is_not_told_where_a_measuring_chain_turns_the_phase(sdof):
     plain["response"]["calibration"] = {"delay": {"range": ["-1 ms", "1 ms"]}}
     reversed_sign = noisy(sdof, -sdof.frf(), 0.01, 1)
     target, variance = Observations((reversed_sign,)), reversed_sign.variance
-    assert power_given_out(sdof, target, variance) > 0.95
-    assert power_given_out(dovetail.load(plain), target, variance) == 0.0
+    assert power_given_out(Problem(sdof, target), variance) > 0.95
+    assert power_given_out(Problem(dovetail.load(plain), target), variance) == 0.0
 
 
 def test_a_model_that_is_far_too_small_fits_worse_than_one_that_is_a_little(sdof):
     """Relative to the measured value both leave nearly all of it."""
     measured = altered(sdof, None, "")
-    trials = Trials(sdof, [measured], fit_of(sdof, measured))
+    trials = Trials(Problem.of(sdof, [measured]), fit_of(sdof, measured))
     small, smaller = (trials.judged(trials.best, trials.values(trials.best) / factor) for factor in (10.0, 1000.0))
     assert smaller.misfit > small.misfit + 3.0
 

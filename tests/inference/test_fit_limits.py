@@ -11,12 +11,14 @@ from scipy.stats import rice
 
 import dovetail
 from dovetail.inference.fitting import refine
-from dovetail.inference.fitting.fit import bounds_reached, count_agreeing
+from dovetail.inference.fitting.fit import count_agreeing
 from dovetail.inference.fitting.refinement import _Refinement
 from dovetail.interfaces import silent
+from dovetail.problem import Problem
 from dovetail.problem.least_squares import Linearisation, minimise
 from dovetail.problem.observations import Observations
 from dovetail.problem.random_error import estimated_variance, isolated_lines, known_variance
+from dovetail.problem.ranges import bounds_reached
 from dovetail.problem.residuals import LogAmplitude, Weighted
 from support.noisy_measurements import noisy
 
@@ -25,10 +27,10 @@ from support.noisy_measurements import noisy
 def test_a_fit_is_noise_within_five_standard_deviations_of_chi_squared(sdof, deviations, explained):
     """The stated variance is brought to where chi-squared is 1 + 4.5 or 5.5 sqrt(2 / degrees of freedom)."""
     frf = noisy(sdof, sdof.frf(), 0.01, 1)
-    fit = refine(sdof, frf)
+    fit = refine(Problem.of(sdof, frf))
     assert fit.discrepancy == 0.0
     excess = deviations * np.sqrt(2.0 / fit.degrees_of_freedom)
-    other = refine(sdof, replace(frf, variance=frf.variance * fit.chi_squared / (1.0 + excess)))
+    other = refine(Problem.of(sdof, replace(frf, variance=frf.variance * fit.chi_squared / (1.0 + excess))))
     assert other.chi_squared == pytest.approx(1.0 + excess, abs=0.01)
     assert (other.discrepancy == 0.0) is explained
 
@@ -40,10 +42,10 @@ def test_a_variance_from_the_scatter_may_be_wrong_by_its_own_error(sdof, monkeyp
     The residuals, which are white, then give a better estimate, with which chi-squared is 1.
     """
     frf = noisy(sdof, sdof.frf(), 0.01, 1)
-    chi_squared = refine(sdof, frf).chi_squared
+    chi_squared = refine(Problem.of(sdof, frf)).chi_squared
     variance = frf.variance * chi_squared / scatter
     monkeypatch.setattr("dovetail.problem.observations.estimated_variance", lambda *_: variance)
-    fit = refine(sdof, replace(frf, variance=None))
+    fit = refine(Problem.of(sdof, replace(frf, variance=None)))
     assert not fit.variance_known
     assert fit.chi_squared == pytest.approx(1.0 if explained else scatter, abs=0.01)
     assert (fit.discrepancy == 0.0) is explained
@@ -71,14 +73,14 @@ def test_the_misfit_of_a_sharp_peak_is_not_taken_for_noise(seed):
     )
     theta = np.array([9.99e5, 11.0, 3.84e4, 0.501])
     frf = dovetail.noisy_frf(assembly.simulate(theta), 0.05, np.random.default_rng(seed))
-    assert refine(assembly, replace(frf, variance=None)).theta[0] == pytest.approx(theta[0], rel=0.05)
+    assert refine(Problem.of(assembly, replace(frf, variance=None))).theta[0] == pytest.approx(theta[0], rel=0.05)
 
 
 def test_the_discrepancy_is_what_makes_chi_squared_one(sdof):
     """A ripple of 1 % of each magnitude, 30 times the noise: half of it, since it is a sine, is the mean square."""
     ripple = 0.01 * np.sin(sdof.frequency / 3.0)
     clean = noisy(sdof, sdof.frf(), 1e-4)
-    fit = refine(sdof, replace(clean, values=clean.values * (1.0 + ripple)))
+    fit = refine(Problem.of(sdof, replace(clean, values=clean.values * (1.0 + ripple))))
     assert fit.discrepancy == pytest.approx(0.01 / np.sqrt(2.0), rel=0.1)
 
 
@@ -87,7 +89,7 @@ def test_an_error_that_is_alike_everywhere_is_told_from_one_that_grows_with_the_
     truth = sdof.from_unit(np.full(len(sdof.parameters), 0.4))
     clean = noisy(sdof, sdof.frf(truth), 1e-4)
     ripple = 0.1 * np.median(clean.amplitude) * np.exp(1j * clean.frequency / 3.0)
-    fit = refine(sdof, replace(clean, values=clean.values + ripple))
+    fit = refine(Problem.of(sdof, replace(clean, values=clean.values + ripple)))
     assert fit.background == pytest.approx(0.1, rel=0.1)
     assert fit.discrepancy < 0.01
     np.testing.assert_allclose(fit.theta, truth, rtol=5e-3)
@@ -96,7 +98,7 @@ def test_an_error_that_is_alike_everywhere_is_told_from_one_that_grows_with_the_
 def test_a_fit_tells_all_that_says_how_good_it_is(sdof):
     frf = noisy(sdof, sdof.frf(), 0.01, 1)
     off = 30.0 * np.sqrt(frf.variance) * (np.arange(len(frf.values)) == 100)
-    fit = refine(sdof, replace(frf, values=frf.values + off))
+    fit = refine(Problem.of(sdof, replace(frf, values=frf.values + off)))
     told = json.loads(json.dumps(fit.to_dict()))
     assert told.pop("ignored_lines_Hz") == [sdof.frequency[100]]
     assert told.keys() == {"chi_squared", "degrees_of_freedom", "variance_known", "variance_assumed", "discrepancy",
@@ -128,7 +130,7 @@ class Slope:
 def test_a_search_that_is_driven_beyond_its_range_ends_on_the_bound_and_no_other(sdof, minimum, end):
     position = minimise(Slope(minimum), np.array([[0.4]]), tolerance=1e-12, most_steps=100).position
     assert position[0, 0] == pytest.approx(minimum if end is None else end, abs=5e-5 if end is None else 0.0)
-    reached = bounds_reached(sdof, np.array([position[0, 0], 0.5]))
+    reached = bounds_reached(sdof.parameters, np.array([position[0, 0], 0.5]))
     assert reached == ({} if end is None else {"k": "lower" if end == 0.0 else "upper"})
 
 
@@ -258,7 +260,7 @@ def test_as_few_residuals_as_parameters_do_not_tell_the_noise(sdof, lines):
     """Two or four parameters that reach every value would leave none: the error of a short FRF stands, 1 %."""
     near = slice(*np.argmax(np.abs(sdof.frf())) + np.array([-lines, 0]))
     frf = noisy(sdof.on(sdof.frequency[near]), sdof.frf()[near], 0.01, 1)
-    fit = refine(sdof.on(frf.frequency), replace(frf, variance=None))
+    fit = refine(Problem.of(sdof.on(frf.frequency), replace(frf, variance=None)))
     np.testing.assert_allclose(fit.variance, (0.01 * frf.amplitude.max()) ** 2, rtol=0.5)
 
 

@@ -15,6 +15,7 @@ import dovetail
 from dovetail.errors import MeasurementError, ParameterError
 from dovetail.inference.fitting import multistart, refine, refinement
 from dovetail.measurement import complex_noise
+from dovetail.problem import Problem
 from dovetail.problem.least_squares import Linearisation, Profiles, minimise, profiles
 from dovetail.problem.observations import Observations
 from dovetail.problem.random_error import estimated_variance, isolated_lines
@@ -125,7 +126,7 @@ def test_the_derivatives_are_those_of_the_residuals(collet, torque_20, kind):
 @pytest.mark.parametrize("has_phase", [True, False])
 def test_noise_leaves_a_chi_squared_of_one(collet, has_phase):
     for seed, theta in enumerate(random_vectors(collet, 2)):  # more in tests/benchmarks/noise_floor.py
-        fit = refine(collet, noisy(collet, collet.frf(theta), 0.01, seed, has_phase=has_phase))
+        fit = refine(Problem.of(collet, noisy(collet, collet.frf(theta), 0.01, seed, has_phase=has_phase)))
         deviation = np.sqrt(2 / fit.degrees_of_freedom)
         assert abs(fit.chi_squared - 1) < 5 * deviation
         assert fit.degrees_of_freedom == (2 if has_phase else 1) * 4451 - 12
@@ -150,7 +151,7 @@ def test_random_error_is_told_from_the_scatter(collet, torque_100, has_phase, pr
 
 def test_where_nothing_tells_the_noise_the_fit_is_as_good(collet, torque_100):
     frf = noisy(collet, collet.frf(torque_100), 0.01, 5)
-    told, untold = refine(collet, frf), refine(collet, replace(frf, variance=None))
+    told, untold = refine(Problem.of(collet, frf)), refine(Problem.of(collet, replace(frf, variance=None)))
     assert not untold.variance_known
     assert untold.chi_squared == pytest.approx(1.0, abs=0.15)
     problem = FrfResiduals(collet, Weighted.against(frf, frf.variance, np.ones(len(frf.frequency), dtype=bool)))
@@ -163,7 +164,7 @@ def test_a_few_bad_lines_do_no_harm(collet, torque_100):
     bad = [24, 300, 301, 1500, 2200, 3000, 4100]
     values = clean.values.copy()
     values[bad] += np.array([300, 900j, 900, -400, 2000, 5000j, 300])
-    fit, undisturbed = refine(collet, replace(clean, values=values)), refine(collet, clean)
+    fit, undisturbed = refine(Problem.of(collet, replace(clean, values=values))), refine(Problem.of(collet, clean))
     assert set(collet.frequency[bad]) == set(fit.ignored)
     assert undisturbed.ignored.size == 0
     assert fit.chi_squared == pytest.approx(undisturbed.chi_squared, abs=0.01)
@@ -187,7 +188,7 @@ def test_what_the_model_cannot_explain_is_told(sdof):
     clean = noisy(sdof, sdof.frf(theta), 1e-4, 2)
     f, at = sdof.frequency, sdof.frequency[len(sdof.frequency) // 3]
     extra = 0.02 * np.abs(clean.values).max() * (f / at) ** 2 / (1 - (f / at) ** 2 + 0.02j)
-    fit, alone = refine(sdof, replace(clean, values=clean.values + extra)), refine(sdof, clean)
+    fit, alone = refine(Problem.of(sdof, replace(clean, values=clean.values + extra))), refine(Problem.of(sdof, clean))
     assert alone.discrepancy == 0
     assert fit.chi_squared > 10
     assert fit.discrepancy > 0.001
@@ -207,7 +208,7 @@ def test_known_parameters_come_back_without_a_network(collet, torque_20):
 
 def test_the_ranges_hold(sdof):
     beyond = dovetail.Frf(sdof.frequency, sdof.frf({"k": 3e7, "c": 40.0}), "accelerance")
-    fit = refine(sdof, beyond, [np.array([-1.0, 1e9])])
+    fit = refine(Problem.of(sdof, beyond), [np.array([-1.0, 1e9])])
     assert all(p.lower <= value <= p.upper for p, value in zip(sdof.parameters, fit.theta, strict=True))
     assert fit.at_bounds["k"] == "upper"
     result = dovetail.identify(sdof, beyond, "refined", cause_seconds=0.0)
@@ -219,8 +220,8 @@ def test_a_start_that_reaches_the_noise_is_enough_and_others_follow_one_that_doe
     monkeypatch.setattr(refinement, "_SETTINGS", few_steps)
     frf = measured_of(collet, torque_100, 0.01)
     right, wrong = torque_100, collet.from_unit(1.0 - collet.to_unit(torque_100))
-    assert refine(collet, frf, [right]).starts == 1
-    assert refine(collet, frf, [wrong]).starts > few_steps.more_starts
+    assert refine(Problem.of(collet, frf), [right]).starts == 1
+    assert refine(Problem.of(collet, frf), [wrong]).starts > few_steps.more_starts
 
 
 @pytest.mark.parametrize("objective", ["frf", "weighted"])
@@ -234,14 +235,16 @@ def test_many_local_searches_find_it_too(collet, torque_100, objective):
 
 def test_the_time_of_many_searches_is_bounded(collet, torque_100):
     began = time.process_time()
-    fit = multistart(collet, measured_of(collet, torque_100), starts=2000, seconds=0.5)
+    fit = multistart(Problem.of(collet, measured_of(collet, torque_100)), starts=2000, seconds=0.5)
     assert time.process_time() - began < 5
     assert fit.starts < 2000
 
 
 def test_the_same_seed_gives_the_same_fit(sdof):
     frf = measured_of(sdof, None, 0.01)
-    np.testing.assert_array_equal(refine(sdof, frf, seed=4).theta, refine(sdof, frf, seed=4).theta)
+    np.testing.assert_array_equal(
+        refine(Problem.of(sdof, frf), seed=4).theta, refine(Problem.of(sdof, frf), seed=4).theta
+    )
 
 
 @pytest.mark.parametrize(
@@ -290,7 +293,7 @@ def test_errors_of_a_model_with_a_sought_gain_are_relative_to_the_measurement_to
 
     estimate = Observations.discrepancy
     monkeypatch.setattr(Observations, "discrepancy", discrepancy)
-    refine(assembly, dovetail.Frf(sdof.frequency, foreign, "accelerance", has_phase=False))
+    refine(Problem.of(assembly, dovetail.Frf(sdof.frequency, foreign, "accelerance", has_phase=False)))
     for model, magnitude, measured in seen:
         np.testing.assert_array_equal(magnitude, model if gain == 1.0 else np.maximum(model, measured))
     assert seen

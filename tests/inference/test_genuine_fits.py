@@ -13,6 +13,7 @@ import dovetail
 from dovetail.inference.fitting import refine
 from dovetail.inference.fitting.search_lines import Smoothed, missed_resonances, search_lines, thinned_lines
 from dovetail.inference.fitting.whiteness import assess_runs, has_size_of_noise, is_white
+from dovetail.problem import Problem
 from dovetail.problem.least_squares import Linearisation, minimise
 from dovetail.problem.observations import Observations
 from dovetail.problem.random_error import known_variance, residual_variance
@@ -41,8 +42,8 @@ def test_a_smooth_misfit_is_not_taken_for_noise_however_small(sdof, known):
     frf = noisy(sdof, sdof.frf(), 0.01, 1, known=known)
     deviation = 0.01 * sdof.frf().std()
     ripple = np.sqrt(0.2) * deviation * np.exp(2j * np.pi * np.arange(6000) / 700.0)
-    assert refine(sdof, frf).discrepancy == 0.0
-    fit = refine(sdof, replace(frf, values=frf.values + ripple))
+    assert refine(Problem.of(sdof, frf)).discrepancy == 0.0
+    fit = refine(Problem.of(sdof, replace(frf, values=frf.values + ripple)))
     assert 1.05 < fit.chi_squared < 1.3
     assert fit.discrepancy > 0.0
     assert fit.starts > 4  # further searches were tried first
@@ -81,7 +82,7 @@ def test_a_model_is_said_not_to_fit_after_three_batches_or_five_where_it_lacks_a
     frequency, frf = sdof.frequency, noisy(sdof, sdof.frf(), 1e-3, 1)
     ripple = 0.05 * frf.values * np.sin(frequency / 3.0)
     more = ripple if error == "ripple" else 3e-3 * frf.amplitude.max() * resonances(frequency, 300.0, loss=0.01)
-    fit = refine(sdof, replace(frf, values=frf.values + more))
+    fit = refine(Problem.of(sdof, replace(frf, values=frf.values + more)))
     assert fit.discrepancy > 0.01
     assert fit.agreeing >= 6
     assert fit.starts == starts
@@ -214,7 +215,7 @@ def test_wide_ranges_lose_no_resonance(assemblies):
     assert wide.count("1e10 N/m") == wide.count("5e5 N m/rad") == 1
     assembly = dovetail.load(yaml.safe_load(wide)).on(np.linspace(123.4, 4900.0, 2500))
     theta = assembly.from_unit(np.array([0.45, 0.4, 0.3, 0.6]))
-    fit = refine(assembly, noisy(assembly, assembly.frf(theta), 0.01, 3, known=False))
+    fit = refine(Problem.of(assembly, noisy(assembly, assembly.frf(theta), 0.01, 3, known=False)))
     assert fit.discrepancy == 0.0
     assert fit.chi_squared == pytest.approx(1.0, abs=0.05)
 
@@ -226,7 +227,7 @@ def test_a_coherence_that_the_file_rounds_to_one_does_not_tell_the_noise(sdof, d
     exact = averaged(assembly.frf(), 10, 1, level=0.02 * np.abs(assembly.frf()).max() ** 0.5)
     rounded = replace(exact, coherence=np.round(exact.coherence, decimals))
     assert np.mean(rounded.coherence == 1.0) > 0.01
-    fit = refine(assembly, rounded)
+    fit = refine(Problem.of(assembly, rounded))
     assert not fit.variance_known
     assert fit.chi_squared == pytest.approx(1.0, abs=0.1)
     assert dovetail.identify(assembly, rounded, "refined").adequacy.word == "to the noise"

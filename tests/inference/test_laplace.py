@@ -27,6 +27,7 @@ from dovetail.inference.posterior.distribution import split_half_difference
 from dovetail.inference.posterior.laplace import LaplaceApproximation
 from dovetail.inference.posterior.likelihood import MarginalisedResiduals, PosteriorResiduals, marginalised_squares
 from dovetail.inference.posterior.mode_search import maximise_posterior
+from dovetail.problem import Problem
 from dovetail.problem.least_squares import Linearisation
 from support.noisy_measurements import noisy
 
@@ -52,9 +53,9 @@ class Banana:
 @pytest.mark.parametrize("model_error", [0.0, 1e-4])
 def test_where_the_posterior_is_straight_both_forms_agree(sdof, model_error):
     frf = noisy(sdof, sdof.frf(sdof.from_unit(np.array([0.4, 0.5]))), 0.02, 1)
-    fit = refine(sdof, frf)
-    sampled = sample_posterior(sdof, frf, fit, samples=2000, model_error=typical_model_error(model_error))
-    found = laplace_posterior(sdof, frf, fit, samples=2000, model_error=typical_model_error(model_error))
+    fit = refine(Problem.of(sdof, frf))
+    sampled = sample_posterior(Problem.of(sdof, frf), fit, samples=2000, model_error=typical_model_error(model_error))
+    found = laplace_posterior(Problem.of(sdof, frf), fit, samples=2000, model_error=typical_model_error(model_error))
     assert found.form == "laplace"
     assert found.unreliable == ()
     for name, (low, high) in sampled.interval().items():
@@ -65,7 +66,7 @@ def test_a_sharp_resonance_is_found_again_close_to_the_ends_of_the_ranges(sdof):
     """A start at a fiftieth of the range from its end would be 5 Hz, or 20 widths of the peak, off."""
     theta = np.array([9.99e6, 1.5])
     frf = noisy(sdof, sdof.frf(theta), 0.02, 1)
-    found = laplace_posterior(sdof, frf, refine(sdof, frf))
+    found = laplace_posterior(Problem.of(sdof, frf), refine(Problem.of(sdof, frf)))
     for name, value in zip(found.names, theta, strict=True):
         low, high = found.interval()[name]
         assert low < value < high
@@ -103,7 +104,7 @@ def test_doubtful_parameters_are_named_everywhere(sdof, tmp_path):
     weight = np.full(300, 1 / 300)
     options = {"model_error": ModelError(0.0), "searches": 300, "lines": 9, "seconds": 0.1}
     name = sdof.parameters[1].name
-    sampled = Posterior.from_fractions(sdof, fraction, weight, **options)
+    sampled = Posterior.from_fractions(sdof.parameters, fraction, weight, **options)
     posterior = replace(sampled, form="laplace", unreliable=(name,))
     assert name in posterior.warnings[0]
     plain = posterior.to_dict()
@@ -183,8 +184,8 @@ def test_few_effective_samples_are_warned_of(sdof):
     random = np.random.default_rng(0)
     options = {"model_error": ModelError(0.0), "searches": 400, "lines": 9, "seconds": 0.1}
     fraction = random.random((400, 2))
-    even = Posterior.from_fractions(sdof, fraction, np.full(400, 1 / 400), **options)
+    even = Posterior.from_fractions(sdof.parameters, fraction, np.full(400, 1 / 400), **options)
     assert even.warnings == ()
     weight = np.where(np.arange(400) < 10, 1.0, 1e-6)
-    few = Posterior.from_fractions(sdof, fraction, weight / weight.sum(), **options)
+    few = Posterior.from_fractions(sdof.parameters, fraction, weight / weight.sum(), **options)
     assert "no more than 10 independent ones" in few.warnings[0]

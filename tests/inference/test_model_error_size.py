@@ -24,8 +24,8 @@ from dovetail.inference.fitting import fit_at, refine
 from dovetail.inference.posterior import ModelError
 from dovetail.inference.posterior.frequency_average import unshaped_deviation
 from dovetail.inference.posterior.model_error import fit_resonances
+from dovetail.problem import Problem
 from dovetail.problem.observations import Observations
-from dovetail.problem.residuals import ModelFrfs
 from dovetail_bench.evaluation.mesh_refinement import finer
 from support.noisy_measurements import frf_on, noisy
 
@@ -126,9 +126,8 @@ def told_of_moved_resonance(chain, theta, number, ratio, damping=1.0):
     moved = values + near * (axis - pole) / (axis - other) - near
     measured = noisy(chain, moved, 1e-3, 1)
     target = Observations.of(chain, measured)
-    fit = fit_at(chain, target, chain.to_unit(theta))
-    model = ModelFrfs.of(chain)
-    told = estimate_model_error(model, target, fit).size
+    fit = fit_at(Problem(chain, target), chain.to_unit(theta))
+    told = estimate_model_error(Problem(chain, target), fit).size
     return told, abs(ratio - 1.0) / np.sqrt(len(resonances.poles)), resonance_peaks(measured)
 
 
@@ -192,9 +191,9 @@ def test_heights_of_misplaced_peaks_tell_how_far_damping_is_off(chain):
     moved = values.copy()
     for pole, near in zip(resonances.poles, resonances.near[0], strict=True):
         moved += near * (axis - pole) / (axis - 1.02 * complex(pole.real, 0.25 * pole.imag)) - near
-    target = Observations.of(chain, noisy(chain, moved, 1e-3, 1))
-    fit = fit_at(chain, target, chain.to_unit(theta))
-    told = estimate_model_error(ModelFrfs.of(chain), target, fit).size
+    problem = Problem.of(chain, noisy(chain, moved, 1e-3, 1))
+    fit = fit_at(problem, chain.to_unit(theta))
+    told = estimate_model_error(problem, fit).size
     assert 0.7 < told.damping / np.log(4.0) < 1.5
 
 
@@ -211,8 +210,9 @@ def test_the_errors_that_are_told_explain_the_residuals(chain, mass, size, noise
     masses = ["1 kg"] * 5
     masses[mass] = f"{size} kg"
     measured = noisy(chain, load_chain(*masses).frf(TRUTH), noise, 1)
-    fit, target = refine(chain, measured), Observations.of(chain, measured)
-    told = estimate_model_error(ModelFrfs.of(chain), target, fit)
+    problem = Problem.of(chain, measured)
+    fit = refine(problem)
+    told = estimate_model_error(problem, fit)
     assert told.chi_squared < 1.1
 
 
@@ -329,9 +329,10 @@ def test_errors_that_cancel_each_other_give_way_to_plausible_ones_that_leave_lit
     """Damping and magnitude of a resonance may nearly cancel: of two shafts on springs with a gain of 1.2, errors of
     damping by a factor of 20,000 were the most probable."""
     measured = noisy(chain, 1.2 * chain.frf(TRUTH), 1e-3, 1)
-    fit, target = refine(chain, measured), Observations.of(chain, measured)
+    problem = Problem.of(chain, measured)
+    fit = refine(problem)
     monkeypatch.setattr(_Linearised, "estimate", lambda _: ModelError(3e-4, damping=10.0, magnitude=8.0, phase=0.1))
-    told = estimate_model_error(ModelFrfs.of(chain), target, fit)
+    told = estimate_model_error(problem, fit)
     assert told.chi_squared == pytest.approx(1.0, abs=0.05)
     assert 0.02 < told.size.magnitude < 0.4
     assert word_for(told.size) != "does not fit"

@@ -35,6 +35,7 @@ from dovetail.inference.posterior.likelihood import (
 )
 from dovetail.inference.posterior.mode_search import search_modes
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, metropolis_step
+from dovetail.problem import Problem
 from dovetail.problem.observations import Observations
 from dovetail.problem.residuals import FrfResiduals, ModelFrfs, Weighted
 from support.noisy_measurements import noisy
@@ -54,8 +55,8 @@ def exact_likelihood(assembly, frf):
 
 def on_a_grid(assembly, frf, model_error=EXACT, widening=1.0, points=120):
     """Mean and standard deviation of two parameters, in fractions of their ranges, by brute force."""
-    fit = refine(assembly, frf)
-    likelihood = build_likelihood(assembly, frf, fit, model_error)
+    fit = refine(Problem.of(assembly, frf))
+    likelihood = build_likelihood(Problem.of(assembly, frf), fit, model_error)
     misfit, errors = likelihood.misfit, likelihood.errors
     centre, reach = assembly.to_unit(fit.theta), widening * 6 / np.sqrt(np.diag(fit.information))
     low, high = np.clip(centre - reach, 0, 1), np.clip(centre + reach, 0, 1)
@@ -75,7 +76,7 @@ def on_a_grid(assembly, frf, model_error=EXACT, widening=1.0, points=120):
 def test_the_samples_are_those_of_the_posterior_on_a_grid(sdof, has_phase):
     frf = noisy(sdof, sdof.frf(sdof.from_unit(np.array([0.4, 0.5]))), 0.2, 1, has_phase=has_phase)
     mean, deviation = on_a_grid(sdof, frf)
-    found = sample_posterior(sdof, frf, refine(sdof, frf), samples=2000, model_error=EXACT)
+    found = sample_posterior(Problem.of(sdof, frf), refine(Problem.of(sdof, frf)), samples=2000, model_error=EXACT)
     ours = found.weight @ found.fraction
     assert found.converged_fraction > 0.99
     np.testing.assert_allclose(ours, mean, atol=0.12 * deviation.max())
@@ -86,7 +87,7 @@ def test_where_no_search_arrives_moves_from_the_peak_find_the_same_posterior(sdo
     frf = noisy(sdof, sdof.frf(sdof.from_unit(np.array([0.4, 0.5]))), 0.2, 1)
     mean, deviation = on_a_grid(sdof, frf)
     monkeypatch.setattr(sampling._Sampler, "search", lambda *_: (np.empty((0, 2)), np.empty(0)))
-    found = sample_posterior(sdof, frf, refine(sdof, frf), samples=1000, model_error=EXACT)
+    found = sample_posterior(Problem.of(sdof, frf), refine(Problem.of(sdof, frf)), samples=1000, model_error=EXACT)
     ours = found.weight @ found.fraction
     assert found.converged_fraction < 0.01
     np.testing.assert_allclose(ours, mean, atol=0.12 * deviation.max())
@@ -97,10 +98,10 @@ def test_where_no_search_arrives_moves_from_the_peak_find_the_same_posterior(sdo
 @pytest.mark.parametrize(("level", "wider"), [(5e-4, 2), (2e-3, 3)])
 def test_errors_of_the_model_widen_it_as_they_do_on_a_grid(sdof, level, wider):
     frf = noisy(sdof, sdof.frf(sdof.from_unit(np.array([0.4, 0.5]))), 0.05, 1)
-    fit = refine(sdof, frf)
+    fit = refine(Problem.of(sdof, frf))
     _, deviation = on_a_grid(sdof, frf, typical_model_error(level), widening=30.0)
-    without = sample_posterior(sdof, frf, fit, samples=2000, model_error=EXACT)
-    found = sample_posterior(sdof, frf, fit, samples=2000, model_error=typical_model_error(level))
+    without = sample_posterior(Problem.of(sdof, frf), fit, samples=2000, model_error=EXACT)
+    found = sample_posterior(Problem.of(sdof, frf), fit, samples=2000, model_error=typical_model_error(level))
     spread = [np.sqrt(p.weight @ (p.fraction - p.weight @ p.fraction) ** 2) for p in (without, found)]
     assert spread[1][0] > wider * spread[0][0]  # the stiffness, which the natural frequency tells
     np.testing.assert_allclose(spread[1], deviation, rtol=0.05)
@@ -114,7 +115,9 @@ def test_intervals_hold_the_truth_as_often_as_they_say(sdof):
     for seed in range(60):
         fraction = rng.random(2)
         frf = noisy(sdof, sdof.frf(sdof.from_unit(fraction)), 0.1, seed)
-        found = sample_posterior(sdof, frf, refine(sdof, frf), samples=200, model_error=EXACT, seed=seed)
+        found = sample_posterior(
+            Problem.of(sdof, frf), refine(Problem.of(sdof, frf)), samples=200, model_error=EXACT, seed=seed
+        )
         low, high = quantiles(found.fraction, found.weight, [0.05, 0.95])
         inside.append((low < fraction) & (fraction < high))
     assert 0.82 <= np.mean(inside) <= 0.97  # 120 draws at 0.9: three standard deviations
@@ -142,7 +145,9 @@ def test_a_few_lines_stand_for_all(collet, torque_100):
 @pytest.mark.parametrize("level", [2e-3, 1e-2])
 def test_a_few_lines_stand_for_averages_over_all(collet, torque_100, level):
     frf = noisy(collet, collet.frf(torque_100), 0.01, 2)
-    likelihood = build_likelihood(collet, frf, refine(collet, frf, [torque_100]), typical_model_error(level))
+    likelihood = build_likelihood(
+        Problem.of(collet, frf), refine(Problem.of(collet, frf), [torque_100]), typical_model_error(level)
+    )
     assert likelihood.by_line is None
     near = collet.to_unit(torque_100) + 0.01 * np.random.default_rng(1).standard_normal((300, 12))
     fractions = np.clip(near, 0.01, 0.99)
@@ -209,9 +214,9 @@ def test_the_highest_peak_is_found_where_the_best_fit_is_another(collet):
     variance = np.full(len(values), deviation**2)
     shown = values + deviation * (real + 1j * imaginary) / np.sqrt(2)
     frf = dovetail.Frf(collet.frequency, shown, "accelerance", variance=variance)
-    fit = refine(collet, frf, seed=11)
+    fit = refine(Problem.of(collet, frf), seed=11)
     best, likelihood = collet.to_unit(fit.theta), exact_likelihood(collet, frf)
-    modes = search_modes(collet, likelihood, best, np.random.default_rng(0))
+    modes = search_modes(Problem.of(collet, frf), likelihood, best, np.random.default_rng(0))
     problem = PosteriorResiduals(likelihood.misfit)
     places = np.concatenate([modes, normal_from_unit(np.stack([np.clip(best, 0.02, 0.98), fraction]))])
     squares = np.sum(problem.residuals(places) ** 2, axis=1)
@@ -380,7 +385,9 @@ def test_a_few_lines_stand_for_averages_of_responses_whose_units_differ():
     )
     truth = assembly.from_unit(np.full(4, 0.5))
     frfs = [noisy(each, each.frf(truth), 0.01, seed) for seed, each in enumerate(assembly.each_response)]
-    likelihood = build_likelihood(assembly, frfs, refine(assembly, frfs, [truth]), typical_model_error(2e-3))
+    likelihood = build_likelihood(
+        Problem.of(assembly, frfs), refine(Problem.of(assembly, frfs), [truth]), typical_model_error(2e-3)
+    )
     near = 0.5 + 1e-3 * np.random.default_rng(1).standard_normal((300, 4))
     snapshots = likelihood.frf(near[:250])
     reduced = ReducedResiduals(likelihood, snapshots, snapshots[0])

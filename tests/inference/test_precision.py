@@ -10,10 +10,10 @@ import pytest
 import scipy
 
 import dovetail
-from dovetail.inference.fitting.fit import end_reached
 from dovetail.inference.posterior import LIMITS, Posterior, typical_model_error
 from dovetail.inference.posterior.verdicts import Known, ends_cut, precision_text, word_for
 from dovetail.interfaces import Parameter
+from dovetail.problem.ranges import end_reached
 
 LEVELS = (np.arange(2000) + 0.5) / 2000
 VALUES = {"k": 3e6, "c": 40.0}
@@ -209,7 +209,7 @@ def test_the_estimates_of_several_parameters_are_of_one_combination_of_groups(sd
     theta = np.where(first[:, np.newaxis], [2e6, 80.0], [4e6, 20.0]) * (1.0 + 0.001 * random.standard_normal((400, 2)))
     fraction = sdof.to_unit(theta)
     options = {"model_error": typical_model_error(0.0), "searches": 400, "lines": 600, "seconds": 0.0}
-    posterior = Posterior.from_fractions(sdof, fraction, np.full(400, 1.0 / 400), **options)
+    posterior = Posterior.from_fractions(sdof.parameters, fraction, np.full(400, 1.0 / 400), **options)
     assert posterior.estimate == pytest.approx([4e6, 20.0], rel=0.001)
     assert posterior.in_two_groups == ("k", "c")
 

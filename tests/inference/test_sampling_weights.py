@@ -12,6 +12,7 @@ import dovetail
 from dovetail.inference.fitting import refine
 from dovetail.inference.posterior import laplace_posterior, sample_posterior, sampling, typical_model_error
 from dovetail.inference.posterior.laplace import half_about_the_fit
+from dovetail.problem import Problem
 from support.noisy_measurements import noisy
 
 
@@ -35,7 +36,7 @@ def test_samples_are_moved_where_fewer_than_four_tenths_of_them_count(sdof, monk
 
     monkeypatch.setattr(sampling, "_Sampler", Sampler)
     frf = noisy(sdof, sdof.frf(), 0.1)
-    posterior = sample_posterior(sdof, frf, refine(sdof, frf), samples=100)
+    posterior = sample_posterior(Problem.of(sdof, frf), refine(Problem.of(sdof, frf)), samples=100)
     assert calls == ([100] if moved else [])
     assert posterior.effective_sample_size == pytest.approx(100 if moved else effective)
 
@@ -132,17 +133,18 @@ HEAVY_CART = {
 
 @pytest.fixture(scope="module")
 def light_cart():
-    """A cart of which the fit has three standard deviations less mass than its prior: assembly, FRF, fit and error."""
+    """A cart of which the fit has three standard deviations less mass than its prior: problem, fit and error."""
     cart = dovetail.load(HEAVY_CART)
     measured = noisy(cart, cart.frf({"k": 1050.0, "c": 2.7, "cart.masses.0.mass": 0.85}), 0.05, 4)
-    return cart, measured, refine(cart, measured), replace(typical_model_error(1e-3), quantities=2e-3)
+    problem = Problem.of(cart, measured)
+    return problem, refine(problem), replace(typical_model_error(1e-3), quantities=2e-3)
 
 
 @pytest.mark.parametrize("draw", [sample_posterior, laplace_posterior])
 def test_samples_about_a_fit_far_from_its_prior_keep_the_natural_frequency(light_cart, draw):
     """The measurement tells k / m far better than either: neither half of the samples may leave it."""
-    cart, measured, fit, error = light_cart
-    posterior = draw(cart, measured, fit, model_error=error)
+    problem, fit, error = light_cart
+    posterior = draw(problem, fit, model_error=error)
     k, _, mass = posterior.theta.T
     natural = np.sqrt(k / mass) / (2.0 * np.pi)
     assert np.abs(natural / (np.sqrt(1050.0 / 0.85) / (2.0 * np.pi)) - 1.0).max() < 0.01

@@ -11,12 +11,13 @@ import dovetail
 from dovetail.identification.reconstruction import reconstruct
 from dovetail.inference.fitting import refine
 from dovetail.inference.posterior import Posterior, typical_model_error
+from dovetail.problem import Problem
 from support.noisy_measurements import noisy
 
 
 @pytest.fixture(scope="module")
 def fit(sdof):
-    return refine(sdof, noisy(sdof, sdof.frf(), 0.01, 1))
+    return refine(Problem.of(sdof, noisy(sdof, sdof.frf(), 0.01, 1)))
 
 
 def warnings_of(assembly, factor=1.0, **options):
@@ -55,7 +56,7 @@ def test_two_separate_groups_of_values_are_told(sdof, gap, in_two_groups):
     k[200:] += 0.9 * gap
     fraction = np.stack([k, np.linspace(0.0, 1.0, 400)], axis=1)
     options = {"model_error": typical_model_error(0.0), "searches": 400, "lines": 600, "seconds": 0.0}
-    posterior = Posterior.from_fractions(sdof, fraction, np.full(400, 1.0 / 400), **options)
+    posterior = Posterior.from_fractions(sdof.parameters, fraction, np.full(400, 1.0 / 400), **options)
     assert posterior.in_two_groups == in_two_groups
     assert ("two separate groups" in posterior.verdicts["k"].reason) is bool(in_two_groups)
 
@@ -66,5 +67,5 @@ def test_a_best_fit_apart_from_the_posterior_is_no_second_group_of_values(sdof):
     k[1::2] += 0.1
     fraction = np.stack([k, np.linspace(0.0, 1.0, 400)], axis=1)
     options = {"model_error": typical_model_error(0.0), "searches": 400, "lines": 600, "seconds": 0.0}
-    posterior = Posterior.from_fractions(sdof, fraction, np.full(400, 1.0 / 400), **options)
+    posterior = Posterior.from_fractions(sdof.parameters, fraction, np.full(400, 1.0 / 400), **options)
     assert posterior.in_two_groups == ()

@@ -9,6 +9,7 @@ import dovetail
 from dovetail.inference.fitting import refine
 from dovetail.inference.posterior import error_shapes, laplace_posterior, typical_model_error
 from dovetail.inference.posterior.likelihood import build_likelihood
+from dovetail.problem import Problem
 from dovetail.problem.part_quantities import known_quantities, list_quantities, quantity_derivatives, with_part
 
 
@@ -39,10 +40,10 @@ def test_an_assembly_with_another_part_has_the_contacts_and_lines_of_the_first(a
 def test_each_quantity_is_off_by_as_much_as_displaced_resonances_are_large(sdof):
     values = sdof.frf(sdof.from_unit(np.full(2, 0.5)))
     frf = dovetail.Frf(sdof.frequency, values, "accelerance", variance=1e-4 * np.abs(values) ** 2)
-    fit = refine(sdof, frf)
+    fit = refine(Problem.of(sdof, frf))
     error = typical_model_error(5e-4)
     with_parts = replace(error, quantities=error.natural_frequency)
-    plain, parts = (build_likelihood(sdof, frf, fit, allowed).errors for allowed in (error, with_parts))
+    plain, parts = (build_likelihood(Problem.of(sdof, frf), fit, allowed).errors for allowed in (error, with_parts))
     assert parts[:-1] == pytest.approx(plain)
     shapes = error_shapes([frf], [sdof.frf(fit.theta)], error)["natural_frequency"]
     displaced = np.sqrt(2.0 * np.sum(np.abs(shapes) ** 2 / fit.variance))
@@ -71,5 +72,7 @@ def test_intervals_hold_what_the_modulus_of_a_part_hides(assemblies):
         return {name for name, (low, high) in posterior.interval().items() if low <= truth[name] <= high}
 
     assert held(result.posterior) == set(truth)
-    without = laplace_posterior(assembly, measured, result.fit, model_error=replace(allowed, quantities=0.0))
+    without = laplace_posterior(
+        Problem.of(assembly, measured), result.fit, model_error=replace(allowed, quantities=0.0)
+    )
     assert held(without) < set(truth)

@@ -15,6 +15,7 @@ from dovetail.identification import Adequacy, Cause, Identification, Mode, Model
 from dovetail.identification.truth import Truth
 from dovetail.inference.fitting import refine
 from dovetail.plain_text import ABSENT
+from dovetail.problem import Problem
 from dovetail.report.content import (
     adequacy_sentences,
     fit_sentence,
@@ -157,7 +158,7 @@ def test_what_was_not_judged_is_not_reported(result):
 def test_a_random_error_that_is_assumed_is_not_called_told(sdof: dovetail.Assembly, lines: int, said: str) -> None:
     oscillator = sdof.on(np.linspace(100.0, 300.0, lines))
     measured = dovetail.Frf(oscillator.frequency, -3.0 * oscillator.frf(), "accelerance")
-    assert said in fit_sentence(refine(oscillator, measured))
+    assert said in fit_sentence(refine(Problem.of(oscillator, measured)))
 
 
 @pytest.mark.parametrize(("missed", "by_chance"), [(1, True), (3, True), (4, False), (8, False)])

@@ -283,7 +283,7 @@ def test_a_start_is_one_of_the_fit(assemblies: Path, monkeypatch: pytest.MonkeyP
     taken: list[Any] = []
 
     def recorded(*arguments: Any, **options: Any) -> Any:
-        taken.append(arguments[2])
+        taken.append(arguments[1])
         return refine(*arguments, **options)
 
     monkeypatch.setattr("dovetail.identification.methods.refine", recorded)
