@@ -23,6 +23,8 @@ SECTIONS = {
     "coupling": "Measured parts",
     "dataset": "Datasets",
     "identification": "Identification",
+    "problem": "For plugin authors: steps of a method",
+    "inference": "For plugin authors: steps of a method",
     "report": "Reports and figures",
     "design": "Where to measure",
     "interfaces": "For plugin authors: contracts",

@@ -26,7 +26,13 @@ from dovetail.units import format_quantity
 
 FOLDER = Path(__file__).parent
 OWN = "dovetail-frf"
-KINDS = {"joint": "Joints", "substructure": "Substructures", "reducer": "Reducers", "regressor": "Regressors"}
+KINDS = {
+    "joint": "Joints",
+    "substructure": "Substructures",
+    "reducer": "Reducers",
+    "regressor": "Regressors",
+    "method": "Methods of identification",
+}
 INTERNAL = {"collet": ("c1", "c2", "c3", "c4", "c5")}
 """Nodes that belong to a joint alone."""
 

@@ -58,6 +58,14 @@ from .identification import predict_band as predict_band
 from .identification import train as train
 from .identification.truth import Truth as Truth
 from .identification.truth import read_truth as read_truth
+from .inference.adequacy.assess import JudgedFit as JudgedFit
+from .inference.adequacy.assess import JudgementOptions as JudgementOptions
+from .inference.adequacy.assess import judge as judge
+from .inference.fitting import multistart as multistart
+from .inference.fitting import refine as refine
+from .inference.fitting.fit import allow_for_unknown_noise as allow_for_unknown_noise
+from .inference.posterior import laplace_posterior as laplace_posterior
+from .inference.posterior import sample_posterior as sample_posterior
 from .interfaces import INTERFACE_VERSION as INTERFACE_VERSION
 from .interfaces import ArrayEntry as ArrayEntry
 from .interfaces import Component as Component
@@ -109,6 +117,7 @@ from .measurement import read_unit as read_unit
 from .measurement import remove_accelerometer_mass as remove_accelerometer_mass
 from .measurement import without_window_damping as without_window_damping
 from .measurement import write_frf as write_frf
+from .problem import Problem as Problem
 from .registry import Command as Command
 from .registry import hookimpl as hookimpl
 from .report.html_report import write_report as write_report

@@ -16,7 +16,6 @@ from dovetail.frf import coherence_with_model
 from dovetail.frf.resonance_peaks import counterpart, resonance_peaks
 from dovetail.identification.identify import check_mass, find_method
 from dovetail.identification.measured_lines import batch_contradictions, check_measured
-from dovetail.identification.methods import METHODS
 from dovetail.identification.prediction import joint_values, predicted_frf
 from dovetail.identification.result import joined_warnings
 from dovetail.identification.result_file import AnyIdentification
@@ -35,7 +34,6 @@ from dovetail.units import Mass
 
 __all__ = [
     "LEVEL",
-    "METHODS",
     "NOISE_KINDS",
     "NOT_TRUSTWORTHY",
     "PRIOR_PRECISION",

@@ -17,6 +17,10 @@ def dovetail_components() -> list[type[dovetail.Component]]:
     from dovetail_plugins.joints.interference_fit import InterferenceFit
     from dovetail_plugins.joints.rigid import Rigid
     from dovetail_plugins.joints.spring_damper import SpringDamper
+    from dovetail_plugins.methods.multistart import Multistart
+    from dovetail_plugins.methods.network import Network
+    from dovetail_plugins.methods.posterior import PosteriorMethod
+    from dovetail_plugins.methods.refined import Refined
     from dovetail_plugins.readers.cutpro import CutProReader
     from dovetail_plugins.readers.hdf5 import Hdf5Reader
     from dovetail_plugins.readers.labview import LabViewReader
@@ -56,6 +60,10 @@ def dovetail_components() -> list[type[dovetail.Component]]:
         MLP,
         Flow,
         ScikitLearnRegressor,
+        PosteriorMethod,
+        Refined,
+        Multistart,
+        Network,
         UffReader,
         TextReader,
         NpzReader,

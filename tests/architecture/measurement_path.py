@@ -23,8 +23,16 @@ from pathlib import Path
 MEASUREMENTS = frozenset({"Frf", "MeasuredLines", "Observations", "Problem"})
 """Classes that hold measured FRFs."""
 ASSEMBLY = "Assembly"
-STARTS = ("by_posterior", "posterior")
-"""Names of the posterior method, the first that there is."""
+STARTS = (
+    ("dovetail.identification.application", "Application", "to"),
+    ("dovetail.identification.methods", "", "by_posterior"),
+)
+"""Where the posterior method is applied: module, class and function, the first that there is."""
+METHOD = {
+    "identify": ("dovetail_plugins.methods.refined", "Refined"),
+    "sample": ("dovetail_plugins.methods.posterior", "PosteriorMethod"),
+}
+"""The classes that define the functions of the posterior method, which `Application` calls by the contract."""
 MAKERS = ("Observations.of", "ModelFrfs.of", "one_per_response")
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef
@@ -60,7 +68,7 @@ class Code:
     def __init__(self, root: Path) -> None:
         self.modules: dict[str, Module] = {}
         for folder in (root / "framework", root / "plugins"):
-            for file in sorted(folder.glob("dovetail*/**/*.py")):
+            for file in sorted([*folder.glob("dovetail*/**/*.py"), *folder.glob("dovetail/__init__.pyi")]):
                 name = ".".join(file.relative_to(folder).with_suffix("").parts).removesuffix(".__init__")
                 self.modules[name] = _module(name, ast.parse(file.read_text(encoding="utf-8")))
 
@@ -100,7 +108,8 @@ def _module(name: str, tree: ast.Module) -> Module:
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and node.module:
             for alias in node.names:
-                module.imported.setdefault(alias.asname or alias.name, (node.module, alias.name))
+                source = f"{name}.{node.module}" if node.level else node.module
+                module.imported.setdefault(alias.asname or alias.name, (source, alias.name))
     for node in tree.body:
         if isinstance(node, Function):
             module.functions[node.name] = node
@@ -168,7 +177,13 @@ class Walk:
         for name in names:
             if (known := self.code.find(place.module, name)) is not None:
                 yield from self._receivers(known, call)
-        if isinstance(callee, ast.Attribute):
+        if isinstance(callee, ast.Attribute) and ast.unparse(callee.value) == "dovetail":  # a public name, in a plugin
+            if (public := self.code.find("dovetail", callee.attr)) is not None:
+                yield from self._receivers(public, call)
+        elif isinstance(callee, ast.Attribute) and ast.unparse(callee.value) == "self.method":
+            if callee.attr in METHOD:
+                yield Place(*METHOD[callee.attr], callee.attr)
+        elif isinstance(callee, ast.Attribute):
             yield from self._methods(callee, call, place, function)
 
     def _receivers(self, known: tuple[Module, ast.AST], call: ast.Call) -> Iterator[Place]:
@@ -256,9 +271,7 @@ def makers(code: Code) -> dict[str, list[str]]:
 
 def posterior_walk(code: Code) -> Walk:
     """Walk from the posterior method."""
-    places = [place for place, _ in code.functions() if not place.owner and "dovetail.identification" in place.module]
-    start = next(place for name in STARTS for place in places if place.name == name)
-    return Walk(code, start)
+    return Walk(code, next(Place(*start) for start in STARTS if start[0] in code.modules))
 
 
 def main() -> None:

@@ -10,7 +10,6 @@ import json
 import re
 import warnings
 from dataclasses import replace
-from functools import wraps
 from importlib import import_module
 from types import SimpleNamespace
 
@@ -19,7 +18,7 @@ import pytest
 
 import dovetail
 import dovetail_bench
-from dovetail.identification import methods
+from dovetail.identification.application import Application
 from dovetail.identification.result_file import load_result
 from dovetail.inference.fitting import refinement
 from dovetail.report.result_files import write_results
@@ -80,29 +79,21 @@ def each_fit_once():
     It is made with a single batch of searches and one number of draws, and its causes are not looked for, which takes
     longer than all else.
     """
-    made = {}
+    made, apply = {}, Application.to
 
-    def once(fit):
-        @wraps(fit)
-        def remembered(measured, trained=None, **options):
-            assert trained is None
-            values = tuple((frf.label, frf.values.tobytes()) for frf in measured.frfs)
-            said = {name: value for name, value in options.items() if name not in ("progress", "samples")}
-            settings = tuple(item for item in said.items() if item[1] is not None)
-            key = (fit.__name__, measured.described.description.text, values, settings)
-            if key not in made:
-                made[key] = fit(measured, **options)
-            return made[key]
+    def remembered(self, measured):
+        assert self.trained is None
+        values = tuple((frf.label, frf.values.tobytes()) for frf in measured.frfs)
+        start = None if self.start is None else str(self.start)
+        key = (self.method.name, start, self.judgement, self.seed, measured.described.description.text, values)
+        if key not in made:
+            made[key] = apply(self, measured)
+        return made[key]
 
-        return remembered
-
-    refined, posterior = once(methods.by_refined_fit), once(methods.by_posterior)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(refinement, "_SETTINGS", replace(refinement._SETTINGS, more_batches=0))
         patch.setattr(import_module("dovetail.inference.adequacy.assess"), "find_causes", lambda *_, **__: ())
-        patch.setattr(methods, "by_refined_fit", refined)
-        patch.setitem(methods.METHODS, "refined", refined)
-        patch.setitem(methods.METHODS, "posterior", posterior)
+        patch.setattr(Application, "to", remembered)
         yield
 
 

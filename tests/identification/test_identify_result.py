@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 import dovetail
 from dovetail.errors import MeasurementError
-from dovetail.identification.methods import METHODS
+from dovetail_plugins.methods.refined import Refined
 
 
 def test_known_parameters_come_back(model: dovetail.Identifier, small: dovetail.Assembly) -> None:
@@ -194,13 +194,13 @@ def test_linear_algebra_takes_one_thread_while_a_joint_is_identified(small, meas
     def threads(*_, **__):
         return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
 
-    seen, refined = [], METHODS["refined"]
+    seen, refined = [], Refined.identify
 
-    def watched(*lines, **options):
+    def watched(*arguments, **options):
         seen.append(threads())
-        return refined(*lines, **options)
+        return refined(*arguments, **options)
 
-    monkeypatch.setitem(METHODS, "refined", watched)
+    monkeypatch.setattr(Refined, "identify", watched)
     with threadpool_limits(2, user_api="blas"):
         dovetail.identify(small, measured, "refined")
         assert seen == [{1}]

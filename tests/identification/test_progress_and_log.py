@@ -17,8 +17,10 @@ from dovetail.inference.adequacy.causes import find_causes
 from dovetail.interfaces import progress_reporter
 from dovetail.testing import check_component
 
+STEPS = {"refine", "multistart", "judge", "sample_posterior", "laplace_posterior"}
+"""Steps of a method, which pass on what the method is given."""
 FUNCTIONS = [
-    *(one for name in dovetail.__all__ if inspect.isfunction(one := getattr(dovetail, name))),
+    *(one for name in dovetail.__all__ if inspect.isfunction(one := getattr(dovetail, name)) and name not in STEPS),
     check_component,
 ]
 

@@ -15,10 +15,10 @@ from dovetail.inference.fitting.fit import count_agreeing
 from dovetail.inference.fitting.refinement import _Refinement
 from dovetail.interfaces import silent
 from dovetail.problem import Problem
+from dovetail.problem.definition import bounds_reached
 from dovetail.problem.least_squares import Linearisation, minimise
 from dovetail.problem.observations import Observations
 from dovetail.problem.random_error import estimated_variance, isolated_lines, known_variance
-from dovetail.problem.ranges import bounds_reached
 from dovetail.problem.residuals import LogAmplitude, Weighted
 from support.noisy_measurements import noisy
 

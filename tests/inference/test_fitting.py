@@ -230,7 +230,7 @@ def test_many_local_searches_find_it_too(collet, torque_100, objective):
     result = dovetail.identify(collet, frf, "multistart", starts=8, objective=objective)
     assert result.fit.starts == 8
     assert result.fit.chi_squared < 1.1
-    assert result.provenance["objective"] == objective
+    assert result.provenance["method_options"]["objective"] == objective
 
 
 def test_the_time_of_many_searches_is_bounded(collet, torque_100):
@@ -251,14 +251,14 @@ def test_the_same_seed_gives_the_same_fit(sdof):
     ("options", "message"),
     [
         ({"method": "refined", "starts": 3}, "no option 'starts'"),
-        ({"method": "multistart", "starts": 0}, "no search"),
-        ({"method": "multistart", "seconds": -1.0}, "is no time"),
-        ({"method": "multistart", "objective": "sum"}, "not an objective"),
+        ({"method": "multistart", "starts": 0}, "0 must be at least 1"),
+        ({"method": "multistart", "seconds": -1.0}, "must be greater than 0"),
+        ({"method": "multistart", "objective": "sum"}, "not one of the choices"),
         ({"method": "network"}, "needs a trained model"),
         ({"model_error": "1 %"}, "'1 %' is no relative error"),
         ({"cause_seconds": "20 s"}, "'20 s' s is no time"),
-        ({"samples": "many"}, "'many' samples were asked for"),
-        ({"samples": 1}, "1 samples were asked for"),
+        ({"samples": "many"}, "'many' is not accepted"),
+        ({"samples": 1}, "1 must be at least 20"),
     ],
 )
 def test_options_that_make_no_sense_are_refused_before_any_work(sdof, options, message):

@@ -13,7 +13,7 @@ import dovetail
 from dovetail.inference.posterior import LIMITS, Posterior, typical_model_error
 from dovetail.inference.posterior.verdicts import Known, ends_cut, precision_text, word_for
 from dovetail.interfaces import Parameter
-from dovetail.problem.ranges import end_reached
+from dovetail.problem.definition import end_reached
 
 LEVELS = (np.arange(2000) + 0.5) / 2000
 VALUES = {"k": 3e6, "c": 40.0}

@@ -286,10 +286,10 @@ def test_a_start_is_one_of_the_fit(assemblies: Path, monkeypatch: pytest.MonkeyP
         taken.append(arguments[1])
         return refine(*arguments, **options)
 
-    monkeypatch.setattr("dovetail.identification.methods.refine", recorded)
+    monkeypatch.setattr(dovetail, "refine", recorded)
     for options in ({}, {"start": {"k": 3.1e6, "c": 41.0}}):
         dovetail.identify(assembly, measured, "refined", cause_seconds=0.0, **options)
-    assert taken[0] == []
+    assert taken[0] == ()
     assert [start.tolist() for start in taken[1]] == [[3.1e6, 41.0]]
     with pytest.raises(DovetailError, match="no such parameter"):
         dovetail.identify(assembly, measured, "refined", start={"q": 1.0})

@@ -22,10 +22,9 @@ def complete_files(incomplete: str) -> list[str]:
 
 def complete_methods(incomplete: str) -> list[str]:
     """Return the methods of identification that begin with a text."""
-    from dovetail.identification.methods import METHODS
     from dovetail.registry import components
 
-    return [name for name in (*METHODS, *components().names("method")) if name.startswith(incomplete)]
+    return [name for name in components().names("method") if name.startswith(incomplete)]
 
 
 def complete_models(incomplete: str) -> list[str]:

@@ -188,7 +188,7 @@ def identify(
 
     assembly, model = assembly_or_model(source, reading.plugins)
     chosen = chosen_method(method, reading.plugins, assembly, fit)
-    trains = True if chosen == "network" or (retrain and network is None) else network
+    trains = True if not chosen.fits_lines or (retrain and network is None) else network
     network_to_use = partial(_model, assembly, model, chosen, trains, reading.plugins, retrain=retrain)
     job = _Job(assembly, measured, reading, chosen, fit, truth, output, as_json, network_to_use)
     if len(measured) == 1 and is_modal_table(measured[0]):

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from dovetail.assembly import Assembly
     from dovetail.identification import Identifier
     from dovetail.interfaces import IdentificationMethod
+    from dovetail.registry import Registry
 
 _Choice = TypeVar("_Choice", bound=str)
 
@@ -143,9 +144,20 @@ def part(text: str) -> float:
         raise typer.BadParameter(error.faults[0].problem) from None
 
 
+def _options_of(name: str, registry: Registry) -> tuple[str, ...]:
+    """Return the options of a method; none of one that cannot be made without its description."""
+    from dovetail.errors import DovetailError
+    from dovetail.identification.identify import find_method, method_options
+
+    try:
+        return method_options(find_method(name, None, registry))
+    except DovetailError:
+        return ()
+
+
 def chosen_method(
     method: str | None, plugins: Sequence[Path] | None, assembly: Assembly | None = None, options: Iterable[str] = ()
-) -> str | IdentificationMethod:
+) -> IdentificationMethod:
     """Return the chosen method of identification, which must have these options.
 
     Raises
@@ -153,17 +165,16 @@ def chosen_method(
     typer.BadParameter
     """
     from dovetail.identification.identify import find_method, method_options
-    from dovetail.identification.methods import METHODS
     from dovetail.registry import components
 
     try:
-        chosen = find_method(method, assembly, components(plugins or ()))
+        registry = components(plugins or ())
+        chosen = find_method(method, assembly, registry)
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint="--method") from None
     for name in options:
         if name not in method_options(chosen):
-            called = chosen if isinstance(chosen, str) else chosen.name
-            others = ", ".join(other for other in METHODS if name in method_options(other))
-            problem = f"the method '{called}' has no such option; it is of {others}."
+            of_others = [other for other in registry.names("method") if name in _options_of(other, registry)]
+            problem = f"the method '{chosen.name}' has no such option; it is of {', '.join(of_others)}."
             raise typer.BadParameter(problem, param_hint=f"--{name.replace('_', '-')}")
     return chosen

@@ -167,7 +167,7 @@ class _Translation:
         if specific["type"] == "unit" and (item is None or type(item.value) not in (str, int, float)):
             self.faults.add(full, f"{value} is not a quantity{self._in_unit(path)}.")
             return
-        problem, accepted, remedy = _explain(specific, value, item)
+        problem, accepted, remedy = explain(specific, value, item)
         if kinds:
             accepted = " or ".join([*kinds, accepted] if accepted else kinds)
         self.faults.add(full, problem, accepted, remedy)
@@ -187,8 +187,8 @@ def _is_implied(path: Path, details: list[Any], by_path: Collection[Path]) -> bo
     return beneath and details[0]["type"] in ("too_short", "too_long")
 
 
-def _explain(detail: Any, value: str, item: Item | None) -> tuple[str, str, str]:
-    """Return the problem, the accepted values and a remedy."""
+def explain(detail: Any, value: str, item: Item | None = None) -> tuple[str, str, str]:
+    """Return the problem with a value, the accepted values and a remedy, from what pydantic says of it."""
     kind, context = detail["type"], detail.get("ctx", {})
     if kind in _BOUNDS:
         key, words = _BOUNDS[kind]

@@ -15,12 +15,14 @@ from pydantic import ValidationError
 
 from dovetail.assembly import FRF_TOLERANCE, Assembly, AssemblySource, as_assembly, largest_frf_difference
 from dovetail.description import Response
+from dovetail.documents.validation import explain
 from dovetail.errors import Fault, MeasurementError, ParameterError, argument, did_you_mean, listing
 from dovetail.frf import Frf
+from dovetail.identification.application import DEFAULT_METHOD, Application
 from dovetail.identification.measured_lines import MeasuredLines
-from dovetail.identification.methods import DEFAULT_METHOD, METHODS, by_plugin
 from dovetail.identification.modal_fit import identify_from_modes
 from dovetail.identification.result import Identification, ModalIdentification
+from dovetail.inference.adequacy.assess import JudgementOptions
 from dovetail.inference.fitting import refine
 from dovetail.interfaces import IdentificationMethod, Progress, logged, progress_reporter
 from dovetail.measurement import ModalParameters, is_modal_table, read_frf
@@ -130,19 +132,18 @@ def identify(
     chosen = find_method(method, None if of_modes else assembly)
     if not assembly.parameters:
         raise ParameterError(Fault(assembly.name, "all parameters are known: there is nothing to identify."))
-    if of_modes and (chosen != DEFAULT_METHOD or model is not None or weights is not None or not phase):
+    if of_modes and (chosen.name != DEFAULT_METHOD or model is not None or weights is not None or not phase):
         problem = "modal parameters are no FRF: they take no other method, no network, no weights and no phase."
         raise ParameterError(Fault("identify", problem, f"the method '{DEFAULT_METHOD}' and its options"))
-    called = chosen if isinstance(chosen, str) else chosen.name
     accepted_options = _keywords(identify_from_modes) if of_modes else method_options(chosen)
     for name in options:
         if name not in accepted_options:
-            problem = f"the method '{called}' has no option '{name}'."
+            problem = f"the method '{chosen.name}' has no option '{name}'."
             raise ParameterError(Fault("options", problem, listing(accepted_options) or "none"))
     if model is not None:
         _check_model(assembly, model.assembly)
     labels = measured.label if isinstance(measured, ModalParameters) else listing(frf.label for frf in measured)
-    step = logged(__name__, f"{assembly.name} identified from {labels} by {called}")
+    step = logged(__name__, f"{assembly.name} identified from {labels} by {chosen.name}")
     with one_blas_thread(), step, progress_reporter(progress) as report:
         if isinstance(measured, ModalParameters):
             return identify_from_modes(assembly, measured, progress=report, **options)
@@ -151,16 +152,34 @@ def identify(
             own = MeasuredLines.of(assembly, _prepared(assembly, measured, None, phase=phase))
             lines = replace(lines, unweighted=own.frfs)
         lines = _with_signs(lines, report)
-        if chosen != "network":
-            seed = options.get("seed")
-            lines = lines.merged(assembly.description.identification.seed if seed is None else seed, report)
-        if isinstance(chosen, str):
-            result = METHODS[chosen](lines, model, progress=report, **options)
-            requested = {"weights": weights, "phase": None if phase else False, **options}
-            stated = {name: value for name, value in requested.items() if isinstance(value, (str, int, float))}
-            return replace(result, provenance={**result.provenance, **({"options": stated} if stated else {})})
-        of_config = {name: options.pop(name) for name in _option_names(chosen) if name in options}
-        return by_plugin(_with_options(chosen, of_config) if of_config else chosen, lines, progress=report, **options)
+        requested = {"weights": weights, "phase": None if phase else False, **options}
+        application = _application(chosen, assembly, model, options, report)
+        if application.method.fits_lines:
+            lines = lines.merged(application.seed, report)
+        result = application.to(lines)
+        given = {name: value for name, value in requested.items() if isinstance(value, (str, int, float))}
+        return replace(result, provenance={**result.provenance, **({"options": given} if given else {})})
+
+
+def _application(
+    method: IdentificationMethod,
+    assembly: Assembly,
+    model: TrainedNetwork | None,
+    options: Mapping[str, Any],
+    progress: Progress,
+) -> Application:
+    """Return a method with the options of a call; those that are not given are the method's and the description's."""
+    own = {name: value for name, value in options.items() if name in _option_names(method)}
+    judgement = {name: options[name] for name in ("model_error", "cause_seconds") if options.get(name) is not None}
+    seed = options.get("seed")
+    return Application(
+        _with_options(method, own) if own else method,
+        model,
+        options.get("start"),
+        JudgementOptions(**judgement),
+        assembly.description.identification.seed if seed is None else seed,
+        progress,
+    )
 
 
 def _check_model(assembly: Assembly, trained: Assembly) -> None:
@@ -193,8 +212,8 @@ def check_mass(assembly: Assembly, mass: float) -> None:
 
 def find_method(
     method: str | IdentificationMethod | None, assembly: Assembly | None, registry: Registry | None = None
-) -> str | IdentificationMethod:
-    """Return the name of one of `METHODS`, or the method of a plugin that is meant.
+) -> IdentificationMethod:
+    """Return the method of identification that is meant.
 
     Parameters
     ----------
@@ -213,15 +232,13 @@ def find_method(
         Several plugins offer it.
     """
     described = None if assembly is None else assembly.description.identification.method
-    if method is None:
-        return described or DEFAULT_METHOD
-    if isinstance(method, IdentificationMethod) or method in METHODS:
+    if isinstance(method, IdentificationMethod):
         return method
-    registry = registry or installed_components()
-    if described is not None and method == described.name:
+    if described is not None and method in (None, described.name):
         return described
+    method, registry = method or DEFAULT_METHOD, registry or installed_components()
     if "method" not in registry.kinds_of(method):
-        known = (*METHODS, *registry.names("method"))
+        known = registry.names("method")
         raise ValueError(f"'{method}' is not a method. {did_you_mean(method, known)} Accepted: {', '.join(known)}")
     if described is not None and registry.find("method", method).component is type(described):
         return described  # with the options that the description states
@@ -231,7 +248,7 @@ def find_method(
 
 
 def _with_options(method: IdentificationMethod, options: Mapping[str, Any]) -> IdentificationMethod:
-    """Return a plugin's method with other options.
+    """Return a method with other options.
 
     Raises
     ------
@@ -244,8 +261,11 @@ def _with_options(method: IdentificationMethod, options: Mapping[str, Any]) -> I
         return type(method)(type(method.config).model_validate({**stated, **options}))
     except ValidationError as error:
         detail = error.errors()[0]
-        where = ".".join(map(str, detail["loc"])) or "options"
-        raise ParameterError(Fault(where, f"the method '{method.name}' refuses it: {detail['msg']}.")) from None
+        where, value = ".".join(map(str, detail["loc"])) or "options", f"{detail['input']!r:.40}"
+        problem, accepted, remedy = explain(detail, value)
+        raise ParameterError(
+            Fault(where, f"the method '{method.name}' refuses it: {problem}", accepted, remedy)
+        ) from None
 
 
 def as_frfs(measured: Measurement) -> tuple[Frf, ...]:
@@ -353,15 +373,15 @@ def _sign(assembly: Assembly, theta: NDArray[np.float64], frf: Frf) -> float:
     return sign
 
 
-def method_options(method: str | IdentificationMethod) -> tuple[str, ...]:
-    """Return the names of the options that a method takes."""
-    if isinstance(method, str):
-        return _keywords(METHODS[method])
-    return (*_option_names(method), *_keywords(by_plugin))
+def method_options(method: IdentificationMethod) -> tuple[str, ...]:
+    """Return the names of the options that `identify` takes with a method."""
+    start = ("start",) if method.uses_starts else ()
+    judgement = ("model_error", "cause_seconds", "seed") if method.fits_lines else ()
+    return (*_option_names(method), *start, *judgement)
 
 
 def _option_names(method: IdentificationMethod) -> tuple[str, ...]:
-    """Return the options of a plugin's method as a description has them."""
+    """Return the options of a method as a description has them."""
     return tuple(field.alias or name for name, field in type(method.config).model_fields.items())
 
 

@@ -15,7 +15,7 @@ from dovetail.errors import require_package
 from dovetail.inference.posterior.distribution import Posterior
 from dovetail.inference.posterior.verdicts import NOT_TRUSTWORTHY, Group, Verdict
 from dovetail.interfaces import Parameter, Prior, Scale
-from dovetail.problem.ranges import end_reached
+from dovetail.problem.definition import end_reached
 
 ROUNDING = 1e-9
 """Part of its range by which a value may lie outside."""

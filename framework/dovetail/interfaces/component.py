@@ -119,6 +119,23 @@ class Component(ABC):
         return f"{type(self).__name__}({self.config!r})"
 
 
+def component_label(component: Component) -> str:
+    """Return how messages name a component."""
+    return f"{component.kind} '{component.name}'"
+
+
+def check_contract(answer: object, component: Component, contract: type, call: str = "fit") -> None:
+    """Check that a call of a component returned an object of its contract.
+
+    Raises
+    ------
+    PluginError
+    """
+    if not isinstance(answer, contract):
+        problem = f"its {call} returned {type(answer).__name__}."
+        raise PluginError(Fault(component_label(component), problem, f"a {contract.__name__}"))
+
+
 @contextmanager
 def plugin_errors(component: object, label: str) -> Iterator[None]:
     """Convert an error in the code of a component to a `PluginError` that names the component, its file and the line.

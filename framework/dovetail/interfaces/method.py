@@ -2,54 +2,68 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar, Generic
 
 import numpy as np
 from numpy.typing import NDArray
+from typing_extensions import TypeVar
 
 from dovetail.frf import Frf
 from dovetail.interfaces.component import Component, Kind
 from dovetail.interfaces.joint import Parameter
 from dovetail.interfaces.progress import Progress, silent
 
-TAKEN_NAMES = ("network", "refined", "multistart", "posterior", "rigid")
-"""Names of Dovetail's methods; a plugin's method must not have one of them."""
+RESERVED_NAMES = ("rigid",)
+"""Words for `compare` that name no method."""
 
-_OF_IDENTIFY = "assembly measured method weights phase progress seed model_error cause_seconds"
-TAKEN_OPTIONS = frozenset(_OF_IDENTIFY.split())
-"""Parameters of `identify`; an option of a plugin's method must not have one of these names."""
+_OF_IDENTIFY = "assembly measured method weights phase progress seed model model_error cause_seconds start"
+RESERVED_OPTIONS = frozenset(_OF_IDENTIFY.split())
+"""Parameters of `identify`; an option of a method must not have one of these names."""
 
 
-@dataclass(frozen=True, eq=False)
-class IdentificationProblem:
+class IdentificationProblem(ABC):
     """The parameters to identify, the measurement and its model.
 
-    Parameters
+    Attributes
     ----------
-    parameters : tuple of Parameter
-        Names, units, ranges, scales and priors; `Parameter.from_unit` and `to_unit` map fractions of a range.
-    measured : tuple of Frf
-        One for each response, on its lines within the band, in the response's quantity.
-    variance : (n_lines,) array
-        E|error|^2 of each measured value, known or estimated from the scatter from line to line.
-    frf : callable
-        From parameters (n, n_params) [SI] to the model's complex FRFs (n, n_lines) on the measured lines.
-    frf_jacobian : callable
-        From parameters (n, n_params) to these FRFs and their derivatives (n, n_lines, n_params) per SI unit.
+    starts : tuple of (n_params,) arrays
+        Values [SI] from which a search may start: those of the user, and a trained network's estimate.
+    network : callable or None
+        Returns the `Estimate` of a trained network for this measurement, if there is one.
 
     Notes
     -----
-    The lines of all responses are concatenated, in `variance` and in the results of the callables.
+    The lines of all responses are concatenated, in `values`, `variance` and the results of the methods.
     """
 
-    parameters: tuple[Parameter, ...]
-    measured: tuple[Frf, ...]
-    variance: NDArray[np.float64]
-    frf: Callable[[NDArray[np.float64]], NDArray[np.complex128]]
-    frf_jacobian: Callable[[NDArray[np.float64]], tuple[NDArray[np.complex128], NDArray[np.complex128]]]
+    starts: tuple[NDArray[np.float64], ...] = ()
+    network: Callable[[], Estimate] | None = None
+
+    @property
+    @abstractmethod
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Names, units, ranges, scales and priors; `Parameter.from_unit` and `to_unit` map fractions of a range."""
+
+    @property
+    @abstractmethod
+    def measured(self) -> tuple[Frf, ...]:
+        """One FRF for each response, on its lines within the band, in the response's quantity."""
+
+    @property
+    @abstractmethod
+    def variance(self) -> NDArray[np.float64]:
+        """(n_lines,) E|error|^2 of each measured value, known or estimated from the scatter from line to line."""
+
+    @abstractmethod
+    def frf(self, theta: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return the model's FRFs (n, n_lines) on the measured lines at parameters (n, n_params) [SI]."""
+
+    @abstractmethod
+    def frf_jacobian(self, theta: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """Return these FRFs and their derivatives (n, n_lines, n_params) per SI unit."""
 
     @property
     def values(self) -> NDArray[np.complex128]:
@@ -83,14 +97,54 @@ class Estimate:
     samples: NDArray[np.float64] | None = None
 
 
-class IdentificationMethod(Component):
-    """A method of identification; its options are those of `identify` and of ``identification: {method: ...}``."""
+ProblemType = TypeVar("ProblemType", bound=IdentificationProblem, default=Any)
+"""The kind of problem that a method takes; in an identification it is a `dovetail.Problem`."""
+
+
+class IdentificationMethod(Component, Generic[ProblemType]):
+    """A method of identification; its options are those of `identify` and of ``identification: {method: ...}``.
+
+    Attributes
+    ----------
+    fits_lines : bool
+        Whether the method compares the model with the measured lines. Otherwise its estimate is the result as it is,
+        and is not judged by residuals.
+    uses_starts : bool
+        Whether it starts from `IdentificationProblem.starts`; only then does `identify` accept ``start``.
+    gives_posterior : bool
+        Whether `sample` returns the posterior, once the estimate is judged.
+    refits_with_errors : bool
+        Whether a fit that allows for the errors of the model takes the place of the estimate where the estimate does
+        not reach the noise.
+    """
 
     kind: ClassVar[Kind] = "method"
+    fits_lines: ClassVar[bool] = True
+    uses_starts: ClassVar[bool] = False
+    gives_posterior: ClassVar[bool] = False
+    refits_with_errors: ClassVar[bool] = False
 
     @abstractmethod
-    def identify(self, problem: IdentificationProblem, *, seed: int, progress: Progress = silent) -> Estimate:
+    def identify(self, problem: ProblemType, *, seed: int, progress: Progress = silent) -> Estimate:
         """Estimate the parameters; the same problem and seed give the same estimate.
 
-        Dovetail judges the estimate like those of its own methods: residuals, adequacy, causes of a misfit.
+        Dovetail judges the estimate: residuals, adequacy, causes of a misfit. What `dovetail.refine` and
+        `dovetail.multistart` return is an estimate too.
         """
+
+    def sample(self, problem: ProblemType, judged: Any, *, seed: int, progress: Progress = silent) -> Any:
+        """Return the posterior once the estimate is judged, where `gives_posterior`.
+
+        Parameters
+        ----------
+        problem : Problem
+        judged : dovetail.JudgedFit
+            The fit, the errors that the model turned out to have, and whether the numbers can be trusted.
+        seed : int
+        progress : Progress
+
+        Returns
+        -------
+        dovetail.Posterior
+        """
+        raise NotImplementedError

@@ -19,6 +19,7 @@ from dovetail.assembly import FRF_TOLERANCE, Assembly, largest_frf_difference, l
 from dovetail.atomic_files import new_folder
 from dovetail.errors import BundleError, DescriptionError, Fault, FileError, MeasurementError, PluginError, listing
 from dovetail.interfaces import ComponentState, FittedReducer, FittedRegressor, Reducer, Regressor, plugin_errors
+from dovetail.interfaces.component import check_contract, component_label
 from dovetail.network.correction import correction_states, restore_corrections
 from dovetail.network.evaluation import Evaluation
 from dovetail.network.known_noise import KnownNoise
@@ -37,7 +38,7 @@ from dovetail.network.manifest import (
     read_manifest,
 )
 from dovetail.network.novelty import Novelty
-from dovetail.network.pipeline import Network, check_contract, component_label
+from dovetail.network.pipeline import Network
 from dovetail.network.preprocessing import TargetScaling, ZScore
 from dovetail.provenance import component_sources, file_hash, package_versions
 from dovetail.registry import PluginPaths

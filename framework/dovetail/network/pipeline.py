@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from dovetail.errors import Fault, PluginError
 from dovetail.interfaces import (
-    Component,
     FittedReducer,
     FittedRegressor,
     Progress,
@@ -23,6 +22,7 @@ from dovetail.interfaces import (
     plugin_errors,
     silent,
 )
+from dovetail.interfaces.component import check_contract, component_label
 from dovetail.network.correction import Correction
 from dovetail.network.preprocessing import TargetScaling, ZScore, blocks, log10p1
 
@@ -174,11 +174,6 @@ def missing_distribution(recipe: Regressor) -> Fault:
     )
 
 
-def component_label(component: Component) -> str:
-    """Return how messages name a reducer or a regressor."""
-    return f"{component.kind} '{component.name}'"
-
-
 def check_rows(values: object, label: str, count: int, width: int | None) -> NDArray[Any]:
     """Return the result of `transform` or `predict` after checking that it has a row for each FRF.
 
@@ -209,18 +204,6 @@ def check_rows(values: object, label: str, count: int, width: int | None) -> NDA
         accepted = f"({count}, {'n_components' if width is None else width})"
         raise PluginError(Fault(label, f"it returned the shape {values.shape} for {count} FRFs.", accepted))
     return values
-
-
-def check_contract(fitted: object, recipe: Component, contract: type, call: str = "fit") -> None:
-    """Check that `fit`, `restore` or another call returned an object of its contract.
-
-    Raises
-    ------
-    PluginError
-    """
-    if not isinstance(fitted, contract):
-        problem = f"its {call} returned {type(fitted).__name__}."
-        raise PluginError(Fault(component_label(recipe), problem, f"a {contract.__name__}"))
 
 
 def reduce_features(

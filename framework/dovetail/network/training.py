@@ -30,6 +30,7 @@ from dovetail.interfaces import (
     silent,
     takes_context,
 )
+from dovetail.interfaces.component import check_contract, component_label
 from dovetail.network.augmentation import (
     TRAINING_TOLERANCE,
     FreshEpochs,
@@ -41,14 +42,7 @@ from dovetail.network.bundle import TrainedNetwork
 from dovetail.network.correction import Correction, GaussNewtonFeatures
 from dovetail.network.evaluation import Evaluation, parameter_metrics
 from dovetail.network.novelty import learn_novelty
-from dovetail.network.pipeline import (
-    Network,
-    Reduction,
-    check_contract,
-    component_label,
-    missing_distribution,
-    reduce_features,
-)
+from dovetail.network.pipeline import Network, Reduction, missing_distribution, reduce_features
 from dovetail.network.preprocessing import (
     TargetScaling,
     ZScore,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -11,13 +11,16 @@ from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
 from dovetail.frf import Frf
-from dovetail.interfaces import Parameter
+from dovetail.interfaces import Estimate, IdentificationProblem, Parameter, Scale
 from dovetail.problem.observations import Observations
 from dovetail.problem.residuals import FrfResiduals, ModelFrfs, Residual
 
+_AT_END = 1e-6
+"""Part of the range within which a value is at its end; more digits than any measurement distinguishes."""
+
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class Problem(IdentificationProblem):
     """Observations, and an assembly whose parameters are to be identified from them.
 
     It is made once for a measurement; what fits, samples, judges or searches for causes takes it as a whole.
@@ -30,11 +33,16 @@ class Problem:
         In the quantities of the assembly's responses, with their random error as far as it is known.
     unweighted : Observations, optional
         The same with their own random error, if the variance of `observations` represents weights of the user.
+    starts : tuple of (n_params,) arrays
+    network : callable, optional
+        As in `IdentificationProblem`.
     """
 
     assembly: Assembly
     observations: Observations
     unweighted: Observations | None = None
+    starts: tuple[NDArray[np.float64], ...] = ()
+    network: Callable[[], Estimate] | None = None
 
     @staticmethod
     def of(assembly: Assembly, measured: Frf | Sequence[Frf]) -> Problem:
@@ -70,7 +78,25 @@ class Problem:
         """Map SI values (..., p) to fractions of the ranges."""
         return self.assembly.to_unit(theta)
 
-    def values(self, theta: NDArray[np.float64]) -> NDArray[np.complex128]:
+    @property
+    def measured(self) -> tuple[Frf, ...]:
+        """The observed FRFs in the quantities of the responses."""
+        return self.observations.frfs
+
+    @cached_property
+    def variance(self) -> NDArray[np.float64]:
+        """(n_lines,) E|error|^2 of each measured value, known or estimated from the scatter from line to line."""
+        return self.observations.variance()
+
+    def frf(self, theta: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return the model's FRFs (n, n_lines) at parameters (n, p) [SI]."""
+        return self.model.frf(theta)
+
+    def frf_jacobian(self, theta: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """Return these FRFs and their derivatives (n, n_lines, p)."""
+        return self.model.frf_jacobian(theta)
+
+    def frf_at(self, theta: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return the model's FRFs (n_lines,) at one parameter vector (p,) [SI]."""
         return np.asarray(self.model.frf(theta[np.newaxis])[0])
 
@@ -95,3 +121,35 @@ class Problem:
     def with_assembly(self, assembly: Assembly) -> Problem:
         """Return the problem of the same observations with another model."""
         return replace(self, assembly=assembly)
+
+
+def values_at(parameters: Sequence[Parameter], fraction: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return SI values (..., p) at fractions of the ranges (..., p)."""
+    return np.stack([p.from_unit(fraction[..., i]) for i, p in enumerate(parameters)], axis=-1)
+
+
+def fractions_within(parameters: Sequence[Parameter], theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the fractions (..., p) of SI values, those outside of their ranges brought to the nearest end."""
+    columns = [p.to_unit(np.clip(theta[..., i], p.lower, p.upper)) for i, p in enumerate(parameters)]
+    return np.clip(np.stack(columns, axis=-1), 0.0, 1.0)
+
+
+def bounds_reached(parameters: Sequence[Parameter], fraction: NDArray[np.float64]) -> dict[str, str]:
+    """Return the parameters at a bound of their range, and at which, from fractions (n_params,) of the ranges."""
+    values = [float(p.from_unit(part)) for p, part in zip(parameters, fraction, strict=True)]
+    pairs = zip(parameters, values, strict=True)
+    ends = {p.name: end_reached(value, p.lower, p.upper, p.scale) for p, value in pairs}
+    return {name: end for name, end in ends.items() if end}
+
+
+def end_reached(value: float, lower: float, upper: float, scale: Scale) -> str:
+    """Return the end of a range, "lower" or "upper", at which a value is within rounding; empty if at neither.
+
+    A value is at an end that it equals in the four digits that are shown, or within a millionth of the range.
+    """
+    shown, low, high = (f"{number:.4g}" for number in (value, lower, upper))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        place = float(Parameter("value", "1", lower, upper, scale).to_unit(np.array(value)))
+    if abs(place) <= _AT_END or (shown == low != high):
+        return "lower"
+    return "upper" if abs(place - 1.0) <= _AT_END or (shown == high != low) else ""

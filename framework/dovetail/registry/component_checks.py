@@ -16,7 +16,7 @@ from dovetail.interfaces import (
     Regressor,
     SubstructureModel,
 )
-from dovetail.interfaces.method import TAKEN_NAMES, TAKEN_OPTIONS
+from dovetail.interfaces.method import RESERVED_NAMES, RESERVED_OPTIONS
 from dovetail.registry.loading import contained
 
 _CONTRACTS = (SubstructureModel, JointModel, Reducer, Regressor, FrfReader, IdentificationMethod)
@@ -50,8 +50,8 @@ def _why_unusable(component: Any) -> str:
         return f"{label}.Config does not derive from dovetail.ComponentConfig."
     if issubclass(component, FrfReader) and not _are_suffixes(getattr(component, "suffixes", None)):
         return f"{label} has no 'suffixes' such as ('.abc',), in lower case."
-    if issubclass(component, IdentificationMethod) and component.name in TAKEN_NAMES:
-        return f"{label} has the name '{component.name}', which is one of Dovetail's methods; choose another name."
+    if issubclass(component, IdentificationMethod) and component.name in RESERVED_NAMES:
+        return f"{label} has the name '{component.name}', which is reserved; choose another name."
     contract = next(contract for contract in _CONTRACTS if issubclass(component, contract))
     if component.kind != contract.kind:
         return f"{label} has the kind {component.kind!r}; do not override '{contract.kind}' of {contract.__name__}."
@@ -64,7 +64,7 @@ def _unfit_option(component: Any, label: str) -> str:
     keys = {"model", "connect"} if issubclass(component, JointModel) else {"model"}
     if taken := sorted(fields.keys() & keys):
         return f"{label} has the option '{taken[0]}', which is a key of descriptions; choose another name."
-    if issubclass(component, IdentificationMethod) and (taken := sorted(fields.keys() & TAKEN_OPTIONS)):
+    if issubclass(component, IdentificationMethod) and (taken := sorted(fields.keys() & RESERVED_OPTIONS)):
         return f"{label} has the option '{taken[0]}', which is a parameter of 'identify'; choose another name."
     required = [name for name, field in fields.items() if field.is_required()]
     if issubclass(component, FrfReader) and required:

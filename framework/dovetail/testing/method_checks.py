@@ -2,28 +2,53 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
 
 import numpy as np
+import yaml
 from numpy.typing import NDArray
 
+from dovetail.assembly import Assembly, load
 from dovetail.frf import Frf
-from dovetail.interfaces import Estimate, IdentificationMethod, IdentificationProblem, Parameter, silent
+from dovetail.interfaces import Estimate, IdentificationMethod, silent
+from dovetail.problem import Problem
 from dovetail.testing.outcomes import Nonconformity, NotApplicable
 from dovetail.testing.specimen import SEED, Specimen
 from dovetail.testing.surroundings import observe
 
 _MASS = 1.0
 _TRUTH = np.array([2.0e6, 60.0])
-_PARAMETERS = (
-    Parameter("k", "N/m", 1e6, 4e6, "log", "stiffness"),
-    Parameter("c", "N s/m", 20.0, 200.0, "linear", "damping"),
-)
 _NOISE = 0.01
 """Standard deviation of real and imaginary part, relative to the magnitude."""
 _CLOSE = 0.05
 """Largest relative error of an estimate's FRF."""
+
+_DESCRIPTION = """\
+dovetail: 1
+name: oscillator
+frequency: {start: 100 Hz, stop: 400 Hz, step: 2 Hz}
+substructures:
+  mass: {model: lumped, masses: [{mass: 1 kg}]}
+  base: {model: ground}
+joints:
+  mount:
+    model: spring_damper
+    direction: x
+    connect: {a: {to: mass, at: 0 mm}, b: {to: base, at: 0 mm}}
+    parameters:
+      k: {range: [1e6 N/m, 4e6 N/m], scale: log}
+      c: {range: [20 N s/m, 200 N s/m], scale: linear}
+responses:
+"""
+_RESPONSE = "  - {name: sensor%d, at: mass, position: 0 mm, direction: x, quantity: accelerance}\n"
+
+
+@cache
+def _assembly(responses: int) -> Assembly:
+    """Return a mass on a spring and a damper, with one or more responses."""
+    text = _DESCRIPTION + "".join(_RESPONSE % number for number in range(responses))
+    return load(yaml.safe_load(text))
 
 
 def _oscillator(theta: NDArray[np.float64], lines: NDArray[np.float64]) -> NDArray[np.complex128]:
@@ -37,31 +62,22 @@ class MethodSpecimen(Specimen):
 
     component: IdentificationMethod
 
-    def problem(self, responses: int = 1, *, noise: float = _NOISE) -> IdentificationProblem:
+    def problem(self, responses: int = 1, *, noise: float = _NOISE) -> Problem:
         """Return a problem of one or more measurements of the same oscillator."""
         random = np.random.default_rng(SEED)
         axes = [np.linspace(100.0, 400.0, 151 + 20 * number) for number in range(responses)]
-        lines = np.concatenate(axes)
-        measured, variance = [], []
+        measured = []
         for axis in axes:
             exact = _oscillator(_TRUTH[np.newaxis], axis)[0]
             error = (
                 noise * np.abs(exact) * (random.standard_normal(axis.shape) + 1j * random.standard_normal(axis.shape))
             )
-            measured.append(Frf(axis, exact + error, "accelerance", label="oscillator"))
-            variance.append(2.0 * (max(noise, 1e-6) * np.abs(exact)) ** 2)
+            variance = 2.0 * (max(noise, 1e-6) * np.abs(exact)) ** 2
+            measured.append(Frf(axis, exact + error, "accelerance", label="oscillator", variance=variance))
+        problem = Problem.of(_assembly(responses).on(*axes), measured)
+        return problem if self.component.fits_lines else replace(problem, network=lambda: Estimate(1.001 * _TRUTH))
 
-        def frf(theta: NDArray[np.float64]) -> NDArray[np.complex128]:
-            return _oscillator(np.atleast_2d(theta), lines)
-
-        def frf_jacobian(theta: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-            values, omega = frf(theta), 2.0 * np.pi * lines
-            slope = values**2 / omega**2
-            return values, np.stack([slope, 1j * omega * slope], axis=-1)
-
-        return IdentificationProblem(_PARAMETERS, tuple(measured), np.concatenate(variance), frf, frf_jacobian)
-
-    def estimate(self, problem: IdentificationProblem | None = None) -> Estimate:
+    def estimate(self, problem: Problem | None = None) -> Estimate:
         """Return the method's estimate, after a check of its type."""
         estimate = self.component.identify(problem or self.problem(), seed=SEED, progress=silent)
         if not isinstance(estimate, Estimate):
@@ -81,11 +97,11 @@ def check_the_estimate_is_within_the_ranges(specimen: MethodSpecimen) -> None:
     if estimate.samples is not None:
         arrays.append(("samples", np.asarray(estimate.samples)))
     for name, array in arrays:
-        if array.ndim != 2 or array.shape[1] != len(_PARAMETERS) or not np.isfinite(array).all():
+        if array.ndim != 2 or array.shape[1] != len(_TRUTH) or not np.isfinite(array).all():
             raise Nonconformity(
                 f"{name} has the shape {array.shape} or is not finite.", "Return one number for each parameter."
             )
-        for column, parameter in enumerate(_PARAMETERS):
+        for column, parameter in enumerate(_assembly(1).parameters):
             if np.any((array[:, column] < parameter.lower) | (array[:, column] > parameter.upper)):
                 raise Nonconformity(f"{name}: {parameter.name} is outside its range.", "Clip to `lower` and `upper`.")
 
@@ -121,7 +137,8 @@ def check_samples_agree_with_the_estimate(specimen: MethodSpecimen) -> None:
     distance = np.abs(_TRUTH - samples.mean(axis=0)) / np.maximum(samples.std(axis=0), 1e-12 * _TRUTH)
     if np.any(distance > 6.0):
         column = int(np.argmax(distance))
-        problem = f"the truth of {_PARAMETERS[column].name} is {distance[column]:.2g} standard deviations away."
+        name = _assembly(1).parameters[column].name
+        problem = f"the truth of {name} is {distance[column]:.2g} standard deviations away."
         raise Nonconformity(problem, "Scale the samples' scatter to the measurement's random error.")
 
 
@@ -142,7 +159,7 @@ def check_nothing_is_printed_or_changed(specimen: MethodSpecimen) -> None:
         raise Nonconformity(f"it changes {', '.join(changed)}.", "Restore it; report through `progress`.")
 
 
-def _misfit(exact: IdentificationProblem, estimate: Estimate) -> float:
+def _misfit(exact: Problem, estimate: Estimate) -> float:
     """Return the relative error of the estimate's FRF, over all lines."""
     difference = exact.frf(np.asarray(estimate.theta, dtype=np.float64)[np.newaxis])[0] - exact.values
     return float(np.linalg.norm(difference) / np.linalg.norm(exact.values))

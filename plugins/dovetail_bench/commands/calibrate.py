@@ -97,7 +97,7 @@ def calibrate(
     kind = one_of(NOISE_KINDS, noise_kind, "--noise-kind")
     loaded, model = assembly_or_model(assembly, plugin)
     chosen = chosen_method(method, plugin, loaded)
-    if method == "network" and model is None:
+    if not chosen.fits_lines and model is None:
         model = trained_model(loaded, plugin or [], retrain=False)
     prepare_folder(output, _FILES, _FILES[0])
     with progress_bars() as progress:

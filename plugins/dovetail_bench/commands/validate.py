@@ -71,15 +71,15 @@ def validate(
     exit_unless_trustworthy(done)
 
 
-def _method(name: str | IdentificationMethod, plugins: list[Path]) -> str | IdentificationMethod | Identify:
-    """Return the method that identifies joints; 'network' becomes a function that uses the model of each assembly."""
+def _method(method: IdentificationMethod, plugins: list[Path]) -> IdentificationMethod | Identify:
+    """Return a method that identifies joints; one that needs a network uses the model of each assembly."""
 
     def by_network(assembly: Assembly, measured: Frf) -> Identification:
         from dovetail.commands import trained_model
 
-        return trained_model(assembly, plugins, retrain=False).identify(measured, "network")
+        return trained_model(assembly, plugins, retrain=False).identify(measured, method)
 
-    return by_network if name == "network" else name
+    return method if method.fits_lines else by_network
 
 
 def _print(done: Validation) -> None:

@@ -327,13 +327,13 @@ class _Study:
         if not (np.isfinite(setting.noise) and setting.noise > 0.0):
             raise ParameterError(Fault("noise", f"{setting.noise:g} is no noise.", "more than 0"))
         unknown = [name for name in ("samples", "model_error") if getattr(setting, name) != getattr(Setting, name)]
-        if method != "posterior" and unknown:
+        if setting.method != "posterior" and unknown:
             problem = f"the method '{setting.method}' has no option {listing(unknown)} in a calibration."
             raise ParameterError(Fault("options", problem, "seed"))
         self._assembly = assembly
         self._setting, self._method, self._model = setting, method, model
         self._options: dict[str, Any] = {}
-        if method == "posterior":
+        if setting.method == "posterior":
             self._options = {"samples": setting.samples, "model_error": setting.model_error}
         self._true = finer(assembly, setting.finer_mesh)
         for response_assembly in (*assembly.each_response, *self._true.each_response):
@@ -354,7 +354,7 @@ class _Study:
         fraction = random.random(len(self._assembly.parameters))
         measured = self._measured(fraction, random)
         began = time.perf_counter()
-        options = self._options if self._method == "network" else {**self._options, "seed": index}
+        options = self._options if self._setting.method == "network" else {**self._options, "seed": index}
         result = identify(self._assembly, measured, self._method, model=self._model, **options)
         posterior = result.posterior
         seconds = time.perf_counter() - began

@@ -32,7 +32,6 @@ from dovetail import (
     train,
 )
 from dovetail.evaluation import (
-    METHODS,
     batch_contradictions,
     check_cover,
     check_mass,
@@ -54,7 +53,6 @@ from dovetail_bench.evaluation.validation import PROMINENCE
 
 RIGID = "rigid"
 """The joint's contacts rigid and its other parameters in the middle of their ranges: nothing is identified."""
-_FITS = tuple(name for name in METHODS if name != "network")
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,9 +205,9 @@ def compare(
         raise ParameterError(Fault("truth", problem, listing(map(_stem, cases.cases))))
     files = tuple(plugins)
     assembly, registry = load(source, plugins=files), components(files)
-    methods = methods or registry.defaults.get("compare", (*_FITS, RIGID))
-    fits = [method for method in methods if method in _FITS or registry.kinds_of(method) == ("method",)]
-    ways = {method: find_method(method, assembly, registry) for method in fits}
+    methods = methods or registry.defaults.get("compare", (*registry.names("method"), RIGID))
+    named = [method for method in methods if registry.kinds_of(method) == ("method",)]
+    ways = {method: way for method in named if (way := find_method(method, assembly, registry)).fits_lines}
     networks = [method for method in methods if method not in (*ways, RIGID)]
     variants = {name: variant(assembly, name, registry) for name in networks}
     measured: dict[str, Frf] = {}

@@ -6,13 +6,14 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from numbers import Real
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import Fault, Importance, Note, ParameterError, listing
 from dovetail.frf.resonance_peaks import counterpart, resonance_peaks
-from dovetail.inference.adequacy.causes import find_causes
+from dovetail.inference.adequacy.causes import CAUSE_SECONDS, find_causes
 from dovetail.inference.adequacy.model_error_size import (
     FitWithError,
     estimate_model_error,
@@ -36,8 +37,8 @@ from dovetail.inference.posterior import typical_model_error
 from dovetail.inference.posterior.model_error import ModelError
 from dovetail.interfaces import Progress, logged, silent
 from dovetail.problem import Problem
+from dovetail.problem.definition import bounds_reached
 from dovetail.problem.observations import Observations
-from dovetail.problem.ranges import bounds_reached
 
 
 @dataclass(frozen=True)
@@ -76,13 +77,51 @@ def check_limits(model_error: float | None, cause_seconds: float = 0.0) -> None:
         raise ParameterError(Fault("cause_seconds", f"{cause_seconds!r:.40} s is no time.", "0, for none, or more"))
 
 
+class JudgedFit(NamedTuple):
+    """A fit, and how well the model explains the measurement with it.
+
+    Parameters
+    ----------
+    fit : Fit
+        With the errors that the model turned out to have, if it does not reach the noise.
+    adequacy : Adequacy
+    """
+
+    fit: Fit
+    adequacy: Adequacy
+
+    @property
+    def is_trustworthy(self) -> bool:
+        """Whether the numbers can be trusted."""
+        return self.adequacy.fits
+
+
+@dataclass(frozen=True)
+class JudgementOptions:
+    """What a model is allowed, and how long causes of a misfit are searched for.
+
+    Parameters
+    ----------
+    model_error : float, optional
+        Relative error of natural frequencies that the model is allowed; by default the one that the measurement shows.
+    cause_seconds : float
+        Time [s] after which no further cause of a misfit is tried; with 0 none is.
+
+    Raises
+    ------
+    ParameterError
+        A value is out of its range.
+    """
+
+    model_error: float | None = None
+    cause_seconds: float = CAUSE_SECONDS
+
+    def __post_init__(self) -> None:
+        check_limits(self.model_error, self.cause_seconds)
+
+
 def assess(
-    problem: Problem,
-    fit: Fit,
-    model_error: float | None,
-    *,
-    cause_seconds: float,
-    progress: Progress,
+    problem: Problem, fit: Fit, options: JudgementOptions, *, progress: Progress = silent
 ) -> tuple[Adequacy, Fit]:
     """Judge how well a fit explains a measurement, and refit with the errors that the model turns out to have.
 
@@ -91,10 +130,7 @@ def assess(
     problem : Problem
     fit : Fit
         Of the same measurement.
-    model_error : float or None
-        Relative error of natural frequencies that the model is allowed; with None what the measurement shows.
-    cause_seconds : float
-        Time after which no further cause is tried; with 0 none is.
+    options : JudgementOptions
     progress : Progress
 
     Returns
@@ -103,7 +139,7 @@ def assess(
     Fit
         The given fit if it is to the noise and no error is allowed.
     """
-    target = problem.observations
+    target, model_error, cause_seconds = problem.observations, options.model_error, options.cause_seconds
     remarks = tuple(_remarks(problem, fit, None))
     noise = is_noise(problem, fit)
     if not shows_structure(target, fit, fits=noise):
@@ -149,44 +185,44 @@ def assess(
     return adequacy, refitted
 
 
-def judge_fit(
-    problem: Problem,
-    fit: Fit,
-    model_error: float | None,
-    seed: int,
-    cause_seconds: float,
-    progress: Progress,
-) -> tuple[Adequacy, Fit]:
+def judge(
+    problem: Problem, fit: Fit, options: JudgementOptions | None = None, *, seed: int = 0, progress: Progress = silent
+) -> JudgedFit:
     """Judge how well a model explains a measurement, by its random error even if lines are weighted otherwise.
 
     Parameters
     ----------
-    problem, fit, model_error, cause_seconds, progress
-        As in `assess`.
+    problem : Problem
+    fit : Fit
+        Of the same measurement.
+    options : JudgementOptions, optional
     seed : int
         Of the starts of the fit that is judged instead if lines are weighted.
+    progress : Progress
 
     Returns
     -------
-    Adequacy
-        With weights, of the fit by the random error.
-    Fit
-        As `assess` returns it. With weights, the given parameters with their chi-squared over the random error.
+    JudgedFit
+        With weights, the adequacy is that of a fit by the random error, and the fit has the given parameters with their
+        chi-squared over the random error.
     """
+    options = options or JudgementOptions()
     if problem.unweighted is None:
-        return assess(problem, fit, model_error, cause_seconds=cause_seconds, progress=progress)
+        adequacy, refitted = assess(problem, fit, options, progress=progress)
+        return JudgedFit(refitted, adequacy)
     own = problem.judged
     judged = refine(own, [fit.theta], seed=seed, progress=progress)
-    adequacy, _ = assess(own, judged, model_error, cause_seconds=cause_seconds, progress=progress)
+    adequacy, _ = assess(own, judged, options, progress=progress)
     residual = own.observations.weighted(judged.variance, judged.used)
-    squares = float(np.sum(residual.of(own.values(fit.theta)[np.newaxis]) ** 2))
-    return adequacy, replace(
+    squares = float(np.sum(residual.of(own.frf_at(fit.theta)[np.newaxis]) ** 2))
+    with_own_error = replace(
         fit,
         chi_squared=squares / judged.degrees_of_freedom,
         degrees_of_freedom=judged.degrees_of_freedom,
         variance_known=judged.variance_known,
         variance_assumed=judged.variance_assumed,
     )
+    return JudgedFit(with_own_error, adequacy)
 
 
 @dataclass(frozen=True, eq=False)

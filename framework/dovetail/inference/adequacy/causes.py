@@ -338,9 +338,8 @@ def _alignment(trials: Trials, perturbation: Perturbation) -> float:
     """Return |cos| of the angle between residuals and a perturbation's effect, both without what the joint can do."""
     theta, residual = trials.unchanged.theta[np.newaxis], trials.residual()
     frf, jacobian = trials.problem.model.linearise(theta)
-    ahead = residual.of(trials.problem.with_assembly(perturbation.apply(_SETTINGS.step)).values(theta[0])[np.newaxis])[
-        0
-    ]
+    changed = trials.problem.with_assembly(perturbation.apply(_SETTINGS.step))
+    ahead = residual.of(changed.frf_at(theta[0])[np.newaxis])[0]
     residuals = residual.of(frf)[0]
     change, left = without(np.stack([ahead - residuals, residuals]), residual.jacobian(frf, jacobian)[0])
     return float(abs(change @ left) / max(np.linalg.norm(change) * np.linalg.norm(left), np.finfo(float).tiny))

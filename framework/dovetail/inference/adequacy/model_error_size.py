@@ -110,7 +110,7 @@ class _ErrorEffects:
     @property
     def values(self) -> NDArray[np.complex128]:
         """The model's FRFs at the fit (n_lines,)."""
-        return self.problem.values(self.problem.from_unit(self.fraction))
+        return self.problem.frf_at(self.problem.from_unit(self.fraction))
 
     def residual(self, values: NDArray[np.complex128], size: ModelError) -> tuple[NDArray[np.intp], Residual]:
         """Return the lines that residuals need, and the residuals; other errors are added to their random error."""

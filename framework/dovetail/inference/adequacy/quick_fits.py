@@ -280,7 +280,7 @@ class Trials:
 
     def values(self, theta: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return the FRFs (n_lines,) at parameters (p,) [SI]."""
-        return self.problem.values(theta)
+        return self.problem.frf_at(theta)
 
     @property
     def _amplitudes(self) -> Observations:
@@ -312,7 +312,7 @@ class Trials:
         return target.weighted(variance + typical * size, self._used)
 
     def _trial(self, problem: Problem, theta: NDArray[np.float64]) -> Trial:
-        return self._judged(problem.observations, theta, problem.values(theta))
+        return self._judged(problem.observations, theta, problem.frf_at(theta))
 
     def _judged(self, target: Observations, theta: NDArray[np.float64], values: NDArray[np.complex128]) -> Trial:
         measured = target.values

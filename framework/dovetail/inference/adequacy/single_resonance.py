@@ -92,7 +92,7 @@ def separate_errors(problem: Problem, fit: Fit) -> SeparatedErrors | None:
     if not fit.steps:
         return None
     target = problem.observations
-    at_fit = target.split(problem.values(fit.theta))
+    at_fit = target.split(problem.frf_at(fit.theta))
     if not all(frf.has_phase for frf in target.frfs) or _single_pole(target.frfs, at_fit) is None:
         return None
     measured = _modal_fits(target.frfs, target, fit, at_fit)

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from dovetail.errors import Fault, ParameterError, listing
 from dovetail.inference.fitting.whiteness import NOISE_ALARM, has_size_of_noise, is_white, log_improbability
-from dovetail.interfaces import Progress, silent
+from dovetail.interfaces import Estimate, Progress, silent
 from dovetail.problem import Problem
+from dovetail.problem.definition import bounds_reached
 from dovetail.problem.least_squares import minimise, without
 from dovetail.problem.observations import Observations
 from dovetail.problem.random_error import ASSUMED_NOISE, FOURTH_DIFFERENCE
-from dovetail.problem.ranges import bounds_reached
 
 Objective: TypeAlias = Literal["frf", "weighted"]
 """Residuals that are minimised: differences of the FRFs as they are, or over their random error."""
@@ -35,8 +35,8 @@ _SAME_MINIMUM = 1e-3
 """Relative difference of sums of squares below which two searches ended in the same minimum."""
 
 
-@dataclass(frozen=True, eq=False)
-class Fit:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Fit(Estimate):
     """Parameters fitted to one measured FRF, or to one for each response.
 
     Parameters
@@ -75,7 +75,6 @@ class Fit:
         Wall-clock time.
     """
 
-    theta: NDArray[np.float64]
     information: NDArray[np.float64]
     chi_squared: float
     degrees_of_freedom: int

@@ -15,8 +15,8 @@ from dovetail.inference.fitting.search_lines import Smoothed, missed_resonances,
 from dovetail.inference.fitting.whiteness import NOISE_ALARM, has_size_of_noise, is_of_few_lines, is_white
 from dovetail.interfaces import Progress, logged, silent
 from dovetail.problem import Problem
+from dovetail.problem.definition import bounds_reached, fractions_within
 from dovetail.problem.least_squares import Minima, cuts, minimise, profiles
-from dovetail.problem.ranges import bounds_reached, fractions_within
 from dovetail.problem.residuals import FrfResiduals, WithPrior
 
 
@@ -351,7 +351,7 @@ class _Refinement:
         return best, (relative, background)
 
     def _values(self, minima: Minima) -> NDArray[np.complex128]:
-        return self._problem.values(self._problem.from_unit(minima.position[0]))
+        return self._problem.frf_at(self._problem.from_unit(minima.position[0]))
 
     def _sizes(self, best: Minima) -> NDArray[np.float64]:
         """Return the size of each line's whitened residual at the best fit."""

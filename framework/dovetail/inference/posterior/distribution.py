@@ -33,7 +33,7 @@ from dovetail.inference.posterior.verdicts import (
     word_for_groups,
 )
 from dovetail.interfaces import Parameter
-from dovetail.problem.ranges import values_at
+from dovetail.problem.definition import values_at
 
 _NUMBERS = {2: "two", 3: "three", 4: "four"}
 _FEWEST_SAMPLES = 20  # of fewer, the ends of an interval would be the outermost samples

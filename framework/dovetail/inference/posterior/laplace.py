@@ -177,7 +177,7 @@ def half_about_the_fit(
     weight : (n,) array
         Sums to 1.
     """
-    target, values = problem.observations, problem.values(fit.theta)
+    target, values = problem.observations, problem.frf_at(fit.theta)
     pairs = zip(target.frfs, target.split(values), strict=True)
     of_fit = [replace(frf, values=modelled if frf.has_phase else np.abs(modelled)) for frf, modelled in pairs]
     residuals = build_likelihood(problem.with_frfs(of_fit), fit, model_error).posterior

@@ -113,7 +113,7 @@ def build_likelihood(problem: Problem, fit: Fit, model_error: ModelError) -> Lik
         Of the same measurement. Its random error and the lines that it left out are used.
     model_error : ModelError
     """
-    target, values = problem.observations, problem.values(fit.theta)
+    target, values = problem.observations, problem.frf_at(fit.theta)
     shapes = error_shapes(target.frfs, target.split(values), model_error)
     lines, residual = weigh(target, fit.variance, fit.used, values, model_error)
 

@@ -69,7 +69,7 @@ class UnknownChain:
         columns = np.array([names.index(parameter.name) for parameter in assembly.parameters], dtype=np.intp)
         theta = unknown.vector(dict.fromkeys(added, 0.0) | {name: 1.0 for name in added if name.endswith(".gain")})
         theta[columns] = fit.theta
-        values = target.split(problem.values(fit.theta))
+        values = target.split(problem.frf_at(fit.theta))
         pairs = zip(target.frfs, values, target.split(fit.variance), strict=True)
         for response, factor in zip(description.responses, (_factor(*pair) for pair in pairs), strict=True):
             for name, value in ((f"{response.name}.gain", abs(factor)), (f"{response.name}.phase", np.angle(factor))):

@@ -1,0 +1,53 @@
+"""The refined fit, with the posterior of the parameters: intervals, correlations and verdicts."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+import dovetail
+from dovetail_plugins.methods.refined import Refined
+
+
+class PosteriorMethod(Refined):
+    """The refined fit, then samples of the posterior; the default method."""
+
+    name = "posterior"
+    summary = "The refined fit, with intervals and a verdict for each parameter"
+    gives_posterior = True
+    references = ("Bardsley et al., SIAM J. Sci. Comput. 36 (2014) A1895",)
+
+    class Config(dovetail.ComponentConfig):
+        """How the posterior is represented.
+
+        Attributes
+        ----------
+        form : {"samples", "laplace"}
+            Samples of the posterior, or a Gaussian about its mode, which is faster but cannot follow a curved
+            posterior. If the model does not fit, intervals are not to be trusted, and the Gaussian is used in any case.
+        samples : int
+            Number of samples, 20 at least, for intervals of 90 %.
+        """
+
+        form: Literal["samples", "laplace"] = "samples"
+        samples: Annotated[int, Field(ge=20)] = 400
+
+    def sample(
+        self,
+        problem: dovetail.Problem,
+        judged: dovetail.JudgedFit,
+        *,
+        seed: int,
+        progress: dovetail.Progress = dovetail.silent,
+    ) -> dovetail.Posterior:
+        """Return the posterior, with the errors that the model turned out to have allowed for."""
+        draw = dovetail.laplace_posterior if self.config.form == "laplace" else dovetail.sample_posterior
+        return (draw if judged.is_trustworthy else dovetail.laplace_posterior)(
+            problem,
+            dovetail.allow_for_unknown_noise(problem.observations, judged.fit),
+            samples=self.config.samples,
+            model_error=judged.adequacy.error_in_intervals,
+            seed=seed,
+            progress=progress,
+        )

@@ -1,0 +1,20 @@
+"""A least-squares fit down to the random error of the measurement."""
+
+from __future__ import annotations
+
+import dovetail
+
+
+class Refined(dovetail.IdentificationMethod[dovetail.Problem]):
+    """Least squares with exact derivatives, from starts all over the ranges or from those that are given."""
+
+    name = "refined"
+    summary = "A least-squares fit down to the random error of the measurement"
+    uses_starts = True
+    refits_with_errors = True
+
+    def identify(
+        self, problem: dovetail.Problem, *, seed: int, progress: dovetail.Progress = dovetail.silent
+    ) -> dovetail.Estimate:
+        """Fit the parameters."""
+        return dovetail.refine(problem, problem.starts, seed=seed, progress=progress)
