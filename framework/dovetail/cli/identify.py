@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from dovetail.interfaces import IdentificationMethod
     from dovetail.report.content import ParameterRow
 
-_STARTED = ("refined", "posterior")
-"""Methods that start from a network's answer."""
 _WORDS = ("unit", "precision", "verdict", "best fit lies", "range")
 """Columns of the table of parameters, in addition to the first, that are not numbers."""
 
@@ -131,7 +129,7 @@ class _Job:
     assembly: Assembly
     measured: list[Path]
     reading: Reading
-    method: str | IdentificationMethod
+    method: IdentificationMethod
     options: Mapping[str, Any]
     truth: Path | None
     output: Path | None
@@ -248,7 +246,7 @@ def _identify_one(job: _Job, command: str, *, with_network: bool) -> None:
 def _model(
     assembly: Assembly,
     model: Identifier | None,
-    method: str | IdentificationMethod,
+    method: IdentificationMethod,
     wanted: bool | None,
     plugins: list[Path],
     *,
@@ -263,7 +261,7 @@ def _model(
         return model
     if wanted:
         return trained_model(assembly, plugins, retrain=retrain)
-    return kept_model(assembly, plugins) if method in _STARTED else None
+    return kept_model(assembly, plugins) if method.uses_starts else None
 
 
 def _identify_from_modes(job: _Job) -> None:
