@@ -1,6 +1,7 @@
 """Assemblies: FRFs and modes as functions of the parameters, made from descriptions."""
 
 from dovetail.assembly.doubts import find_doubts
+from dovetail.assembly.frf_model import FrfModel
 from dovetail.assembly.loading import AssemblySource, as_assembly, load
 from dovetail.assembly.model import Assembly
 from dovetail.assembly.natural_frequencies import modes_in_band
@@ -13,6 +14,7 @@ __all__ = [
     "FRF_TOLERANCE",
     "Assembly",
     "AssemblySource",
+    "FrfModel",
     "ParameterSpace",
     "ResponseFrfs",
     "Theta",

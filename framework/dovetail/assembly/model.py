@@ -11,6 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dovetail.assembly.frf_model import FrfModel
 from dovetail.assembly.parameters import AffineMap, ParameterSpace, ResponseFrfs, Theta, points_and_pairs
 from dovetail.assembly.structure import entries_at_response, graph_between, graph_of
 from dovetail.assembly.vibration_modes import SeenPoles, VibrationMode, natural_frequencies
@@ -109,11 +110,11 @@ class Assembly:
     def _first(self) -> ResponseFrfs:
         return self._frfs_at(self.description.responses[:1])
 
-    def combined(self, others: Sequence[Assembly], /) -> ResponseFrfs | None:
+    def combined(self, others: Sequence[FrfModel], /) -> ResponseFrfs | None:
         """Return the FRFs of the first responses of this and others by one elimination, if they see one structure."""
         for other in others:
-            same = type(self) is type(other) and (self._rigid, self._added) == (other._rigid, other._added)
-            if not same or type(self) is not Assembly or not np.array_equal(self.frequency, other.frequency):
+            same = isinstance(other, Assembly) and (self._rigid, self._added) == (other._rigid, other._added)
+            if not same or not np.array_equal(self.frequency, other.frequency):
                 return None
         return self._frfs_at([model.description.response for model in (self, *others)])
 

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly import Assembly
+from dovetail.assembly import Assembly, FrfModel
 from dovetail.frf import Frf
 from dovetail.interfaces import Estimate, IdentificationProblem, Parameter, Scale
 from dovetail.problem.observations import Observations
@@ -36,6 +36,8 @@ class Problem(IdentificationProblem):
     starts : tuple of (n_params,) arrays
     network : callable, optional
         As in `IdentificationProblem`.
+    changed : FrfModel, optional
+        The model to compare instead of the assembly, with the same parameters.
     """
 
     assembly: Assembly
@@ -43,6 +45,7 @@ class Problem(IdentificationProblem):
     unweighted: Observations | None = None
     starts: tuple[NDArray[np.float64], ...] = ()
     network: Callable[[], Estimate] | None = None
+    changed: FrfModel | None = None
 
     @staticmethod
     def of(assembly: Assembly, measured: Frf | Sequence[Frf]) -> Problem:
@@ -58,7 +61,7 @@ class Problem(IdentificationProblem):
     @cached_property
     def model(self) -> ModelFrfs:
         """The FRFs of all responses as functions of the parameters."""
-        return ModelFrfs.of(self.assembly)
+        return ModelFrfs.of(self.changed or self.assembly)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -68,7 +71,7 @@ class Problem(IdentificationProblem):
     @property
     def judged(self) -> Problem:
         """The problem by which the model is judged: with the random error of the measurement, whatever the weights."""
-        return self if self.unweighted is None else Problem(self.assembly, self.unweighted)
+        return self if self.unweighted is None else Problem(self.assembly, self.unweighted, changed=self.changed)
 
     def from_unit(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
         """Map fractions of the ranges (..., p) to SI values."""
@@ -112,15 +115,21 @@ class Problem(IdentificationProblem):
     def at(self, lines: NDArray[np.intp]) -> Problem:
         """Return the problem with some of the lines only (increasing indices), at least one of each response."""
         observations = self.observations.at(lines)
-        return Problem(self.assembly.on(*(frf.frequency for frf in observations.frfs)), observations)
+        axes = [frf.frequency for frf in observations.frfs]
+        changed = None if self.changed is None else self.changed.on(*axes)
+        return Problem(self.assembly.on(*axes), observations, changed=changed)
 
     def with_frfs(self, frfs: Sequence[Frf]) -> Problem:
         """Return the problem with other measured values on the same lines."""
-        return Problem(self.assembly, Observations(tuple(frfs)))
+        return Problem(self.assembly, Observations(tuple(frfs)), changed=self.changed)
 
     def with_assembly(self, assembly: Assembly) -> Problem:
         """Return the problem of the same observations with another model."""
-        return replace(self, assembly=assembly)
+        return replace(self, assembly=assembly, changed=None)
+
+    def with_model(self, model: FrfModel) -> Problem:
+        """Return the problem of the same observations with the FRFs of another model of the same parameters."""
+        return replace(self, changed=model)
 
 
 def values_at(parameters: Sequence[Parameter], fraction: NDArray[np.float64]) -> NDArray[np.float64]:

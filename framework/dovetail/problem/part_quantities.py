@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly import Assembly
+from dovetail.assembly import Assembly, FrfModel
 from dovetail.documents.option_fields import numbers_within
 from dovetail.errors import DovetailError
 from dovetail.interfaces import SubstructureModel
@@ -25,7 +25,7 @@ _OF_MATERIALS = ("Pa", "kg/m^3")
 _STEP = 1e-6
 """Step of the finite differences, as the logarithm of the ratio of two values of a quantity."""
 
-Apply: TypeAlias = Callable[[float], Assembly]
+Apply: TypeAlias = Callable[[float], FrfModel]
 """From the amount of a change to the changed assembly."""
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from dovetail.assembly import Assembly, ResponseFrfs
+from dovetail.assembly import FrfModel, ResponseFrfs
 from dovetail.frf import Frf
 from dovetail.frf.rice import rice_mean
 from dovetail.interfaces import Parameter
@@ -43,14 +43,14 @@ class ModelFrfs:
 
     Parameters
     ----------
-    assemblies : tuple of Assembly
+    assemblies : tuple of FrfModel
         One for each response.
     """
 
-    assemblies: tuple[Assembly, ...]
+    assemblies: tuple[FrfModel, ...]
 
     @staticmethod
-    def of(assembly: Assembly) -> ModelFrfs:
+    def of(assembly: FrfModel) -> ModelFrfs:
         """Return the FRFs of all responses at all lines."""
         return ModelFrfs(assembly.each_response)
 
@@ -124,14 +124,14 @@ class FrfResiduals:
 
     Parameters
     ----------
-    model : Assembly or ModelFrfs
+    model : FrfModel or ModelFrfs
         With parameters to identify.
     residual : Residual
         Of the concatenated FRFs of the assembly's responses, in their quantities.
     """
 
-    def __init__(self, model: Assembly | ModelFrfs, residual: Residual) -> None:
-        self._model = ModelFrfs.of(model) if isinstance(model, Assembly) else model
+    def __init__(self, model: FrfModel | ModelFrfs, residual: Residual) -> None:
+        self._model = model if isinstance(model, ModelFrfs) else ModelFrfs.of(model)
         self._assembly = self._model.assemblies[0]
         self._residual = residual
 

@@ -338,7 +338,7 @@ def _alignment(trials: Trials, perturbation: Perturbation) -> float:
     """Return |cos| of the angle between residuals and a perturbation's effect, both without what the joint can do."""
     theta, residual = trials.unchanged.theta[np.newaxis], trials.residual()
     frf, jacobian = trials.problem.model.linearise(theta)
-    changed = trials.problem.with_assembly(perturbation.apply(_SETTINGS.step))
+    changed = trials.problem.with_model(perturbation.apply(_SETTINGS.step))
     ahead = residual.of(changed.frf_at(theta[0])[np.newaxis])[0]
     residuals = residual.of(frf)[0]
     change, left = without(np.stack([ahead - residuals, residuals]), residual.jacobian(frf, jacobian)[0])
@@ -356,7 +356,7 @@ def _perturbed(trials: Trials, perturbation: Perturbation, amounts: tuple[float,
             joint = trials.search(there, trials.unchanged.theta) if amount else trials.unchanged.theta
             found, theta = trials.fit_amount(perturbation, joint, amount)
             if abs(found) >= perturbation.negligible:
-                trial = trials.fit(trials.problem.with_assembly(perturbation.apply(found)), [theta])
+                trial = trials.fit(trials.problem.with_model(perturbation.apply(found)), [theta])
                 candidates.append((perturbation.kind, perturbation.describe(found), trial))
         except (DovetailError, np.linalg.LinAlgError):
             continue

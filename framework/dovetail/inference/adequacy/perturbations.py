@@ -12,9 +12,9 @@ from itertools import pairwise
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from dovetail.assembly import Assembly, Theta
+from dovetail.assembly import Assembly, FrfModel, Theta
 from dovetail.description import Description
 from dovetail.errors import DovetailError
 from dovetail.frf import conversion
@@ -92,7 +92,7 @@ def _added_mass(assembly: Assembly) -> Iterator[Perturbation]:
     quantity = drive_point.description.response.quantity
     accelerance = drive_point.frf() * conversion(drive_point.frequency, quantity, "accelerance")
     apparent = 1.0 / float(np.median(np.abs(accelerance)))
-    apply, describe = partial(LoadedAssembly, responses), partial(_describe_mass, len(responses))
+    apply, describe = partial(LoadedModel, responses), partial(_describe_mass, len(responses))
     yield Perturbation("mass", "mass", apply, describe, -0.5 * apparent, apparent, 1e-3 * apparent)
 
 
@@ -202,8 +202,8 @@ class PerturbedResiduals:
         return FrfResiduals(self._perturbation.apply(amount), self._residual)
 
 
-class LoadedAssembly(Assembly):
-    """An assembly with a mass that is moved from response to response, to each while it is measured.
+class LoadedModel:
+    """An assembly with a mass that is moved from response to response, to each while it is measured (`FrfModel`).
 
     Parameters
     ----------
@@ -214,15 +214,34 @@ class LoadedAssembly(Assembly):
     """
 
     def __init__(self, responses: Sequence[tuple[Assembly, Assembly]], mass: float) -> None:
-        (self._plain, self._at_response), *self._others = responses
-        super().__init__(self._plain.description)
+        self._responses, self._mass = responses, mass
+        self._plain, self._at_response = responses[0]
+        self.description, self.parameters = self._plain.description, self._plain.parameters
+        self.frequency = self._plain.frequency
         quantity = self._at_response.description.response.quantity
-        self._mass, self._load = mass, mass * conversion(self.frequency, quantity, "accelerance")
+        self._load = mass * conversion(self.frequency, quantity, "accelerance")
 
     @cached_property
-    def each_response(self) -> tuple[Assembly, ...]:
-        """One assembly for each response; the first is this one."""
-        return self, *(LoadedAssembly([other], self._mass) for other in self._others)
+    def each_response(self) -> tuple[LoadedModel, ...]:
+        """One model for each response; the first is this one."""
+        return self, *(LoadedModel([other], self._mass) for other in self._responses[1:])
+
+    def from_unit(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Map fractions of the ranges to SI values."""
+        return self._plain.from_unit(fraction)
+
+    def to_unit(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Map SI values to fractions of the ranges."""
+        return self._plain.to_unit(theta)
+
+    def on(self, frequency: ArrayLike, *further: ArrayLike) -> LoadedModel:
+        """Return the same model at other frequencies: one axis for all responses, or one for each."""
+        axes = (frequency, *further) if further else (frequency,) * len(self._responses)
+        pairs = zip(self._responses, axes, strict=True)
+        return LoadedModel([(plain.on(axis), there.on(axis)) for (plain, there), axis in pairs], self._mass)
+
+    def combined(self, _others: Sequence[FrfModel], /) -> None:
+        """Return None, since the structure is another one for each response."""
 
     def frf(self, theta: Theta = None) -> NDArray[np.complex128]:
         """Return the FRFs as measured, (n_freq,) or (n, n_freq)."""

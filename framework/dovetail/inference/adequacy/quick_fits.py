@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from dovetail.assembly import Assembly
+from dovetail.assembly import Assembly, FrfModel
 from dovetail.frf import Frf, coherence_spectrum
 from dovetail.inference.adequacy.perturbations import Perturbation, PerturbedResiduals, list_perturbations
 from dovetail.inference.fitting import Fit
@@ -180,14 +180,14 @@ class Trials:
         starts = np.concatenate([self.assembly.to_unit(self.best)[np.newaxis], self._most_similar(problem)])
         return np.asarray(self.assembly.from_unit(self._lowest(problem, starts)))
 
-    def search(self, assembly: Assembly, *starts: NDArray[np.float64]) -> NDArray[np.float64]:
+    def search(self, model: FrfModel, *starts: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the parameters (p,) [SI] whose amplitudes fit best with another model.
 
         The search begins at `starts` and at the random joints with the most similar amplitudes.
         """
-        problem = self.problem.with_assembly(assembly).residuals(self._logarithms(self._amplitudes))
-        points = np.concatenate([assembly.to_unit(np.array([self.best, *starts])), self._most_similar(problem)])
-        return np.asarray(assembly.from_unit(self._lowest(problem, points)))
+        problem = self.problem.with_model(model).residuals(self._logarithms(self._amplitudes))
+        points = np.concatenate([model.to_unit(np.array([self.best, *starts])), self._most_similar(problem)])
+        return np.asarray(model.from_unit(self._lowest(problem, points)))
 
     def fit(self, problem: Problem, starts: Sequence[NDArray[np.float64]]) -> Trial:
         """Fit a model to measured FRFs: first to their logarithms, then to the values, weighted by typical residuals.
@@ -264,7 +264,7 @@ class Trials:
             problem = PerturbedResiduals(perturbation, residual)
             end = self._lowest(problem, problem.position(self.assembly.to_unit(theta), amount))
             amount, theta = problem.amount(end), self.assembly.from_unit(end[:-1])
-            trial = self._trial(self.problem.with_assembly(perturbation.apply(amount)), theta)
+            trial = self._trial(self.problem.with_model(perturbation.apply(amount)), theta)
             if trial.misfit > self._most:
                 break
             residual = self._weighted(self.target, trial.values)

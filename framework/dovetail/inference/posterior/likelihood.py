@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.linalg import qr
 from scipy.special import ndtr, ndtri
 
+from dovetail.assembly import Assembly
 from dovetail.inference.fitting import Fit
 from dovetail.inference.posterior.frequency_average import needs_average, unshaped_deviation, weigh
 from dovetail.inference.posterior.model_error import ModelError, error_shapes
@@ -310,7 +311,8 @@ def _pivots(basis: NDArray[np.float64]) -> NDArray[np.intp]:
 def _on_lines(likelihood: Likelihood, lines: NDArray[np.intp]) -> ModelFrfs:
     model = likelihood.model.at(lines)
     for response in model.assemblies:
-        response.engine.threads = 1  # so little work is done before others have begun
+        if isinstance(response, Assembly):
+            response.engine.threads = 1  # so little work is done before others have begun
     return model
 
 
