@@ -18,7 +18,7 @@ The first table compares measured natural frequencies, from a fit of complex mod
 With `--altered` the sign, gain, unit, delay, phase, point and mass of each measurement are changed, one at a time, and
 the table shows the cause that is named first. No cause should be named where nothing was altered. The frame with the
 masses of its drawings is left out there: a gain of 0.7 explains much of its residual. The column *rise* shows by how
-much an alteration makes the best fit worse (`Trial.misfit`): where that is less than the least that a cause is named
+much an alteration makes the best fit worse (`QuickFit.misfit`): where that is less than the least that a cause is named
 for, the sought parameters make up for the alteration, and no comparison of fits can tell it.
 """
 
@@ -33,7 +33,7 @@ from measured_data import cases, convert, measured
 import dovetail
 from dovetail.identification.measured_lines import MeasuredLines
 from dovetail.inference.adequacy.causes import CAUSE_SECONDS, Settings
-from dovetail.inference.adequacy.quick_fits import Trials
+from dovetail.inference.adequacy.quick_fits import QuickFits
 from dovetail.inference.fitting import refine
 
 SAME = {
@@ -102,7 +102,7 @@ def table_of_alterations(data: Path, method: str, only: str, cause_seconds: floa
 def best_misfit(assembly: dovetail.Assembly, frf: dovetail.Frf) -> float:
     """Return how far a measurement is from the best fit of a model, as causes are compared."""
     lines = MeasuredLines.of(assembly, frf)
-    return Trials(lines.problem, refine(lines.problem)).unchanged.misfit
+    return QuickFits(lines.problem, refine(lines.problem)).unchanged.misfit
 
 
 def verdict(result: dovetail.Identification) -> str:

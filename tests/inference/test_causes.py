@@ -15,7 +15,7 @@ import pytest
 import dovetail
 from dovetail.inference.adequacy.causes import _named, find_causes
 from dovetail.inference.adequacy.perturbations import list_perturbations
-from dovetail.inference.adequacy.quick_fits import Trials, power_given_out
+from dovetail.inference.adequacy.quick_fits import QuickFits, power_given_out
 from dovetail.inference.adequacy.verdict import Cause, ModelError
 from dovetail.inference.fitting import fit_at, refine
 from dovetail.problem import Problem
@@ -515,8 +515,8 @@ def test_power_is_not_told_where_a_measuring_chain_turns_the_phase(sdof):
 def test_a_model_that_is_far_too_small_fits_worse_than_one_that_is_a_little(sdof):
     """Relative to the measured value both leave nearly all of it."""
     measured = altered(sdof, None, "")
-    trials = Trials(Problem.of(sdof, [measured]), fit_of(sdof, measured))
-    small, smaller = (trials.judged(trials.best, trials.values(trials.best) / factor) for factor in (10.0, 1000.0))
+    fits = QuickFits(Problem.of(sdof, [measured]), fit_of(sdof, measured))
+    small, smaller = (fits.judged(fits.best, fits.values(fits.best) / factor) for factor in (10.0, 1000.0))
     assert smaller.misfit > small.misfit + 3.0
 
 

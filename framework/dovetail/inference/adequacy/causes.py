@@ -20,7 +20,7 @@ from dovetail.frf import QUANTITIES, Frf
 from dovetail.inference.adequacy import level_causes, model_causes
 from dovetail.inference.adequacy.model_causes import Candidate
 from dovetail.inference.adequacy.perturbations import Perturbation
-from dovetail.inference.adequacy.quick_fits import Trial, Trials
+from dovetail.inference.adequacy.quick_fits import QuickFit, QuickFits
 from dovetail.inference.adequacy.verdict import Cause
 from dovetail.inference.fitting import Fit
 from dovetail.interfaces import Progress, silent
@@ -119,45 +119,45 @@ def find_causes(
 
     Notes
     -----
-    The misfit (`Trial`) is computed on few lines, among them those around each resonance. A cause in the measurement is
-    named if the misfit falls by 0.3, one in the model if it falls by 0.6, and either if the misfit beyond noise falls
+    The misfit (`QuickFit`) is computed on few lines, among them those around each resonance. A cause in the measurement
+    is named if the misfit falls by 0.3, one in the model if it falls by 0.6, and either if the misfit beyond noise falls
     by 40 %; for a quantity of a part it must fall by 70 %. Each cause must improve the fit at least half as much as the
     best one. If the measured structure gives out power, only changes that turn the phase are tried, and the better of
     a reversed sign and a conjugated phase is named in any case.
     """
     if not seconds:
         return ()
-    trials = Trials(problem, fit, time.monotonic() + seconds)
-    before = trials.unchanged
+    fits = QuickFits(problem, fit, time.monotonic() + seconds)
+    before = fits.unchanged
     excess = before.misfit - _SETTINGS.noise
     improvements: list[tuple[float, Cause]] = []
 
     def explained() -> bool:
-        enough = [size for size, cause in improvements if size >= _needed(cause.name, excess, trials.is_active)]
+        enough = [size for size, cause in improvements if size >= _needed(cause.name, excess, fits.is_active)]
         return _is_noise(before.misfit - max(enough, default=-np.inf))
 
-    for candidate in _candidates(trials, progress, explained):
+    for candidate in _candidates(fits, progress, explained):
         improvement, cause = _improvement(before, candidate)
         _LOG.debug("cause tried: %s; residuals smaller by a factor of %.3g", cause.words, cause.residual_factor)
         improvements.append((improvement, cause))
     progress("causes", len(_STAGES), len(_STAGES))
-    named = _named(improvements, excess, trials.lines, trials.is_active)
-    tried, axis = {cause.name for _, cause in improvements}, trials.target.frequency
+    named = _named(improvements, excess, fits.lines, fits.is_active)
+    tried, axis = {cause.name for _, cause in improvements}, fits.target.frequency
     if not named or named[0].name != "sign" or "delay" in tried or axis.max() > _SETTINGS.narrow * axis.min():
         return named
-    for candidate in _delays(trials):
+    for candidate in _delays(fits):
         improvements.append(_improvement(before, candidate))
-        return _sign_or_delay(improvements, _named(improvements, excess, trials.lines, trials.is_active), trials.lines)
+        return _sign_or_delay(improvements, _named(improvements, excess, fits.lines, fits.is_active), fits.lines)
     return named
 
 
-def _improvement(before: Trial, candidate: Candidate) -> tuple[float, Cause]:
+def _improvement(before: QuickFit, candidate: Candidate) -> tuple[float, Cause]:
     """Return the decrease of the misfit by a candidate, and the cause that it would be."""
-    name, words, trial = candidate
-    improvement = before.misfit - trial.misfit
+    name, words, quick = candidate
+    improvement = before.misfit - quick.misfit
     factor = float(np.exp(improvement / 2.0))
-    coherence, theta = (before.coherence, trial.coherence), tuple(trial.theta.tolist())
-    return improvement, Cause(name, words, coherence, factor, theta, trial.residual)
+    coherence, theta = (before.coherence, quick.coherence), tuple(quick.theta.tolist())
+    return improvement, Cause(name, words, coherence, factor, theta, quick.residual)
 
 
 def _sign_or_delay(improvements: list[tuple[float, Cause]], named: tuple[Cause, ...], lines: int) -> tuple[Cause, ...]:
@@ -212,59 +212,63 @@ _FINISHED = 3
 both named."""
 
 
-def _candidates(trials: Trials, progress: Progress, explained: Callable[[], bool]) -> Iterator[Candidate]:
+def _candidates(fits: QuickFits, progress: Progress, explained: Callable[[], bool]) -> Iterator[Candidate]:
     """Yield possible causes with the fit of each, the quickest to try first, until one explains the misfit."""
     for number, (note, stage, turns_phase) in enumerate(_STAGES):
-        if trials.is_active and not turns_phase:
+        if fits.is_active and not turns_phase:
             continue
         progress("causes", number, len(_STAGES), note)
-        for candidate in stage(trials):
+        for candidate in stage(fits):
             yield candidate
-            if trials.late or (number >= _FINISHED and explained()):
+            if fits.late or (number >= _FINISHED and explained()):
                 return
-        if trials.late or explained():
+        if fits.late or explained():
             return
 
 
-def _phases(trials: Trials) -> Iterator[Candidate]:
-    if not _has_phase(trials):
+def _phases(fits: QuickFits) -> Iterator[Candidate]:
+    if not _has_phase(fits):
         return
-    starts, frfs = trials.starts, trials.target.frfs
+    starts, frfs = fits.starts, fits.target.frfs
     for name, words, change in (
         ("sign", "the sign reversed", np.negative),
         ("conjugate", "the phase conjugated", np.conj),
     ):
         changed = [replace(frf, values=change(frf.values)) for frf in frfs]
-        yield name, words, trials.fit(trials.problem.with_frfs(changed), starts)
-    labels = trials.assembly.description.response_labels if len(frfs) > 1 else ()
+        yield name, words, fits.fit(fits.problem.with_frfs(changed), starts)
+    labels = fits.assembly.description.response_labels if len(frfs) > 1 else ()
     for number, label in enumerate(labels):
         signs = np.where(np.arange(len(frfs)) == number, -1.0, 1.0)
         reversed_there = [replace(frf, values=sign * frf.values) for frf, sign in zip(frfs, signs, strict=True)]
-        yield "sign", f"the sign at {label} reversed", trials.fit(trials.problem.with_frfs(reversed_there), starts)
+        yield (
+            "sign",
+            f"the sign at {label} reversed",
+            fits.fit(fits.problem.with_frfs(reversed_there), starts),
+        )
 
 
-def _gains_and_masses(trials: Trials) -> Iterator[Candidate]:
-    yield from _gains(trials)
-    for perturbation in trials.perturbations:
+def _gains_and_masses(fits: QuickFits) -> Iterator[Candidate]:
+    yield from _gains(fits)
+    for perturbation in fits.perturbations:
         if perturbation.kind == "mass":
-            yield from _perturbed(trials, perturbation, (0.0,))
+            yield from _perturbed(fits, perturbation, (0.0,))
 
 
-def _gains(trials: Trials, power: int = 0) -> Iterator[Candidate]:
-    frfs = _times(trials.target.frfs, lambda axis: (2j * np.pi * axis) ** -power)
-    change = np.ones(len(trials.target.frequency), dtype=np.complex128)
-    free, gain = trials.fit_freely(frfs, [trials.best, trials.shape], change)
+def _gains(fits: QuickFits, power: int = 0) -> Iterator[Candidate]:
+    frfs = _times(fits.target.frfs, lambda axis: (2j * np.pi * axis) ** -power)
+    change = np.ones(len(fits.target.frequency), dtype=np.complex128)
+    free, gain = fits.fit_freely(frfs, [fits.best, fits.shape], change)
     for factor, unit in _factors(gain):
         if not power and abs(np.log(factor)) < np.log1p(_SETTINGS.gain):
             continue
         corrected = [replace(frf, values=frf.values / factor) for frf in frfs]
         words = _as_gain(factor, unit) if abs(np.log(factor)) >= np.log1p(_SETTINGS.gain) else ""
-        trial = trials.fit(trials.problem.with_frfs(corrected), [free.theta, trials.shape])
+        quick = fits.fit(fits.problem.with_frfs(corrected), [free.theta, fits.shape])
         if power:
-            quantity = trials.recorded[0]
+            quantity = fits.recorded[0]
             actual = QUANTITIES[QUANTITIES.index(quantity) + power]
             words = f"the values read as {actual}, not as {quantity}" + (f", and {words}" if words else "")
-        yield "quantity" if power else "unit" if unit else "gain", words, trial
+        yield "quantity" if power else "unit" if unit else "gain", words, quick
 
 
 def _as_gain(factor: float, unit: str) -> str:
@@ -284,80 +288,80 @@ def _factors(gain: float) -> list[tuple[float, str]]:
     return near or [(float(np.exp(gain)), ""), *within(gross, _SETTINGS.uncertain_unit)]
 
 
-def _quantities(trials: Trials) -> Iterator[Candidate]:
+def _quantities(fits: QuickFits) -> Iterator[Candidate]:
     """Try another quantity if the ratio of measurement to model follows a power of the frequency."""
-    if len(trials.target.frequency) < 2:
+    if len(fits.target.frequency) < 2:
         return
-    ratio = np.log(trials.target.amplitude / np.abs(trials.values(trials.shape)))
-    axis = np.log(trials.target.frequency)
+    ratio = np.log(fits.target.amplitude / np.abs(fits.values(fits.shape)))
+    axis = np.log(fits.target.frequency)
     low, high = np.array_split(np.argsort(axis), 2)
     span = float(np.median(axis[high]) - np.median(axis[low]))
     power = int(np.clip(np.round((np.median(ratio[high]) - np.median(ratio[low])) / max(span, 1e-9)), -2, 2))
-    quantities = {QUANTITIES.index(quantity) + power for quantity in trials.recorded}
+    quantities = {QUANTITIES.index(quantity) + power for quantity in fits.recorded}
     if power and all(0 <= index < len(QUANTITIES) for index in quantities):
-        yield from _gains(trials, power)
+        yield from _gains(fits, power)
 
 
-def _delays(trials: Trials) -> Iterator[Candidate]:
-    if not _has_phase(trials):
+def _delays(fits: QuickFits) -> Iterator[Candidate]:
+    if not _has_phase(fits):
         return
-    angular = 2.0 * np.pi * trials.target.frequency
+    angular = 2.0 * np.pi * fits.target.frequency
     change = np.asarray(-1j * angular / angular.max())
     guesses = []
-    for start in trials.starts:
-        phase = np.angle(trials.target.values * np.conj(trials.values(start)))
+    for start in fits.starts:
+        phase = np.angle(fits.target.values * np.conj(fits.values(start)))
         grid = np.linspace(-4.0 * np.pi, 4.0 * np.pi, _SETTINGS.delays)
         agreement = np.cos(phase + np.outer(grid, angular / angular.max())).mean(axis=1)
         guesses.append((float(agreement.max()), float(grid[np.argmax(agreement)]), start))
     _, amount, start = max(guesses, key=lambda guess: guess[0])
 
     def corrected(amount: float) -> list[Frf]:
-        return _times(trials.target.frfs, lambda axis: np.exp(2j * np.pi * amount * axis / angular.max()))
+        return _times(fits.target.frfs, lambda axis: np.exp(2j * np.pi * amount * axis / angular.max()))
 
-    free, rest = trials.fit_freely(corrected(amount), [start], change)
+    free, rest = fits.fit_freely(corrected(amount), [start], change)
     amount += rest
     if abs(amount) > _SETTINGS.phase:
         words = f"a delay of {1e6 * amount / angular.max():.3g} microseconds taken out"
-        yield "delay", words, trials.fit(trials.problem.with_frfs(corrected(amount)), [free.theta])
+        yield "delay", words, fits.fit(fits.problem.with_frfs(corrected(amount)), [free.theta])
 
 
-def _overhangs(trials: Trials) -> Iterator[Candidate]:
-    for perturbation in trials.perturbations:
+def _overhangs(fits: QuickFits) -> Iterator[Candidate]:
+    for perturbation in fits.perturbations:
         if perturbation.kind == "overhang":
-            yield from _perturbed(trials, perturbation, _SETTINGS.overhangs)
+            yield from _perturbed(fits, perturbation, _SETTINGS.overhangs)
 
 
-def _parts(trials: Trials) -> Iterator[Candidate]:
+def _parts(fits: QuickFits) -> Iterator[Candidate]:
     """Try the quantities of parts whose effect is most like the residuals."""
-    parts = takewhile(lambda _: not trials.late, (p for p in trials.perturbations if p.kind == "part"))
-    for perturbation in sorted(parts, key=lambda p: -_alignment(trials, p))[: _SETTINGS.quantities]:
-        yield from _perturbed(trials, perturbation, (0.0,))
+    parts = takewhile(lambda _: not fits.late, (p for p in fits.perturbations if p.kind == "part"))
+    for perturbation in sorted(parts, key=lambda p: -_alignment(fits, p))[: _SETTINGS.quantities]:
+        yield from _perturbed(fits, perturbation, (0.0,))
 
 
-def _alignment(trials: Trials, perturbation: Perturbation) -> float:
+def _alignment(fits: QuickFits, perturbation: Perturbation) -> float:
     """Return |cos| of the angle between residuals and a perturbation's effect, both without what the joint can do."""
-    theta, residual = trials.unchanged.theta[np.newaxis], trials.residual()
-    frf, jacobian = trials.problem.model.linearise(theta)
-    changed = trials.problem.with_model(perturbation.apply(_SETTINGS.step))
+    theta, residual = fits.unchanged.theta[np.newaxis], fits.residual()
+    frf, jacobian = fits.problem.model.linearise(theta)
+    changed = fits.problem.with_model(perturbation.apply(_SETTINGS.step))
     ahead = residual.of(changed.frf_at(theta[0])[np.newaxis])[0]
     residuals = residual.of(frf)[0]
     change, left = without(np.stack([ahead - residuals, residuals]), residual.jacobian(frf, jacobian)[0])
     return float(abs(change @ left) / max(np.linalg.norm(change) * np.linalg.norm(left), np.finfo(float).tiny))
 
 
-def _perturbed(trials: Trials, perturbation: Perturbation, amounts: tuple[float, ...]) -> Iterator[Candidate]:
+def _perturbed(fits: QuickFits, perturbation: Perturbation, amounts: tuple[float, ...]) -> Iterator[Candidate]:
     """Fit the joint together with the amount of a perturbation, from several starting amounts; yield the best fit."""
     candidates: list[Candidate] = []
     for amount in amounts:
-        if trials.late or any(_is_noise(trial.misfit) for _, _, trial in candidates):
+        if fits.late or any(_is_noise(quick.misfit) for _, _, quick in candidates):
             break
         try:
             there = perturbation.apply(amount)
-            joint = trials.search(there, trials.unchanged.theta) if amount else trials.unchanged.theta
-            found, theta = trials.fit_amount(perturbation, joint, amount)
+            joint = fits.search(there, fits.unchanged.theta) if amount else fits.unchanged.theta
+            found, theta = fits.fit_amount(perturbation, joint, amount)
             if abs(found) >= perturbation.negligible:
-                trial = trials.fit(trials.problem.with_model(perturbation.apply(found)), [theta])
-                candidates.append((perturbation.kind, perturbation.describe(found), trial))
+                quick = fits.fit(fits.problem.with_model(perturbation.apply(found)), [theta])
+                candidates.append((perturbation.kind, perturbation.describe(found), quick))
         except (DovetailError, np.linalg.LinAlgError):
             continue
     yield from sorted(candidates, key=lambda candidate: candidate[2].misfit)[:1]
@@ -368,11 +372,11 @@ def _times(frfs: Sequence[Frf], factor: Callable[[NDArray[np.float64]], Any]) ->
     return [replace(frf, values=frf.values * factor(frf.frequency)) for frf in frfs]
 
 
-def _has_phase(trials: Trials) -> bool:
-    return all(frf.has_phase for frf in trials.target.frfs)
+def _has_phase(fits: QuickFits) -> bool:
+    return all(frf.has_phase for frf in fits.target.frfs)
 
 
-_STAGES: tuple[tuple[str, Callable[[Trials], Iterator[Candidate]], bool], ...] = (
+_STAGES: tuple[tuple[str, Callable[[QuickFits], Iterator[Candidate]], bool], ...] = (
     ("sign and phase", _phases, True),
     ("order of measurements", model_causes.try_exchanges, True),
     ("gain, units and mass", _gains_and_masses, False),

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dovetail.description import Description, Response
 from dovetail.frf.resonances import Resonances, fit_resonances
 from dovetail.inference.adequacy.model_causes import Candidate
-from dovetail.inference.adequacy.quick_fits import Trial, Trials
+from dovetail.inference.adequacy.quick_fits import QuickFit, QuickFits
 
 
 @dataclass(frozen=True)
@@ -33,16 +33,16 @@ class Settings:
 _SETTINGS = Settings()
 
 
-def try_levels(trials: Trials) -> Iterator[Candidate]:
+def try_levels(fits: QuickFits) -> Iterator[Candidate]:
     """Yield the fit in which each of several measurements at one point, as at levels of force, is fitted alone."""
-    measured_at = [_structure_at(trials.assembly.description, r) for r in trials.assembly.description.responses]
+    measured_at = [_structure_at(fits.assembly.description, r) for r in fits.assembly.description.responses]
     level = np.array([measured_at[:number].count(place) for number, place in enumerate(measured_at)])
     if not level.max():
         return
     of_response, resonances = dict[int, NDArray[np.complex128]](), list[Resonances]()
     for numbers in (np.flatnonzero(level == one).tolist() for one in range(level.max() + 1)):
-        part = trials.of_responses(numbers)
-        theta = part.fit(part.problem, [trials.best, trials.shape]).theta
+        part = fits.of_responses(numbers)
+        theta = part.fit(part.problem, [fits.best, fits.shape]).theta
         fitted = part.target.split(part.values(theta))
         of_response |= dict(zip(numbers, fitted, strict=True))
         resonances.append(fit_resonances(part.target.frfs, fitted))
@@ -50,7 +50,7 @@ def try_levels(trials: Trials) -> Iterator[Candidate]:
     if all(len(found.poles) for found in resonances):
         words += _drift(resonances)
     together = np.concatenate([of_response[number] for number in range(len(measured_at))])
-    yield "level", f"{words} (does it depend on the amplitude?)", trials.judged(trials.best, together)
+    yield "level", f"{words} (does it depend on the amplitude?)", fits.judged(fits.best, together)
 
 
 def _drift(resonances: Sequence[Resonances]) -> str:
@@ -77,34 +77,34 @@ def _structure_at(description: Description, response: Response) -> tuple[object,
     return response.point, response.force_point, chain.fixed.get("mass", 0.0), chain.fixed.get("window", 0.0)
 
 
-def try_damping_growth(trials: Trials) -> Iterator[Candidate]:
+def try_damping_growth(fits: QuickFits) -> Iterator[Candidate]:
     """Yield the fit in which the damping of the strongest resonance grows with the amplitude of the displacement.
 
     The force is the same on all lines. A measurement corrected for this growth is fitted by the model: its damping is
     that at no amplitude.
     """
-    if len(trials.target.frfs) > 1 or not trials.target.frfs[0].has_phase or len(trials.target.frequency) < 2:
+    if len(fits.target.frfs) > 1 or not fits.target.frfs[0].has_phase or len(fits.target.frequency) < 2:
         return
-    tried = [(growth, _without_growth(trials, growth)) for growth in _SETTINGS.growths]
-    promising = [(growth, trial) for growth, trial in tried if trial is not None]
-    if not promising or min(trial.misfit for _, trial in promising) > trials.unchanged.misfit - _SETTINGS.promising:
+    tried = [(growth, _without_growth(fits, growth)) for growth in _SETTINGS.growths]
+    promising = [(growth, quick) for growth, quick in tried if quick is not None]
+    if not promising or min(quick.misfit for _, quick in promising) > fits.unchanged.misfit - _SETTINGS.promising:
         return
     for halving in range(1, _SETTINGS.narrowings + 1):
         best, step = min(promising, key=lambda pair: pair[1].misfit)[0], 3.0 ** (0.5**halving)
-        nearer = [(growth, _without_growth(trials, growth)) for growth in (best / step, best * step)]
-        promising += [(growth, trial) for growth, trial in nearer if trial is not None]
-    growth, trial = min(promising, key=lambda pair: pair[1].misfit)
+        nearer = [(growth, _without_growth(fits, growth)) for growth in (best / step, best * step)]
+        promising += [(growth, quick) for growth, quick in nearer if quick is not None]
+    growth, quick = min(promising, key=lambda pair: pair[1].misfit)
     words = f"damping {1.0 + growth:.2g} times as large at the peak as at small amplitudes (does it depend on these?)"
-    yield "level", words, trial
+    yield "level", words, quick
 
 
-def _without_growth(trials: Trials, growth: float) -> Trial | None:
+def _without_growth(fits: QuickFits, growth: float) -> QuickFit | None:
     """Fit the model to the measurement without the growth of its strongest resonance's damping; None without one."""
-    frf, theta = trials.target.frfs[0], trials.unchanged.theta
+    frf, theta = fits.target.frfs[0], fits.unchanged.theta
     amplitude = np.abs(frf.to("receptance").values)
-    part, trial = amplitude / amplitude.max(), None
+    part, quick = amplitude / amplitude.max(), None
     for number in range(_SETTINGS.passes):
-        values = trials.values(theta)
+        values = fits.values(theta)
         resonances = fit_resonances([frf], [values])
         if not len(resonances.poles):
             return None
@@ -117,6 +117,6 @@ def _without_growth(trials: Trials, growth: float) -> Trial | None:
         distance = frf.frequency - pole
         added = near * (distance / (distance - 1j * growth * pole.imag * part) - 1.0)
         corrected = replace(frf, values=frf.values * values / (values + added))
-        trial = trials.fit(trials.problem.with_frfs([corrected]), [theta])
-        theta = trial.theta
-    return trial
+        quick = fits.fit(fits.problem.with_frfs([corrected]), [theta])
+        theta = quick.theta
+    return quick

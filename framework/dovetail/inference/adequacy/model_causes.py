@@ -15,7 +15,7 @@ from dovetail.description import Place, has_dampers, with_damping
 from dovetail.errors import DovetailError
 from dovetail.frf import conversion
 from dovetail.frf.resonances import Resonances, fit_resonances
-from dovetail.inference.adequacy.quick_fits import Trial, Trials
+from dovetail.inference.adequacy.quick_fits import QuickFit, QuickFits
 from dovetail.inference.fitting.search_lines import missed_resonances
 from dovetail.interfaces import Parameter
 from dovetail.synthesis import Point
@@ -72,43 +72,43 @@ _SETTINGS = Settings()
 Node = tuple[str, int]
 """Substructure and number of a node."""
 
-Candidate = tuple[str, str, Trial]
+Candidate = tuple[str, str, QuickFit]
 """Kind and words of a cause, and the fit with it."""
 
 
-def try_points(trials: Trials) -> Iterator[Candidate]:
+def try_points(fits: QuickFits) -> Iterator[Candidate]:
     """Yield the fits with other points of response, and of force and response: the most similar, then their neighbours.
 
     Nodes beside the best one follow as long as they fit better, because amplitudes of wrong parameters tell a point
     only roughly.
     """
-    nodes = [] if len(trials.target.frfs) > 1 else _movable_nodes(trials.assembly)
-    ends = dict[tuple[bool, Node], Trial]()
+    nodes = [] if len(fits.target.frfs) > 1 else _movable_nodes(fits.assembly)
+    ends = dict[tuple[bool, Node], QuickFit]()
 
     def at(node: Node, with_force: bool, start: NDArray[np.float64]) -> Candidate:
-        there = _measured_at(trials.assembly, node, with_force=with_force)
-        trial = trials.fit(trials.problem.with_assembly(there), [trials.search(there, trials.shape, start)])
-        ends[with_force, node] = trial
+        there = _measured_at(fits.assembly, node, with_force=with_force)
+        quick = fits.fit(fits.problem.with_assembly(there), [fits.search(there, fits.shape, start)])
+        ends[with_force, node] = quick
         which = "force and response" if with_force else "the response"
-        return "point", f"{which} {_words(trials.assembly, node)}", trial
+        return "point", f"{which} {_words(fits.assembly, node)}", quick
 
-    for node, with_force, start in _most_similar_points(trials, nodes) if nodes else ():
+    for node, with_force, start in _most_similar_points(fits, nodes) if nodes else ():
         yield at(node, with_force, start)
     while ends:
-        (with_force, best), trial = min(ends.items(), key=lambda end: end[1].misfit)
+        (with_force, best), quick = min(ends.items(), key=lambda end: end[1].misfit)
         beside = [(best[0], best[1] + step) for step in (-1, 1)]
         untried = [node for node in beside if node in nodes and (with_force, node) not in ends]
-        if not untried or trial.misfit >= trials.unchanged.misfit:
+        if not untried or quick.misfit >= fits.unchanged.misfit:
             return
         for node in untried:
-            yield at(node, with_force, trial.theta)
+            yield at(node, with_force, quick.theta)
 
 
-def _most_similar_points(trials: Trials, nodes: list[Node]) -> list[tuple[Node, bool, NDArray[np.float64]]]:
+def _most_similar_points(fits: QuickFits, nodes: list[Node]) -> list[tuple[Node, bool, NDArray[np.float64]]]:
     """Return nodes, whether the force is there too, and the parameters (p,) [SI] whose amplitudes are the closest."""
-    assembly, amplitude = trials.assembly, trials.target.amplitude
+    assembly, amplitude = fits.assembly, fits.target.amplitude
     drawn = assembly.from_unit(np.random.default_rng(0).random((_SETTINGS.samples, len(assembly.parameters))))
-    joints = np.concatenate([np.stack([trials.best, trials.shape]), drawn])
+    joints = np.concatenate([np.stack([fits.best, fits.shape]), drawn])
     step = -(-len(nodes) // _SETTINGS.most_nodes)
     if step > 1:
         coarse = nodes[::step]
@@ -118,7 +118,7 @@ def _most_similar_points(trials: Trials, nodes: list[Node]) -> list[tuple[Node, 
     distances = _distances(assembly, amplitude, joints, [*nodes, (response.substructure, response.node)])
     described = distances[0][:, -1].min()
     kinds = [kind[:, :-1] for kind in distances]
-    if trials.is_active or not response.is_drive_point:
+    if fits.is_active or not response.is_drive_point:
         kinds = kinds[:1]
     chosen: list[tuple[float, int, int]] = []
     for with_force, kind in enumerate(kinds):
@@ -194,9 +194,9 @@ def _words(assembly: Assembly, place: Node) -> str:
     return f"on the {place[0]} at {1e3 * node.position:.4g} mm"
 
 
-def try_exchanges(trials: Trials) -> Iterator[Candidate]:
+def try_exchanges(fits: QuickFits) -> Iterator[Candidate]:
     """Yield the fits with the measurements of two responses exchanged, by exchanging the responses of the model."""
-    frfs, description = trials.target.frfs, trials.assembly.description
+    frfs, description = fits.target.frfs, fits.assembly.description
     for former, latter in islice(combinations(range(len(frfs)), 2), _SETTINGS.most_exchanges):
         responses = list(description.responses)
         first, second = responses[former], responses[latter]
@@ -206,28 +206,28 @@ def try_exchanges(trials: Trials) -> Iterator[Candidate]:
             continue
         responses[former] = replace(second, quantity=first.quantity)
         responses[latter] = replace(first, quantity=second.quantity)
-        exchanged = trials.assembly.with_description(replace(description, responses=tuple(responses)))
+        exchanged = fits.assembly.with_description(replace(description, responses=tuple(responses)))
         labels = description.response_labels
         words = f"the measurements at {labels[former]} and {labels[latter]} exchanged"
         yield (
             "order",
             words,
-            trials.fit(trials.problem.with_assembly(exchanged), [trials.search(exchanged, trials.shape)]),
+            fits.fit(fits.problem.with_assembly(exchanged), [fits.search(exchanged, fits.shape)]),
         )
 
 
-def try_missing_resonances(trials: Trials) -> Iterator[Candidate]:
+def try_missing_resonances(fits: QuickFits) -> Iterator[Candidate]:
     """Yield the fits with a resonance added where the measurement has one and the model has none."""
-    theta = trials.unchanged.theta
-    values, measured = trials.values(theta), trials.target.values
-    if len(trials.target.frfs) > 1 or not trials.target.frfs[0].has_phase:
+    theta = fits.unchanged.theta
+    values, measured = fits.values(theta), fits.target.values
+    if len(fits.target.frfs) > 1 or not fits.target.frfs[0].has_phase:
         return
-    missed = missed_resonances(trials.target, trials.relative * np.abs(measured) ** 2, values)
+    missed = missed_resonances(fits.target, fits.relative * np.abs(measured) ** 2, values)
     for frequency in np.sort(missed)[: _SETTINGS.most_resonances].tolist():
-        added = _added_resonance(trials.target.frequency, measured, values, frequency)
+        added = _added_resonance(fits.target.frequency, measured, values, frequency)
         if added is not None:
             words = f"a resonance at {frequency:.4g} Hz that the model does not have"
-            yield "resonance", words, trials.judged(theta, values + added)
+            yield "resonance", words, fits.judged(theta, values + added)
 
 
 def _added_resonance(
@@ -258,21 +258,25 @@ def _added_resonance(
     return np.asarray(added(found)[0] * shape(found, frequency))
 
 
-def try_ranges(trials: Trials) -> Iterator[Candidate]:
+def try_ranges(fits: QuickFits) -> Iterator[Candidate]:
     """Try wider ranges for the parameters that ended at an end of theirs."""
-    assembly, fraction = trials.assembly, trials.assembly.to_unit(trials.unchanged.theta)
+    assembly, fraction = fits.assembly, fits.assembly.to_unit(fits.unchanged.theta)
     for index in np.flatnonzero((fraction <= 0.0) | (fraction >= 1.0)).tolist():
         parameter, (joint, name) = assembly.parameters[index], assembly.description.identified_parameters[index]
         for lower, upper in _widened(parameter, at_upper=fraction[index] >= 1.0):
             try:
                 widened = assembly.with_description(assembly.description.with_range(joint, name, lower, upper))
-                starts = [trials.unchanged.theta, trials.search(widened, trials.shape)]
-                trial = trials.fit(trials.problem.with_assembly(widened), starts)
+                starts = [fits.unchanged.theta, fits.search(widened, fits.shape)]
+                quick = fits.fit(fits.problem.with_assembly(widened), starts)
             except DovetailError:
                 continue
-            value = float(trial.theta[index])
+            value = float(quick.theta[index])
             if not parameter.lower <= value <= parameter.upper:
-                yield "range", f"{parameter.name} at {format_quantity(value, parameter.unit)}, outside its range", trial
+                yield (
+                    "range",
+                    f"{parameter.name} at {format_quantity(value, parameter.unit)}, outside its range",
+                    quick,
+                )
             break
 
 
@@ -287,9 +291,9 @@ def _widened(parameter: Parameter, *, at_upper: bool) -> list[tuple[float, float
     return [(lower, upper + (upper - lower)) if at_upper else (max(lower - (upper - lower), min(lower, 0.0)), upper)]
 
 
-def try_damping(trials: Trials) -> Iterator[Candidate]:
+def try_damping(fits: QuickFits) -> Iterator[Candidate]:
     """Yield the fits with structural damping in all joints, and with viscous damping in all, where either is new."""
-    description, axis = trials.assembly.description, trials.target.frequency
+    description, axis = fits.assembly.description, fits.target.frequency
     middle = float(f"{np.sqrt(axis.min() * axis.max()):.2g}")
     others: list[tuple[float | None, str]] = []
     if any(joint.structural_damping is None and has_dampers(joint) for joint in description.joints.values()):
@@ -297,44 +301,44 @@ def try_damping(trials: Trials) -> Iterator[Candidate]:
     if any(joint.structural_damping is not None for joint in description.joints.values()):
         others.append((None, "joints damped viscously (without 'structural_damping')"))
     for structural, words in others:
-        damped = trials.assembly.with_description(with_damping(description, structural))
-        starts = [trials.unchanged.theta, trials.search(damped, trials.unchanged.theta)]
-        yield "damping", words, trials.fit(trials.problem.with_assembly(damped), starts)
+        damped = fits.assembly.with_description(with_damping(description, structural))
+        starts = [fits.unchanged.theta, fits.search(damped, fits.unchanged.theta)]
+        yield "damping", words, fits.fit(fits.problem.with_assembly(damped), starts)
 
 
-def try_window(trials: Trials) -> Iterator[Candidate]:
+def try_window(fits: QuickFits) -> Iterator[Candidate]:
     """Yield the fit without the damping that an exponential window adds equally to all resonances."""
-    values = trials.target.split(trials.values(trials.unchanged.theta))
-    resonances = fit_resonances(trials.target.frfs, values)
+    values = fits.target.split(fits.values(fits.unchanged.theta))
+    resonances = fit_resonances(fits.target.frfs, values)
     if not len(resonances.poles):
         return
 
-    def without(added: float) -> tuple[float, Trial]:
-        return added, _without_window(trials, values, resonances, added)
+    def without(added: float) -> tuple[float, QuickFit]:
+        return added, _without_window(fits, values, resonances, added)
 
     least = float(resonances.poles.imag.min())
     tried = [without(least * part) for part in _SETTINGS.windows]
     while tried[-1][1].misfit < tried[-2][1].misfit and tried[-1][0] < _SETTINGS.most_window * least:
         tried.append(without(3.0 * tried[-1][0]))
-    if min(trial.misfit for _, trial in tried) > trials.unchanged.misfit - _SETTINGS.promising:
+    if min(quick.misfit for _, quick in tried) > fits.unchanged.misfit - _SETTINGS.promising:
         return
     for halving in range(1, _SETTINGS.narrowings + 1):
         best = min(tried, key=lambda pair: pair[1].misfit)[0]
         step = 3.0 ** (0.5**halving)
         tried += [without(best / step), without(best * step)]
-    added, trial = min(tried, key=lambda pair: pair[1].misfit)
+    added, quick = min(tried, key=lambda pair: pair[1].misfit)
     rate = 2.0 * np.pi * added
-    yield "window", f"the damping of an exponential window, exp(-{rate:.3g} t/s), taken out", trial
+    yield "window", f"the damping of an exponential window, exp(-{rate:.3g} t/s), taken out", quick
 
 
 def _without_window(
-    trials: Trials, values: Sequence[NDArray[np.complex128]], resonances: Resonances, added: float
-) -> Trial:
+    fits: QuickFits, values: Sequence[NDArray[np.complex128]], resonances: Resonances, added: float
+) -> QuickFit:
     """Fit the joint to the measurement corrected for a window's damping [Hz], by the resonances of the best fit."""
     frfs = []
-    for frf, plain, near in zip(trials.target.frfs, values, resonances.near, strict=True):
+    for frf, plain, near in zip(fits.target.frfs, values, resonances.near, strict=True):
         distance = frf.frequency - resonances.poles[:, np.newaxis]
         under_window, without = (conversion(frf.frequency - 1j * a, "receptance", frf.quantity) for a in (added, 0.0))
         damped = plain + (near * (distance / (distance - 1j * added) - 1.0)).sum(axis=0)
         frfs.append(replace(frf, values=frf.values * plain / damped * without / under_window))
-    return trials.fit(trials.problem.with_frfs(frfs), [trials.unchanged.theta])
+    return fits.fit(fits.problem.with_frfs(frfs), [fits.unchanged.theta])

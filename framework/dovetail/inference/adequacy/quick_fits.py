@@ -60,7 +60,7 @@ MOST_GIVEN_OUT = 0.9
 
 
 @dataclass(frozen=True, eq=False)
-class Trial:
+class QuickFit:
     """A fit: the best parameters of the joint, and how well model and measurement agree with them.
 
     Parameters
@@ -72,7 +72,7 @@ class Trial:
         typical residuals, so that neither peaks nor antiresonances dominate. Where the model is less than a tenth of
         the measurement, the residual is multiplied by the measurement over ten times the model.
     coherence : float
-        Mean coherence of model and measurement, over all lines of the measurement as far as those of the trial show it.
+        Mean coherence of model and measurement, over all lines of the measurement as far as those of the fit show it.
     residual : float
         Median over the lines of |residual| / |measured|.
     values : (n_lines,) complex array
@@ -86,7 +86,7 @@ class Trial:
     values: NDArray[np.complex128]
 
 
-class Trials:
+class QuickFits:
     """A measurement on few lines, among them those around each resonance, and fits to it.
 
     Parameters
@@ -143,8 +143,8 @@ class Trials:
         """The deviations from the description that are tried."""
         return list_perturbations(self.assembly)
 
-    def of_responses(self, numbers: Sequence[int]) -> Trials:
-        """Return the trials of some of the responses alone."""
+    def of_responses(self, numbers: Sequence[int]) -> QuickFits:
+        """Return the fits of some of the responses alone."""
         counts, chosen = self.target.counts, np.isin(np.arange(len(self.target.frfs)), numbers)
         part = copy(self)
         frfs = tuple(self.target.frfs[number] for number in numbers)
@@ -159,11 +159,11 @@ class Trials:
         return part
 
     @cached_property
-    def unchanged(self) -> Trial:
+    def unchanged(self) -> QuickFit:
         """The fit with nothing changed."""
-        trial = self.fit(self.problem, self.starts)
-        self._most = trial.misfit + _SETTINGS.hopeless
-        return trial
+        quick = self.fit(self.problem, self.starts)
+        self._most = quick.misfit + _SETTINGS.hopeless
+        return quick
 
     @cached_property
     def starts(self) -> list[NDArray[np.float64]]:
@@ -189,7 +189,7 @@ class Trials:
         points = np.concatenate([model.to_unit(np.array([self.best, *starts])), self._most_similar(problem)])
         return np.asarray(model.from_unit(self._lowest(problem, points)))
 
-    def fit(self, problem: Problem, starts: Sequence[NDArray[np.float64]]) -> Trial:
+    def fit(self, problem: Problem, starts: Sequence[NDArray[np.float64]]) -> QuickFit:
         """Fit a model to measured FRFs: first to their logarithms, then to the values, weighted by typical residuals.
 
         Parameters
@@ -206,14 +206,14 @@ class Trials:
             misfit = problem.residuals(self._weighted(target, best.values))
             position = self._lowest(misfit, problem.to_unit(best.theta)[np.newaxis])
             before, now = best, self._trial(problem, problem.from_unit(position))
-            best = min(before, now, key=lambda trial: trial.misfit)
+            best = min(before, now, key=lambda quick: quick.misfit)
             if now.misfit > before.misfit - _SETTINGS.settled or self.late:
                 break
         return best
 
     def fit_freely(
         self, frfs: Sequence[Frf], starts: Sequence[NDArray[np.float64]], change: NDArray[np.complex128]
-    ) -> tuple[Trial, float]:
+    ) -> tuple[QuickFit, float]:
         """Fit the joint together with an unknown amount of a change of the measurement's logarithms.
 
         In the first pass all lines count alike, which is robust. In the others they are weighted by noise and typical
@@ -230,7 +230,7 @@ class Trials:
 
         Returns
         -------
-        Trial
+        QuickFit
             With the measurement changed.
         float
             The amount.
@@ -238,7 +238,7 @@ class Trials:
         amount = 0.0
         target, position = Observations(tuple(frfs)), self.assembly.to_unit(np.array(starts))
         residual: Residual = self._logarithms(target)
-        ends: list[tuple[Trial, float]] = []
+        ends: list[tuple[QuickFit, float]] = []
         for _ in range(_SETTINGS.passes):
             values = target.values[np.newaxis]
             direction = residual.jacobian(values, (change * values)[:, np.newaxis])[0]
@@ -264,13 +264,13 @@ class Trials:
             problem = PerturbedResiduals(perturbation, residual)
             end = self._lowest(problem, problem.position(self.assembly.to_unit(theta), amount))
             amount, theta = problem.amount(end), self.assembly.from_unit(end[:-1])
-            trial = self._trial(self.problem.with_model(perturbation.apply(amount)), theta)
-            if trial.misfit > self._most:
+            quick = self._trial(self.problem.with_model(perturbation.apply(amount)), theta)
+            if quick.misfit > self._most:
                 break
-            residual = self._weighted(self.target, trial.values)
+            residual = self._weighted(self.target, quick.values)
         return amount, theta
 
-    def judged(self, theta: NDArray[np.float64], values: NDArray[np.complex128]) -> Trial:
+    def judged(self, theta: NDArray[np.float64], values: NDArray[np.complex128]) -> QuickFit:
         """Return how well values (n_lines,) agree with the unchanged measurement."""
         return self._judged(self.target, theta, values)
 
@@ -311,10 +311,10 @@ class Trials:
         typical = float(np.median(np.maximum(target.squares(values) - variance, 0.0) / size))
         return target.weighted(variance + typical * size, self._used)
 
-    def _trial(self, problem: Problem, theta: NDArray[np.float64]) -> Trial:
+    def _trial(self, problem: Problem, theta: NDArray[np.float64]) -> QuickFit:
         return self._judged(problem.observations, theta, problem.frf_at(theta))
 
-    def _judged(self, target: Observations, theta: NDArray[np.float64], values: NDArray[np.complex128]) -> Trial:
+    def _judged(self, target: Observations, theta: NDArray[np.float64], values: NDArray[np.complex128]) -> QuickFit:
         measured = target.values
         variance = self._variance(target)
         least = np.maximum(_SETTINGS.tiny * np.abs(values), _SETTINGS.floor * np.sqrt(variance))
@@ -326,7 +326,7 @@ class Trials:
         if not all(frf.has_phase for frf in target.frfs):
             pair = [np.abs(part).astype(complex) for part in pair]
         coherence = float(np.average(coherence_spectrum(*pair), weights=self._represented))
-        return Trial(theta, misfit, coherence, residual, values)
+        return QuickFit(theta, misfit, coherence, residual, values)
 
 
 def power_given_out(problem: Problem, variance: NDArray[np.float64]) -> float:
