@@ -240,3 +240,23 @@ def reworded(note: str, text: str) -> Note:
 
 def _importance(note: str) -> Importance:
     return note.importance if isinstance(note, Note) else Importance.LIMITING
+
+
+@contextmanager
+def contained(source: str, problem: str = "", *passing: type[Exception]) -> Iterator[None]:
+    """Turn any exception of a plugin's code into a PluginError; Ctrl-C and the types in `passing` pass."""
+    try:
+        yield
+    except BaseException as error:
+        if isinstance(error, (KeyboardInterrupt, *passing)):
+            raise
+        raise PluginError(Fault(source, f"{problem}{reason_of(error)}")) from error
+
+
+def reason_of(error: BaseException) -> str:
+    """Return an error as one sentence."""
+    if not isinstance(error, DovetailError):
+        return f"{type(error).__name__}: {error}"
+    fault = error.faults[0]
+    accepted = f" Accepted: {fault.accepted}." if fault.accepted else ""
+    return f"{fault.where}: {fault.problem}{accepted}".removeprefix(": ")

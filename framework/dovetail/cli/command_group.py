@@ -17,10 +17,9 @@ from dovetail.cli.commands import INTERRUPTED, TYPED
 from dovetail.cli.option_names import with_options
 from dovetail.cli.terminal import say_on_stderr, waiting
 from dovetail.cli.warning_notes import warnings_as_notes
-from dovetail.errors import DovetailError, Fault, PluginError, did_you_mean, limit_exceeded
+from dovetail.errors import DovetailError, Fault, PluginError, contained, did_you_mean, limit_exceeded
 from dovetail.plain_text import terminal_text
 from dovetail.registry import Command, CommandOffer, CommandTable
-from dovetail.registry.loading import contained
 from dovetail.version import __version__
 
 _PANELS = {

@@ -12,14 +12,13 @@ from pathlib import Path
 from types import MappingProxyType, ModuleType
 from typing import Any, TypeAlias, cast
 
-from dovetail.errors import Fault, PluginError, did_you_mean, listing
+from dovetail.errors import Fault, PluginError, contained, did_you_mean, listing
 from dovetail.interfaces import KINDS, Component, FrfReader, Kind
 from dovetail.registry.component_checks import reason_against
 from dovetail.registry.loading import (
     COMPONENTS,
     DEFAULTS,
     LoadFailure,
-    contained,
     hooks_of,
     installed_plugins,
     load_entry,

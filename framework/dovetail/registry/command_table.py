@@ -9,12 +9,11 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from dovetail.errors import Fault, PluginError
+from dovetail.errors import Fault, PluginError, contained
 from dovetail.registry.command import Command
 from dovetail.registry.loading import (
     COMMANDS,
     LoadFailure,
-    contained,
     hooks_of,
     installed_plugins,
     is_shipped,

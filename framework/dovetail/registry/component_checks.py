@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from dovetail.errors import PluginError
+from dovetail.errors import PluginError, contained
 from dovetail.interfaces import (
     INTERFACE_VERSION,
     ComponentConfig,
@@ -17,7 +17,6 @@ from dovetail.interfaces import (
     SubstructureModel,
 )
 from dovetail.interfaces.method import RESERVED_NAMES, RESERVED_OPTIONS
-from dovetail.registry.loading import contained
 
 _CONTRACTS = (SubstructureModel, JointModel, Reducer, Regressor, FrfReader, IdentificationMethod)
 

@@ -9,8 +9,7 @@ import hashlib
 import importlib.util
 import inspect
 import sys
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -19,7 +18,7 @@ from typing import Any
 
 import pluggy
 
-from dovetail.errors import DovetailError, Fault, PluginError, did_you_mean
+from dovetail.errors import Fault, PluginError, contained, did_you_mean, reason_of
 from dovetail.parallel import FILE_MODULE
 from dovetail.registry.hookspec import GROUP, HookSpecification
 
@@ -33,26 +32,6 @@ class LoadFailure:
 
     source: str
     reason: str
-
-
-@contextmanager
-def contained(source: str, problem: str = "", *passing: type[Exception]) -> Iterator[None]:
-    """Turn any exception of a plugin's code into a PluginError; Ctrl-C and the types in `passing` pass."""
-    try:
-        yield
-    except BaseException as error:
-        if isinstance(error, (KeyboardInterrupt, *passing)):
-            raise
-        raise PluginError(Fault(source, f"{problem}{reason_of(error)}")) from error
-
-
-def reason_of(error: BaseException) -> str:
-    """Return an error as one sentence."""
-    if not isinstance(error, DovetailError):
-        return f"{type(error).__name__}: {error}"
-    fault = error.faults[0]
-    accepted = f" Accepted: {fault.accepted}." if fault.accepted else ""
-    return f"{fault.where}: {fault.problem}{accepted}".removeprefix(": ")
 
 
 def installed_plugins() -> list[tuple[str, EntryPoint]]:
