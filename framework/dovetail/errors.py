@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import importlib.util
+import sys
 import traceback
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -167,6 +168,8 @@ def require_package(name: str, extra: str, where: str, *, load: bool = True) -> 
 
     With ``load=False`` the package is only looked for, for work that another process does.
     """
+    if (loaded := sys.modules.get(name)) is not None:
+        return loaded
     reason = "is not installed"
     try:
         if importlib.util.find_spec(name) is not None:

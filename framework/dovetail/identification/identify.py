@@ -236,7 +236,7 @@ def find_method(
         return method
     if described is not None and method in (None, described.name):
         return described
-    method, registry = method or DEFAULT_METHOD, registry or installed_components()
+    method, registry = method or f"dovetail-frf:{DEFAULT_METHOD}", registry or installed_components()
     if "method" not in registry.kinds_of(method):
         known = registry.names("method")
         raise ValueError(f"'{method}' is not a method. {did_you_mean(method, known)} Accepted: {', '.join(known)}")

@@ -85,7 +85,7 @@ def _recording_of(path: Path, frf: RecordedFrf, where: str, reader: FrfReader, o
         how_to_state_quantity=frf.how_to_state_quantity,
         note=frf.note,
         averages=frf.averages,
-        taken=frf.meanings or (f"read by {reader.name}",),
+        taken=frf.meanings,
         mentions=mentions,
         **fields,
     )
