@@ -188,4 +188,4 @@ def test_few_effective_samples_are_warned_of(sdof):
     assert even.warnings == ()
     weight = np.where(np.arange(400) < 10, 1.0, 1e-6)
     few = Posterior.from_fractions(sdof.parameters, fraction, weight / weight.sum(), **options)
-    assert "no more than 10 independent ones" in few.warnings[0]
+    assert "effective sample size is only 10" in few.warnings[0]

@@ -203,7 +203,7 @@ def test_a_single_impact_has_no_coherence() -> None:
     force, response = struck(BENCH, 0)
     estimated = frf_from_signals(force[0], response[0], BENCH.rate)
     assert (estimated.frf.coherence, estimated.frf.random_variance, estimated.frf.averages) == (None, None, 1)
-    assert estimated.warnings == ("a single impact tells neither coherence nor variance.",)
+    assert estimated.warnings == ("a single impact gives neither coherence nor variance.",)
 
 
 RECORD = np.sin(np.arange(64.0))

@@ -82,7 +82,7 @@ def test_calibrating_a_network_without_distribution_is_refused():
     identification = {"samples": 200, "reducer": {"model": "pca", "n_components": 5}}
     identification["regressor"] = {"model": "mlp", "hidden": [8], "max_epochs": 2}
     plain = dovetail.train(dovetail.load({**DESCRIPTION, "identification": identification}))
-    with pytest.raises(ParameterError, match="the method 'network' tells no intervals here"):
+    with pytest.raises(ParameterError, match="the method 'network' gives no intervals here"):
         dovetail_bench.calibrate(plain.assembly, cases=2, method="network", model=plain)
 
 

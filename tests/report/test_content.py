@@ -152,7 +152,7 @@ def test_what_was_not_judged_is_not_reported(result):
     ("lines", "said"),
     [
         (9, "assumed to be 1 % of the largest value, since fewer than 10 lines do not tell it;"),
-        (10, "told from the scatter"),
+        (10, "estimated from the scatter"),
     ],
 )
 def test_a_random_error_that_is_assumed_is_not_called_told(sdof: dovetail.Assembly, lines: int, said: str) -> None:

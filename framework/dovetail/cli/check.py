@@ -74,7 +74,7 @@ def _print(assembly: Assembly, summary: dict[str, Any]) -> None:
     table(
         ["substructure", "positions [mm]"], [(_oriented(part), _positions(part)) for part in summary["substructures"]]
     )
-    heading("Parameters sought")
+    heading("Parameters to identify")
     scales = [p.scale if p.prior == "uniform" else _NORMAL[p.scale] for p in assembly.parameters]
     rows = [(p.name, range_text(p), scale, p.description) for p, scale in zip(assembly.parameters, scales, strict=True)]
     if rows:

@@ -67,7 +67,7 @@ def plan(
         heading(f"Together with {first.substructure} at {first.place}")
         table(headers, [_row(point, "") for point in ranking.seconds[:_SHOWN]], numbers=headers[1:-1])
     say()
-    say("1: the measurement tells all; 0: it tells nothing that the range does not say.")
+    say("1: the measurement determines it; 0: the measurement adds nothing to its range.")
     if ranking.responses:
         _print_pair(ranking, assembly)
 

@@ -368,8 +368,8 @@ def _sign(assembly: Assembly, theta: NDArray[np.float64], frf: Frf) -> float:
     alike = np.cos(np.angle(np.conj(model) * values)).mean(axis=1)
     sign = 1.0 if not frf.has_phase or alike.max() >= -alike.min() else -1.0
     if frf.has_phase and (agreement := float((sign * alike).max())) < _CLEAR_SIGN:
-        told = f"phases agree with the model's as little with one sign as with the other (mean cosine {agreement:.2f})"
-        warnings.warn(f"{frf.label or response.name}: {told}; {sign:+g} was taken. State the sign.", stacklevel=2)
+        doubt = f"phases agree with the model's as little with one sign as with the other (mean cosine {agreement:.2f})"
+        warnings.warn(f"{frf.label or response.name}: {doubt}; {sign:+g} was taken. State the sign.", stacklevel=2)
     return sign
 
 

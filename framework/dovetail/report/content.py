@@ -261,7 +261,7 @@ def misfit_sentence(result: Identification) -> str:
 def posterior_sentence(posterior: Posterior) -> str:
     """Return a sentence on how the posterior was computed, and how many samples it has."""
     name, apart = max(posterior.split_half_difference.items(), key=lambda entry: entry[1])
-    halves = f"two halves of them differ in an interval by at most {apart:.0%} of its width ({name})"
+    halves = f"two halves of the samples differ in an interval by at most {apart:.0%} of its width ({name})"
     samples, seconds = f"{len(posterior.weight)} samples", number(posterior.seconds, 2, padded=False)
     if posterior.form == "laplace":
         return f"A Gaussian at the most probable place, in {seconds} s; {samples} of it, {halves}."
@@ -269,13 +269,13 @@ def posterior_sentence(posterior: Posterior) -> str:
         return f"{samples} of equal weight in {seconds} s; {halves}."
     return (
         f"{samples} in {seconds} s; {posterior.converged_fraction:.0%} of the searches for them reached their target. "
-        f"They tell as much as {posterior.effective_sample_size:.0f} independent ones; {halves}."
+        f"The effective sample size is {posterior.effective_sample_size:.0f}; {halves}."
     )
 
 
 def fit_sentence(fit: Fit) -> str:
     """Return a sentence on how good a fit is, and on its cost."""
-    source = "as the measurement tells it" if fit.variance_known else "told from the scatter from line to line"
+    source = "as the measurement gives it" if fit.variance_known else "estimated from the scatter from line to line"
     if fit.variance_assumed:
         source = "assumed to be 1 % of the largest value, since fewer than 10 lines do not tell it"
     return (

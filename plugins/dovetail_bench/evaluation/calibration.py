@@ -359,7 +359,7 @@ class _Study:
         posterior = result.posterior
         seconds = time.perf_counter() - began
         if posterior is None:
-            problem = f"the method '{setting.method}' tells no intervals here."
+            problem = f"the method '{setting.method}' gives no intervals here."
             remedy = "A network does with the regressor {model: mlp, uncertainty: gaussian}."
             raise ParameterError(Fault("method", problem, remedy=remedy))
         rank = posterior.weight @ (posterior.fraction < fraction)

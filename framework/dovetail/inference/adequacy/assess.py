@@ -290,7 +290,7 @@ def _remarks(problem: Problem, fit: Fit, in_intervals: ModelError | None) -> Ite
 
 
 def _followers_of_gain(problem: Problem, theta: NDArray[np.float64]) -> list[str]:
-    """Return the parameters that make up for a wrong gain, as where all masses are sought; none if a gain is sought."""
+    """Return the parameters that compensate for a wrong gain, as where all masses are unknown; none if a gain is."""
     values, derivatives = (array[0] for array in problem.model.frf_jacobian(theta[np.newaxis]))
     size = np.maximum(np.abs(values), np.finfo(float).tiny)
     gain, columns = (
@@ -299,9 +299,9 @@ def _followers_of_gain(problem: Problem, theta: NDArray[np.float64]) -> list[str
     share = np.linalg.lstsq(columns, gain, rcond=_SETTINGS.independent)[0]
     parameters, gains = zip(problem.parameters, share, strict=True), problem.assembly.description.unknown_gains
     followers = [parameter for parameter, part in parameters if abs(part) > _SETTINGS.follows]
-    told = any(parameter.prior == "normal" or parameter.name in gains for parameter in followers)
+    is_known = any(parameter.prior == "normal" or parameter.name in gains for parameter in followers)
     remainder = np.linalg.norm(columns @ share - gain) / np.linalg.norm(gain)
-    return [] if told or remainder > _SETTINGS.not_followed else [parameter.name for parameter in followers]
+    return [] if is_known or remainder > _SETTINGS.not_followed else [parameter.name for parameter in followers]
 
 
 def _typical_ratio(target: Observations, values: NDArray[np.complex128]) -> float:

@@ -1,4 +1,4 @@
-"""Errors of a model with a single resonance in the band, told apart by a modal fit of the measurement.
+"""Errors of a model with a single resonance in the band, separated by a modal fit of the measurement.
 
 Around one resonance the parameters of a joint follow most errors of the model: they move the resonance, and make it
 higher and broader. The smooth shapes of errors over many resonances then say nothing. A resonance with a free pole,

@@ -218,7 +218,7 @@ class Posterior:
             )
         if self.effective_sample_size < _SETTINGS.effective_samples:
             messages.append(
-                f"The samples tell no more than {self.effective_sample_size:.0f} independent ones would: the ends of "
+                f"The effective sample size is only {self.effective_sample_size:.0f}: the ends of "
                 "the intervals are rough. Ask for more samples."
             )
         differences = self.split_half_difference.items()

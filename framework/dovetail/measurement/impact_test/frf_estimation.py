@@ -131,7 +131,7 @@ def frf_from_signals(
     frf = _estimate_frf(*windowed, rate, chosen, estimator)
     warnings += [f"impact {number} is left out." for number in sorted(bad)]
     if len(used) == 1:
-        warnings.append("a single impact tells neither coherence nor variance.")
+        warnings.append("a single impact gives neither coherence nor variance.")
     decay = _decay(exponential_window, signals.shape[1] / rate)
     if decay:
         warnings.append(f"the exponential window adds {decay:.4g} 1/s to the decay of each mode.")
