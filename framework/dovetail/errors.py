@@ -168,13 +168,14 @@ def require_package(name: str, extra: str, where: str, *, load: bool = True) -> 
 
     With ``load=False`` the package is only looked for, for work that another process does.
     """
-    if (loaded := sys.modules.get(name)) is not None:
-        return loaded
     reason = "is not installed"
     try:
         if importlib.util.find_spec(name) is not None:
             return __import__(name) if load else None
-    except (ImportError, ValueError) as error:  # a ValueError: a module without a specification stands in its place
+    except ValueError:  # a module without a specification stands in its place
+        if sys.modules.get(name) is not None:
+            return sys.modules[name]
+    except ImportError as error:
         if getattr(error, "name", None) not in (None, name):
             reason = f"is installed but cannot be loaded ({error})"
     problem = f"this needs the package {name}, which {reason}."

@@ -270,5 +270,5 @@ def test_starts_are_brought_to_the_ends_of_their_ranges_and_no_further(sdof, sta
     plain["response"]["calibration"] = {"delay": {"range": ["-1 ms", "1 ms"]}}
     assembly = dovetail.load(plain)
     target = Observations.of(assembly, [noisy(assembly, assembly.frf())])
-    (fraction,) = _Refinement(assembly, target, 0, silent)._first_batch([np.array([1e6, 50.0, start])])
+    (fraction,) = _Refinement(Problem(assembly, target), 0, silent)._first_batch([np.array([1e6, 50.0, start])])
     np.testing.assert_allclose(assembly.from_unit(fraction), [1e6, 50.0, expected])

@@ -327,7 +327,7 @@ def test_no_band_without_a_posterior_and_no_samples_at_all(sdof):
     assert refined.interval is None
     with pytest.raises(ParameterError, match="does not say how sure it is"):
         dovetail.predict_band(sdof, refined)
-    for options, message in (({"samples": 0}, "0 samples"), ({"model_error": -1.0}, "no relative error")):
+    for options, message in (({"samples": 0}, "0 must be at least 20"), ({"model_error": -1.0}, "no relative error")):
         with pytest.raises(ParameterError, match=message):
             dovetail.identify(sdof, frf, "posterior", **options)
 

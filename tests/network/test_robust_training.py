@@ -130,7 +130,7 @@ def test_fresh_epochs_have_new_samples_and_their_own_frfs(with_settings, robust,
 
 def test_a_remaining_mass_needs_phases(with_settings, frfs):
     assembly = with_settings(samples=600, augmentation={"mass": "2 g"})
-    with pytest.raises(DatasetError, match="needs the phase"):
+    with pytest.raises(DatasetError, match="needs phases"):
         noisy_features(assembly, frfs)
     fresh = with_settings(samples=600, augmentation={"mass": "2 g", "fresh": True, "additive": 0.0})
     assert np.isfinite(noisy_features(fresh, frfs)(0)[0]).all()

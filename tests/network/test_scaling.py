@@ -87,5 +87,5 @@ def test_scaling_does_not_change_its_input() -> None:
     ],
 )
 def test_an_inconsistent_state_is_refused(scaling: type[ZScore], tampered: dict[str, object]) -> None:
-    with pytest.raises(ValueError, match=r"shape|positive|finite|together"):
+    with pytest.raises(ValueError, match=r"shape|positive|finite|inconsistent"):
         scaling.restore(tampered)

@@ -202,7 +202,7 @@ def test_full_matrices_of_some_hundred_dofs_are_not_eliminated_symbolically(monk
 
 FAULTS = {
     "small": "its matrices have the shape (5, 5), but its 3 nodes need 6 DOFs.",
-    "nan": "its matrix K holds values that are not finite.",
+    "nan": "its matrix K has values that are not finite.",
     "skew": "its matrix K is not symmetric.",
 }
 

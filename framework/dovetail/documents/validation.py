@@ -195,7 +195,7 @@ def explain(detail: Any, value: str, item: Item | None = None) -> tuple[str, str
         return f"{value} {words.format(_bound(context[key]))}.", "", ""
     if kind in ("literal_error", "enum"):
         choices = re.findall(r"'([^']*)'", str(context["expected"]))
-        text = item.value if item is not None else ""
+        text = item.value if item is not None else detail.get("input")
         hint = did_you_mean(text, choices) if isinstance(text, str) else ""
         return f"{value} is not one of the choices.", listing(choices) or str(context["expected"]), hint
     if kind == "union_tag_invalid":
