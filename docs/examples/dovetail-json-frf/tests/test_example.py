@@ -26,7 +26,7 @@ def test_one_of_several_has_to_be_chosen():
 def test_json_of_another_kind_is_not_taken(tmp_path):
     file = tmp_path / "other.json"
     file.write_text("{}")
-    with pytest.raises(dovetail.MeasurementError, match="no reader of .json files recognises"):
+    with pytest.raises(dovetail.MeasurementError, match="recognises the format"):
         dovetail.read_frf(file)
 
 
