@@ -179,3 +179,26 @@ def test_a_measurement_without_phase_is_compared_by_its_amplitude(assembly, meas
     found = dovetail.identify(assembly, measured, Nearest(), phase=phase, cause_seconds=0.0).parameters
     assert found["k"].value == pytest.approx(4e6, rel=0.02)
     assert found["c"].value == pytest.approx(80.0, rel=0.05)
+
+
+class Unfitted(IdentificationMethod):
+    """A method whose estimate is the result as it is."""
+
+    name = "unfitted"
+    summary = "Whatever it is made with"
+    fits_lines = False
+
+    def __init__(self, answer):
+        super().__init__()
+        self.answer = answer
+
+    def identify(self, problem, *, seed, progress=dovetail.silent):
+        return self.answer()
+
+
+@pytest.mark.parametrize(
+    ("answer", "problem"), [(lambda: {}["none"], "failed: KeyError"), (lambda: 3.0, "its identify returned float")]
+)
+def test_a_method_without_a_fit_that_fails_is_named(assembly, measured, answer, problem):
+    with pytest.raises(PluginError, match=problem):
+        dovetail.identify(assembly, measured, Unfitted(answer))

@@ -83,8 +83,10 @@ class Application:
         problem = replace(measured.problem, starts=tuple(starts), network=self._network_of(measured))
         began = time.monotonic()
         estimate, samples = self._estimate(problem)
-        is_fit = isinstance(estimate, Fit)
-        fit = estimate if isinstance(estimate, Fit) else self._fit_of(estimate, problem, time.monotonic() - began)
+        if isinstance(estimate, Fit):
+            fit = estimate
+        else:
+            fit = fit_at(problem, problem.to_unit(estimate.theta), seconds=time.monotonic() - began)
         judged = judge(problem, fit, self.judgement, seed=self.seed, progress=self.progress)
         if problem.unweighted is None and not self.method.refits_with_errors:
             judged = judged._replace(fit=fit)
@@ -92,7 +94,8 @@ class Application:
             measured, judged.fit.theta, provenance=self._origin(measured), fit=judged.fit, adequacy=judged.adequacy
         )
         named = None if network is None else dict(zip(result.parameters, network.tolist(), strict=True))
-        notes = notes if is_fit else (*notes, *self._best_fit_warnings(problem, judged.fit))
+        if fit is not estimate:
+            notes = (*notes, *self._best_fit_warnings(problem, judged.fit))
         result = replace(result, network=named, warnings=(*result.warnings, *notes))
         if samples is not None:
             return self._with_samples(result, problem, samples, fit.seconds)
@@ -108,11 +111,10 @@ class Application:
 
     def _estimate(self, problem: Problem) -> tuple[Estimate, NDArray[np.float64] | None]:
         """Return the method's estimate, and its samples (n, n_params), if any, in fractions of the ranges."""
+        estimate = self._identified(problem)
+        if isinstance(estimate, Fit):
+            return estimate, None
         with plugin_errors(self.method, self.label):
-            estimate = self.method.identify(problem, seed=self.seed, progress=self.progress)
-            check_contract(estimate, self.method, Estimate, "identify")
-            if isinstance(estimate, Fit):
-                return estimate, None
             (fraction,) = _fractions(problem, [estimate.theta], self.label)
             theta = problem.from_unit(fraction)
             if estimate.samples is None:
@@ -123,9 +125,12 @@ class Application:
                 raise PluginError(Fault(self.label, too_few, f"{FEWEST_DRAWS} or more, or none"))
             return Estimate(theta), samples
 
-    @staticmethod
-    def _fit_of(estimate: Estimate, problem: Problem, seconds: float) -> Fit:
-        return fit_at(problem, problem.to_unit(estimate.theta), seconds=seconds)
+    def _identified(self, problem: Problem) -> Estimate:
+        """Return what the method returns, if it is an estimate."""
+        with plugin_errors(self.method, self.label):
+            estimate = self.method.identify(problem, seed=self.seed, progress=self.progress)
+            check_contract(estimate, self.method, Estimate, "identify")
+        return estimate
 
     def _with_samples(
         self, result: Identification, problem: Problem, samples: NDArray[np.float64], seconds: float
@@ -146,7 +151,7 @@ class Application:
         """Return the estimate of a network, with its own judgement of the measurement."""
         problem = replace(measured.problem, network=self._network_of(measured))
         began, trained = time.monotonic(), self.trained
-        estimate = self.method.identify(problem, seed=self.seed, progress=self.progress)
+        estimate = self._identified(problem)
         posterior = None
         if estimate.samples is not None:
             posterior = _posterior_of(problem, estimate.samples, time.monotonic() - began)
