@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import atexit
 import json
 import os
-import shutil
 import sys
-import tempfile
-import tomllib
 import tracemalloc
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from importlib.metadata import distribution
 from pathlib import Path
 from typing import Any
 
@@ -37,24 +32,6 @@ ROOT = Path(__file__).resolve().parent.parent
 ASSEMBLIES = ROOT / "assemblies"
 
 
-def use_entry_points_of_this_tree() -> None:
-    """Let Python find the plugins that pyproject.toml names where the editable installation is older and has others."""
-    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    plugins, installed = settings["entry-points"]["dovetail"], distribution("dovetail-frf")
-    if plugins == {entry.name: entry.value for entry in installed.entry_points.select(group="dovetail")}:
-        return
-    folder = Path(tempfile.mkdtemp(prefix="dovetail-entry-points-"))
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    metadata = folder / f"dovetail_frf-{installed.version}.dist-info"
-    metadata.mkdir()
-    (metadata / "METADATA").write_text(installed.read_text("METADATA") or "", encoding="utf-8")
-    lines = ["[dovetail]", *(f"{name} = {value}" for name, value in plugins.items())]
-    (metadata / "entry_points.txt").write_text("\n".join(lines), encoding="utf-8")
-    sys.path.insert(0, str(folder))
-    os.environ["PYTHONPATH"] = os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")])])
-
-
-use_entry_points_of_this_tree()
 MOST_MEMORY = 3000
 """MiB that a process of the default suite takes at most: one for each core must fit into a usual machine."""
 LAST = ("architecture", "coupling", "description", "frf", "plugins", "registry", "report")
