@@ -20,7 +20,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 
-from dovetail.errors import Fault, FileError
+from dovetail.errors import DovetailError, Fault, FileError
 
 LARGEST_FILE = 100_000_000
 """Bytes; a larger file is refused before it is opened."""
@@ -178,11 +178,15 @@ def new_files(targets: Sequence[Path], *, overwrite: bool) -> Iterator[list[Path
 def _staged(target: Path) -> Iterator[Path]:
     with locked(target):
         folder = temporary_path(target)
+        staged = folder / target.name
         try:
             folder.mkdir()
-            yield folder / target.name
-        except FileError as error:
-            raise FileError(*(replace(fault, where=str(target)) for fault in error.faults)) from None
+            yield staged
+        except DovetailError as error:
+            named = (
+                replace(fault, where=str(target)) if fault.where == str(staged) else fault for fault in error.faults
+            )
+            raise type(error)(*named) from None
         except OSError as error:
             raise FileError(Fault(str(target), f"the file cannot be written: {_reason(error)}.")) from None
         finally:

@@ -298,7 +298,7 @@ def test_faults_of_frf(run, tmp_path, hits):
     assert "0 columns of force" in fault_of(run, tmp_path, "a.csv", table.replace("force", "power"))
     assert "does not say the sampling rate" in fault_of(run, tmp_path, "a.csv", table.replace("time", "turns"))
     assert "the file is empty" in fault_of(run, tmp_path, "a.csv", "")
-    assert "not a file of time records" in fault_of(run, tmp_path, "a.xlsx", "x")
+    assert "is not the suffix of a known format" in fault_of(run, tmp_path, "a.xlsx", "x")
     assert "this is not an HDF5 file" in fault_of(run, tmp_path, "a.h5", "x")
     assert "the archive is damaged" in fault_of(run, tmp_path, "a.npz", b"PK")
     assert "0 time records of a force" in fault_of(run, tmp_path, "a.uff", "    -1\n   151\nx\n    -1\n")

@@ -22,6 +22,7 @@ from support.labview_files import HEADER, SEGMENT
 from support.measured_files import damaged, set_58, write_sets
 
 ACCEPTED = "  Accepted: .uff, .unv, .csv, .tsv, .txt, .txf, .asc, .dat, .lvm, .npz, .npy, .mat, .h5, .hdf5, .frf"
+UNKNOWN_SUFFIX = f"  For the format of a plugin file, add `plugins=`.{ACCEPTED}"
 SUFFIXES = (".uff", ".unv", ".csv", ".tsv", ".npz", ".npy", ".mat", ".h5", ".frf", ".lvm")
 FUZZ = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
@@ -134,7 +135,7 @@ def damage_and_read(tmp_path: Path, intact: dict[str, bytes], name: str, data: s
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("a.xlsx", "a.xlsx\n  '.xlsx' is not the suffix of a known format.\n" + ACCEPTED),
+        ("a.xlsx", "a.xlsx\n  '.xlsx' is not the suffix of a known format.\n" + UNKNOWN_SUFFIX),
         ("a", "a\n  the name has no suffix.\n" + ACCEPTED),
         ("a.npz", "a.npz\n  the archive is damaged: File is not a zip file.\n  Accepted: a file of np.savez"),
     ],

@@ -128,7 +128,9 @@ def test_a_silent_file_asks_for_the_quantity(tmp_path, measured):
 def test_an_unknown_suffix_lists_those_of_plugins(tmp_path):
     with pytest.raises(MeasurementError) as error:
         dovetail.read_frf(tmp_path / "a.xyz", plugins=plugin(tmp_path, TWO))
-    assert error.value.faults[0].accepted.endswith(", .lab")
+    fault = error.value.faults[0]
+    assert fault.accepted.endswith(", .lab")
+    assert fault.remedy == "For the format of a plugin file, add `plugins=`."
 
 
 def one_frf(unit, note):

@@ -8,17 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dovetail.cli.options import Overwrite
-from dovetail.cli.output_files import check_new_files
+from dovetail.cli.output_files import check_frf_files
 from dovetail.cli.reading import NOTHING_SET, Reading, warnings_as_notes, with_reading
 from dovetail.cli.terminal import note, say, title
 
 if TYPE_CHECKING:
-    pass
-
-if TYPE_CHECKING:
     from dovetail.frf import Frf
-
-_WRITTEN = (".uff", ".unv", ".csv", ".npz")
 
 _OtherFile = typer.Option(metavar="FILE", help="For a transfer FRF: another FRF of the same test.")
 
@@ -28,7 +23,9 @@ def convert(
     source: Annotated[
         Path, typer.Argument(metavar="IN", help="Measured FRF: .uff, .csv, .txt, .npz, .mat, .h5, .frf, .lvm, ...")
     ],
-    target: Annotated[Path, typer.Argument(metavar="OUT", help="New file: .uff, .csv or .npz; or a figure.")],
+    target: Annotated[
+        Path, typer.Argument(metavar="OUT", help="New file: .uff, .csv, .npz or the format of a plugin; or a figure.")
+    ],
     reading: Reading = NOTHING_SET,
     dofs: Annotated[
         str | None,
@@ -58,7 +55,7 @@ def convert(
     from dovetail.report.frf_files import describe_frf, write_figures
     from dovetail.report.svg import FIGURE_SUFFIXES
 
-    check_new_files([target], (*_WRITTEN, *FIGURE_SUFFIXES), overwrite)
+    check_frf_files([target], overwrite, reading.plugins, figures=FIGURE_SUFFIXES, option="OUT")
     if to is not None and to not in QUANTITIES and target.suffix.lower() in FIGURE_SUFFIXES:
         raise typer.BadParameter(f"a figure is in SI units: {', '.join(QUANTITIES)}.", param_hint="--to")
     others = {"drive": drive_point, "to_response": to_response, "from_force": from_force}
@@ -70,7 +67,8 @@ def convert(
     if target.suffix.lower() in FIGURE_SUFFIXES:
         write_figures([frf], [target], overwrite=overwrite)
     else:
-        dovetail.write_frf(frf, target, overwrite=overwrite, unit=None if wanted else to)
+        unit = None if wanted else to
+        dovetail.write_frf(frf, target, overwrite=overwrite, unit=unit, plugins=reading.plugins)
     title(f"{source.name} to {target.name}")
     say(describe_frf(frf))
     note(f"Written: {target}")

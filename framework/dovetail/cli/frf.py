@@ -11,8 +11,8 @@ from typing import Annotated, Any
 import typer
 
 from dovetail.cli.bundles import bundled
-from dovetail.cli.options import Overwrite, one_of, quantity_in
-from dovetail.cli.output_files import check_frf_files
+from dovetail.cli.options import Overwrite, PluginFiles, one_of, quantity_in
+from dovetail.cli.output_files import RequiredFrfFiles, check_frf_files
 from dovetail.cli.reading import Columns, ForceDof, Names, ResponseDof, columns_of, names_of
 from dovetail.cli.terminal import note, say, title
 
@@ -99,15 +99,11 @@ def frf(
     signals: Annotated[
         Path, typer.Argument(metavar="SIGNALS", help="Force and response: .npz, .npy, .mat, .h5, .csv, .uff or .lvm.")
     ],
-    output: Annotated[
-        list[Path],
-        typer.Option(
-            "--output", "-o", metavar="FILE", help="File for the FRF: .csv, .uff, .npz or .png. May be repeated."
-        ),
-    ],
+    output: RequiredFrfFiles,
     record: Mapping[str, Any] = MappingProxyType({}),
     estimate: Mapping[str, Any] = MappingProxyType({}),
     overwrite: Overwrite = False,
+    plugin: PluginFiles = None,
 ) -> None:
     """Estimate an FRF with its coherence from hammer signals.
 
@@ -118,14 +114,14 @@ def frf(
     from dovetail.measurement.impact_test.signal_files import read_signals
     from dovetail.report.frf_files import describe_frf, write_frf_files
 
-    check_frf_files(output, overwrite)
-    read = read_signals(signals, **record)
+    check_frf_files(output, overwrite, plugin)
+    read = read_signals(signals, **record, plugins=plugin or ())
     note(f"Read {signals.name}: {read.origin}")
     name = f"{estimate['estimator']} of {signals.name}"
     options = {"quantity": read.quantity, "label": signals.name, "note": name, **estimate}
     estimated = dovetail.frf_from_signals(read.force, read.response, read.rate, **options)
     frf = replace(estimated.frf, response=read.response_point, force=read.force_point)
-    write_frf_files(frf, output, (), {}, overwrite=overwrite)
+    write_frf_files(frf, output, (), {}, overwrite=overwrite, plugins=plugin or ())
     title(f"{estimate['estimator']} from {signals.name}")
     say(describe_frf(frf))
     for warning in (*read.warnings, *estimated.warnings):

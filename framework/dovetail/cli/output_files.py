@@ -11,20 +11,52 @@ import typer
 
 from dovetail.cli.terminal import note
 
-_SUFFIXES = (".csv", ".uff", ".unv", ".npz", ".png")
-
-FrfFiles = Annotated[
-    list[Path] | None,
-    typer.Option("--output", "-o", metavar="FILE", help="File for the FRF: .csv, .uff, .npz or .png. May be repeated."),
-]
-
-
-def check_frf_files(files: Sequence[Path], overwrite: bool) -> None:
-    """Check, before any work, that FRFs can be written to `files`."""
-    check_new_files(files, _SUFFIXES, overwrite)
+_FrfFile = typer.Option(
+    "--output",
+    "-o",
+    metavar="FILE",
+    help="File for the FRF: .csv, .uff, .npz, .png, or the format of a plugin. May be repeated.",
+)
+FrfFiles = Annotated[list[Path] | None, _FrfFile]
+RequiredFrfFiles = Annotated[list[Path], _FrfFile]
 
 
-def check_new_files(files: Iterable[Path], suffixes: Iterable[str], overwrite: bool) -> None:
+def check_frf_files(
+    files: Sequence[Path],
+    overwrite: bool,
+    plugins: Sequence[Path] | None,
+    *,
+    figures: Sequence[str] = (".png",),
+    option: str = "--output",
+) -> None:
+    """Check, before any work, that FRFs can be written to `files`.
+
+    Parameters
+    ----------
+    files : sequence of Path
+    overwrite : bool
+    plugins : sequence of Path, optional
+        Plugin files, which may write further formats.
+    figures : sequence of str
+        Suffixes of figures that the command can draw.
+    option : str
+        The option or argument that names the files.
+
+    Raises
+    ------
+    typer.BadParameter, DovetailError
+        As `check_new_files` does.
+    """
+    from dovetail.measurement import written_suffixes
+
+    if files:
+        remedy = "For a format that a plugin file writes, add --plugin."
+        check_new_files(files, (*written_suffixes(plugins or ()), *figures), overwrite, option=option, remedy=remedy)
+
+
+def check_new_files(
+    files: Iterable[Path], suffixes: Iterable[str], overwrite: bool, *, option: str = "--output", remedy: str = ""
+) -> None:
     """Check, before any work, that files can be written.
 
     Parameters
@@ -33,6 +65,10 @@ def check_new_files(files: Iterable[Path], suffixes: Iterable[str], overwrite: b
     suffixes : iterable of str
         Accepted suffixes.
     overwrite : bool
+    option : str
+        The option or argument that names the files, for messages.
+    remedy : str
+        A sentence that ends the message on a suffix that is not accepted.
 
     Raises
     ------
@@ -47,9 +83,8 @@ def check_new_files(files: Iterable[Path], suffixes: Iterable[str], overwrite: b
     accepted = list(suffixes)
     for file in files:
         if file.suffix.lower() not in accepted:
-            raise typer.BadParameter(
-                f"'{file}': the suffix says what is written. Accepted: {listing(accepted)}", param_hint="--output"
-            )
+            problem = f"'{file}': the suffix determines the format. Accepted: {listing(accepted)}"
+            raise typer.BadParameter(f"{problem}. {remedy}" if remedy else problem, param_hint=option)
         if file.exists() and not overwrite:
             raise DovetailError(
                 Fault(str(file), "there is such a file already.", remedy="Choose another name, or add --overwrite.")

@@ -44,9 +44,9 @@ def predict(
     from dovetail.report.frf_files import band_text, write_frf_files
 
     files = output or []
-    check_frf_files(files, overwrite)
+    check_frf_files(files, overwrite, plugin)
     if band is not None:
-        check_new_files([band], [".csv"], overwrite)
+        check_new_files([band], [".csv"], overwrite, option="--band")
     loaded = at_point(dovetail.load(assembly, plugins=plugin or ()), point)
     identified = load_result(result)
     values = joint_values(loaded, identified)
@@ -55,7 +55,7 @@ def predict(
     natural, damping, reason = natural_frequencies(loaded, values)
     amplitudes = None if band is None else predicted_band(loaded, identified)
     bands = {} if band is None or amplitudes is None else {band: band_text(amplitudes, frf)}
-    write_frf_files(frf, files, natural, bands, overwrite=overwrite)
+    write_frf_files(frf, files, natural, bands, overwrite=overwrite, plugins=plugin or ())
     if as_json:
         warning = {"is_trustworthy": identified.is_trustworthy, "warning": identified.warning}
         modes = {"natural_frequencies": natural, "damping_ratios": damping}

@@ -71,9 +71,9 @@ def simulate(
     from dovetail.report.frf_files import write_frf_files
 
     files = output or []
-    check_frf_files(files, overwrite)
+    check_frf_files(files, overwrite, plugin)
     if truth_output is not None:
-        check_new_files([truth_output], [".json"], overwrite)
+        check_new_files([truth_output], [".json"], overwrite, option="--truth-output")
     chosen = _settings(settings or [])
     loaded = at_point(dovetail.load(assembly, plugins=plugin or ()), point)
     note_doubts(loaded)
@@ -83,7 +83,7 @@ def simulate(
         frf = noisy_frf(frf, noise, seed)
     natural, damping, reason = natural_frequencies(loaded, theta)
     texts = {} if truth_output is None else {truth_output: truth_text(loaded, theta, natural, noise)}
-    write_frf_files(frf, files, natural, texts, overwrite=overwrite)
+    write_frf_files(frf, files, natural, texts, overwrite=overwrite, plugins=plugin or ())
     if as_json:
         print_json(
             {"name": loaded.name, "parameters": theta, "natural_frequencies": natural, "damping_ratios": damping}

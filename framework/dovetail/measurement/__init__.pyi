@@ -24,3 +24,4 @@ from .roles import ModelDof as ModelDof
 from .roles import Role as Role
 from .roles import check_roles as check_roles
 from .writing import write_frf as write_frf
+from .writing import written_suffixes as written_suffixes

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.atomic_files import read_bounded
-from dovetail.errors import Fault, MeasurementError, PluginError, listing
+from dovetail.errors import Fault, MeasurementError, PluginError, argument, listing
 from dovetail.frf import Frf
 from dovetail.interfaces import (
     ArrayEntry,
@@ -176,14 +176,15 @@ def check_suffix(path: Path, registry: Registry) -> None:
     """
     if os.path.isdir(path):
         raise MeasurementError(Fault(str(path), "this is a directory.", "one measured file"))
-    if (suffix := path.suffix.lower()) not in registry.readers():
-        raise MeasurementError(unknown_suffix(path, suffix, read_suffixes(registry)))
+    if path.suffix.lower() not in registry.readers():
+        raise MeasurementError(unknown_suffix(path, read_suffixes(registry)))
 
 
-def unknown_suffix(path: Path, suffix: str, known: Iterable[str]) -> Fault:
+def unknown_suffix(path: Path, known: Iterable[str]) -> Fault:
     """Return the fault of a file whose suffix is not that of a format."""
-    shown = f"'{path.suffix}' is not the suffix of a known format" if suffix else "the name has no suffix"
-    return Fault(str(path), f"{shown}.", ", ".join(known))
+    remedy = f"For the format of a plugin file, add {argument('plugins')}."
+    shown = f"'{path.suffix}' is not the suffix of a known format" if path.suffix else "the name has no suffix"
+    return Fault(str(path), f"{shown}.", ", ".join(known), remedy if path.suffix else "")
 
 
 def read_suffixes(registry: Registry) -> tuple[str, ...]:

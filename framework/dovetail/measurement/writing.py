@@ -13,7 +13,7 @@ from dovetail.frf import Frf
 from dovetail.interfaces import FrfReader, FrfToWrite, plugin_errors
 from dovetail.measurement.frf_files import label_of, read_suffixes, reader_class, unknown_suffix
 from dovetail.measurement.frf_units import meaning_of_unit
-from dovetail.registry import Offer, PluginPaths, components
+from dovetail.registry import Offer, PluginPaths, Registry, components
 
 
 def write_frf(
@@ -54,18 +54,31 @@ def write_frf(
     target, registry = Path(path), components(plugins)
     if os.path.isdir(target):
         raise MeasurementError(Fault(str(target), "this is a directory.", "one measured file"))
-    suffix, readers = target.suffix.lower(), registry.readers()
-    written = {
-        one: offer for offers in reversed(readers.values()) for offer in offers for one in reader_class(offer).written
-    }
-    if suffix not in readers and suffix not in written:
-        raise MeasurementError(unknown_suffix(target, suffix, read_suffixes(registry)))
-    if suffix not in written:
-        known = [one for one in read_suffixes(registry) if one in written]
-        raise MeasurementError(Fault(str(target), f"{target.suffix} files are read, not written.", ", ".join(known)))
-    writer = _writer(written[suffix], target, binary)
+    suffix, writers = target.suffix.lower(), _writers(registry)
+    if suffix not in writers:
+        if suffix not in registry.readers():
+            raise MeasurementError(unknown_suffix(target, writers))
+        raise MeasurementError(Fault(str(target), f"{target.suffix} files are read, not written.", ", ".join(writers)))
+    writer = _writer(writers[suffix], target, binary)
     content = prepare_for_writing(frf, target, unit)
     write_whole(target, _encode(writer, content, target), overwrite=overwrite)
+
+
+def written_suffixes(plugins: PluginPaths) -> tuple[str, ...]:
+    """Return the suffixes of the files that `write_frf` writes, including those of plugins."""
+    return tuple(_writers(components(plugins)))
+
+
+def _writers(registry: Registry) -> dict[str, Offer]:
+    """Return the reader that writes the files of each suffix, in the order in which messages list the suffixes."""
+    readers = registry.readers()
+    writers = {
+        suffix: offer
+        for offers in reversed(readers.values())
+        for offer in offers
+        for suffix in reader_class(offer).written
+    }
+    return {suffix: writers[suffix] for suffix in (*read_suffixes(registry), *writers) if suffix in writers}
 
 
 def _writer(offer: Offer, target: Path, binary: bool | None) -> FrfReader:

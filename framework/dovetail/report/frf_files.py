@@ -10,6 +10,7 @@ from dovetail.atomic_files import new_files, write_whole
 from dovetail.frf import Frf
 from dovetail.frf.resonance_peaks import resonance_peaks
 from dovetail.measurement import write_frf
+from dovetail.registry import PluginPaths
 from dovetail.report.result_files import csv_text, warning_comment
 
 if TYPE_CHECKING:
@@ -19,7 +20,13 @@ if TYPE_CHECKING:
 
 
 def write_frf_files(
-    frf: Frf, files: Sequence[Path], natural: Sequence[float], texts: Mapping[Path, str], *, overwrite: bool
+    frf: Frf,
+    files: Sequence[Path],
+    natural: Sequence[float],
+    texts: Mapping[Path, str],
+    *,
+    overwrite: bool,
+    plugins: PluginPaths = (),
 ) -> None:
     """Write an FRF to each of `files`, together with other files; missing folders are created.
 
@@ -32,6 +39,8 @@ def write_frf_files(
     texts : mapping of Path to str
         The other files; all files appear together.
     overwrite : bool
+    plugins : path or iterable of paths
+        Plugin files that may write further formats.
     """
     for file in (*files, *texts):
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -42,7 +51,7 @@ def write_frf_files(
 
                 save_png(simulated_figure(frf, natural), file)
             else:
-                write_frf(frf, file)
+                write_frf(frf, file, plugins=plugins)
         for file, text in zip(staged[len(files) :], texts.values(), strict=True):
             file.write_bytes(text.encode("utf-8", "replace"))
 

@@ -15,7 +15,7 @@ from dovetail.errors import Fault, MeasurementError, argument, did_you_mean, lis
 from dovetail.frf import QUANTITIES, Quantity
 from dovetail.interfaces import Recorded, RecordedArrays, RecordedChannels, RecordedSignal, plugin_errors
 from dovetail.measurement.content.sets import is_dof, sets_of
-from dovetail.measurement.frf_files import arrays_of_fields, label_of, read_content, read_suffixes
+from dovetail.measurement.frf_files import arrays_of_fields, check_suffix, label_of, read_content
 from dovetail.measurement.frf_units import motion_unit, read_unit
 from dovetail.measurement.impact_test.interpretation import Choice, Scale, choose_points, sampling_rate, scale_of
 from dovetail.measurement.impact_test.record_arrays import read_archive
@@ -24,7 +24,7 @@ from dovetail.measurement.impact_test.record_tables import read_channels, read_c
 from dovetail.measurement.impact_test.records import Pair
 from dovetail.measurement.impact_test.remarks import Remarks
 from dovetail.measurement.impact_test.sensitivity import volts
-from dovetail.registry import components
+from dovetail.registry import PluginPaths, components
 
 _PARTS = ("force", "response", "rate", "time", "skip")
 _EVEN = 0.1
@@ -81,6 +81,7 @@ def read_signals(
     columns: Sequence[str] = (),
     response: str | None = None,
     force: str | None = None,
+    plugins: PluginPaths = (),
 ) -> Signals:
     """Read force and response of one or more impacts.
 
@@ -108,6 +109,8 @@ def read_signals(
         The columns of a table, instead of its header: ``("time", "force", "response", "skip")``.
     response, force : str, optional
         The points of the wanted FRF, in a file with several: ``"5+x"``, or ``"5"``.
+    plugins : path or iterable of paths
+        Plugin files with further readers.
 
     Returns
     -------
@@ -123,9 +126,8 @@ def read_signals(
         HDF5 and MATLAB 7.3 need h5py, which is not installed.
     """
     source = Path(path)
-    registry = components()
-    if source.suffix.lower() not in (known := read_suffixes(registry)):
-        raise MeasurementError(Fault(str(source), "this is not a file of time records.", ", ".join(known)))
+    registry = components(plugins)
+    check_suffix(source, registry)
     chosen = dict(names or {})
     if unknown := set(chosen) - set(_PARTS):
         part = sorted(unknown)[0]
