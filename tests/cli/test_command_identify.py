@@ -112,11 +112,11 @@ def test_a_trained_network_is_a_start_and_stands_beside(run, bench, trains_nothi
     assert f" {answer['k'] / 1e6:#.4g} " in k
 
 
-def test_a_network_that_cannot_take_part_is_told(run, bench, tmp_path):
+def test_a_note_says_why_the_network_is_not_used(run, bench, tmp_path):
     frf = dovetail.read_frf(bench.measured)
     dovetail.write_frf(Frf(frf.frequency[:400], frf.values[:400], frf.quantity), tmp_path / "part.csv")
     printed = run("identify", bench.model, tmp_path / "part.csv", "--method", "refined").stdout
-    assert "Note: The network takes no part: " in printed
+    assert "Note: The network is not used: " in printed
 
 
 def test_as_json(run, bench, tmp_path):

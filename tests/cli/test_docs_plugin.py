@@ -40,14 +40,17 @@ def example(name: str, folder: Path) -> Path:
 
 def test_every_plugin_of_the_page_is_run_here():
     names = re.findall(r'```python\n"""(\w+\.py): ', PAGE.read_text(encoding="utf-8"))
-    assert names == ["mount.py", "rail.py", "bands.py", "ridge.py", "blocks.py", "one_step.py", "peak.py"]
+    assert names == ["mount.py", "rail.py", "bands.py", "ridge.py", "blocks.py", "one_step.py", "peaks.py"]
 
 
-def test_the_command_of_the_page_prints_the_highest_peak(run, tmp_path):
-    frf = dovetail.Frf(np.array([1.0, 2.0, 3.0]), np.array([1.0, 5.0j, 2.0]), "receptance")
+def test_the_command_of_the_page_prints_the_resonance_peak_and_not_the_static_end(run, tmp_path):
+    frequency = np.arange(1.0, 401.0)
+    values = 1.0 / (200.0**2 * (1 + 0.02j) - frequency**2) + 0.05 / (10.0 + frequency**2)
+    frf = dovetail.Frf(frequency, values, "receptance")
+    assert frf.amplitude.argmax() == 0
     dovetail.write_frf(frf, tmp_path / "measured.csv")
-    printed = run("--plugin", example("peak.py", tmp_path), "peak", tmp_path / "measured.csv").stdout
-    assert printed == "2.0 Hz\n"
+    printed = run("--plugin", example("peaks.py", tmp_path), "peaks", tmp_path / "measured.csv").stdout
+    assert printed == "200.0 Hz\n"
 
 
 @pytest.mark.parametrize("name", ["mount", "rail", "bands", "ridge", "blocks", "one_step"])

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import dovetail
 from dovetail import Estimate, IdentificationMethod, ParameterError, PluginError
+from dovetail.report.content import fit_sentence
 
 TRUTH = {"k": 4e6, "c": 80.0}
 DESCRIPTION = """\
@@ -26,11 +29,11 @@ response: {at: mass, position: 0 mm, direction: x, quantity: accelerance}
 """
 
 
-class Told(IdentificationMethod):
-    """Gives what it is told, scattered by the random error of the measurement."""
+class Given(IdentificationMethod):
+    """Returns the values of its options, with samples around them."""
 
-    name = "told"
-    summary = "what it is told"
+    name = "given"
+    summary = "the values of its options"
 
     class Config(dovetail.ComponentConfig):
         """What.
@@ -46,7 +49,7 @@ class Told(IdentificationMethod):
         scatter: float = 0.0
 
     def identify(self, problem, *, seed, progress=dovetail.silent):
-        """Check that the problem's derivatives are those of its FRFs, and give what it was told."""
+        """Check that the problem's derivatives are those of its FRFs, and return the values."""
         theta = np.array([[self.config.k, self.config.c]])
         frf, jacobian = problem.frf_jacobian(theta)
         step = theta[0, 0] * 1e-6
@@ -60,7 +63,7 @@ class Told(IdentificationMethod):
         return Estimate(theta[0], samples)
 
 
-class Listing(Told):
+class Listing(Given):
     """Gives a list in place of an estimate."""
 
     name = "listing"
@@ -88,8 +91,8 @@ def measured(assembly):
 
 
 def test_a_right_estimate_is_to_the_noise_and_its_samples_are_the_intervals(assembly, measured):
-    result = dovetail.identify(assembly, measured, Told(Told.Config(scatter=0.02)))
-    assert (result.method, result.adequacy.word) == ("told", "to the noise")
+    result = dovetail.identify(assembly, measured, Given(Given.Config(scatter=0.02)))
+    assert (result.method, result.adequacy.word) == ("given", "to the noise")
     low, high = result.interval["k"]
     assert low == pytest.approx(4e6 * (1 - 0.018), rel=0.005)
     assert high == pytest.approx(4e6 * (1 + 0.018), rel=0.005)
@@ -98,26 +101,26 @@ def test_a_right_estimate_is_to_the_noise_and_its_samples_are_the_intervals(asse
 
 
 def test_a_wrong_estimate_is_not_trustworthy(assembly, measured):
-    result = dovetail.identify(assembly, measured, Told(Told.Config(k=2e6)))
+    result = dovetail.identify(assembly, measured, Given(Given.Config(k=2e6)))
     assert not result.is_trustworthy
     assert result.interval is None
 
 
 def test_options_may_be_given_with_the_call(assembly, measured):
-    result = dovetail.identify(assembly, measured, Told(), c=90.0, seed=3)
+    result = dovetail.identify(assembly, measured, Given(), c=90.0, seed=3)
     assert result.parameters["c"].value == 90.0
-    with pytest.raises(ParameterError, match="the method 'told' has no option 'starts'"):
-        dovetail.identify(assembly, measured, Told(), starts=3)
-    with pytest.raises(ParameterError, match="the method 'told' refuses it"):
-        dovetail.identify(assembly, measured, Told(), c="many")
+    with pytest.raises(ParameterError, match="the method 'given' has no option 'starts'"):
+        dovetail.identify(assembly, measured, Given(), starts=3)
+    with pytest.raises(ParameterError, match="the method 'given' refuses it"):
+        dovetail.identify(assembly, measured, Given(), c="many")
 
 
 @pytest.mark.parametrize(
     ("method", "problem"),
     [
         (Listing(), "its identify returned list."),
-        (Told(Told.Config(k=2e7)), "it gave k = 2e+07 N/m."),
-        (Told(Told.Config(c=1e-9)), "it gave c = 1e-09 N s/m."),
+        (Given(Given.Config(k=2e7)), "it gave k = 2e+07 N/m."),
+        (Given(Given.Config(c=1e-9)), "it gave c = 1e-09 N s/m."),
     ],
 )
 def test_what_is_no_estimate_is_refused(assembly, measured, method, problem):
@@ -127,7 +130,7 @@ def test_what_is_no_estimate_is_refused(assembly, measured, method, problem):
 
 
 def test_the_description_names_the_method_and_its_options(tmp_path, measured):
-    plugin = tmp_path / "told.py"
+    plugin = tmp_path / "given.py"
     plugin.write_text(
         "import dovetail\n"
         "class Middle(dovetail.IdentificationMethod):\n"
@@ -156,7 +159,7 @@ def test_the_description_names_the_method_and_its_options(tmp_path, measured):
         dovetail.load(path, plugins=plugin)
 
 
-def test_an_unknown_method_is_told_with_those_there_are(assembly, measured):
+def test_an_unknown_method_is_refused_with_the_installed_ones(assembly, measured):
     with pytest.raises(ValueError, match=r"'postreior' is not a method\. Did you mean 'posterior'\?"):
         dovetail.identify(assembly, measured, "postreior")
 
@@ -202,3 +205,52 @@ class Unfitted(IdentificationMethod):
 def test_a_method_without_a_fit_that_fails_is_named(assembly, measured, answer, problem):
     with pytest.raises(PluginError, match=problem):
         dovetail.identify(assembly, measured, Unfitted(answer))
+
+
+class Sampling(IdentificationMethod):
+    """Returns the truth, and a posterior that a test changes."""
+
+    name = "sampling"
+    summary = "the truth, and a posterior"
+    gives_posterior = True
+    change = staticmethod(lambda posterior: posterior)
+
+    def identify(self, problem, *, seed, progress=dovetail.silent):
+        """Return the truth."""
+        return Estimate(np.array(list(TRUTH.values())))
+
+    def sample(self, problem, judged, *, seed, progress=dovetail.silent):
+        """Return the Laplace approximation, changed."""
+        return self.change(dovetail.laplace_posterior(problem, judged.fit, samples=100, seed=seed))
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        (lambda posterior: posterior.theta, "its sample returned ndarray"),
+        (lambda posterior: replace(posterior, weight=2.0 * posterior.weight), "with the sum 2"),
+        (lambda posterior: replace(posterior, weight=posterior.weight * np.nan), "its weights range from nan"),
+        (lambda posterior: replace(posterior, weight=posterior.weight[:-1]), r"its weights have the shape \(99,\)"),
+        (lambda posterior: replace(posterior, theta=posterior.theta * np.nan), "it gave k = nan"),
+        (lambda posterior: replace(posterior, theta=posterior.theta * 10.0), "it gave k = "),
+        (lambda posterior: replace(posterior, theta=posterior.theta[:, :1]), "parameters of the shape"),
+        (lambda posterior: replace(posterior, estimate=posterior.estimate * 10.0), "it gave k = "),
+        (lambda posterior: replace(posterior, fraction=1.0 - posterior.fraction), "are not those of their values"),
+        (lambda posterior: replace(posterior, names=("c", "k")), "its posterior is of c, k"),
+    ],
+)
+def test_a_posterior_that_contradicts_the_problem_is_refused(assembly, measured, monkeypatch, change, problem):
+    assert dovetail.identify(assembly, measured, Sampling()).posterior is not None
+    monkeypatch.setattr(Sampling, "change", staticmethod(change))
+    with pytest.raises(PluginError, match=problem) as error:
+        dovetail.identify(assembly, measured, Sampling())
+    assert error.value.faults[0].accepted
+
+
+def test_starts_and_steps_of_a_search_are_reported_only_if_the_method_returns_them(assembly, measured):
+    given, refined = (dovetail.identify(assembly, measured, method) for method in (Given(), "refined"))
+    assert (given.fit.starts, refined.fit.starts >= 1) == (0, True)
+    assert " start" not in fit_sentence(given.fit)
+    assert " start" in fit_sentence(refined.fit)
+    wrong = dovetail.identify(assembly, measured, Given(), k=6e6)
+    assert not any("searches" in text for text in (*wrong.warnings, *wrong.adequacy.reasons))

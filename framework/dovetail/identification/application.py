@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,6 +13,7 @@ from numpy.typing import NDArray
 
 from dovetail.assembly import Theta
 from dovetail.errors import Fault, Importance, MeasurementError, Note, PluginError, listing
+from dovetail.frf import Frf
 from dovetail.identification.measured_lines import MeasuredLines
 from dovetail.identification.parameters import ROUNDING
 from dovetail.identification.reconstruction import reconstruct
@@ -32,6 +35,8 @@ _LEAST_GAIN = 25.0
 """Decrease of the sum of squares, per parameter, from which another fit is clearly better: five standard deviations."""
 _LEAST_PART = 0.5
 """The same in parts of the better fit's sum of squares, which errors of the model make large for any fit."""
+_SAME_FRACTION = 1e-6
+"""Rounding that fractions of ranges and sums of weights may have."""
 _CANNOT_TELL = (
     "This model cannot tell whether the measurement is like what it was trained on, since it is of an earlier version "
     "or takes several responses: use the method 'refined' to be sure."
@@ -77,10 +82,10 @@ class Application:
         """
         if not self.method.fits_lines:
             return self._without_fit(measured)
-        network, notes = _network_answer(measured, self.trained)
+        network, notes = _network_start(measured, self.trained)
         starts = [] if self.start is None else [measured.assembly.vector(self.start)]
         starts += [known for known in (network, measured.start) if known is not None]
-        problem = replace(measured.problem, starts=tuple(starts), network=self._network_of(measured))
+        problem = replace(measured.problem, starts=tuple(starts), network=_network_of(self.trained, measured))
         began = time.monotonic()
         estimate, samples = self._estimate(problem)
         if isinstance(estimate, Fit):
@@ -103,7 +108,7 @@ class Application:
             return result
         with plugin_errors(self.method, self.label):
             posterior = self.method.sample(problem, judged, seed=self.seed, progress=self.progress)
-            check_contract(posterior, self.method, Posterior, "sample")
+            check_posterior(problem, posterior, self.method)
         allowed = posterior.model_error.natural_frequency
         origin = {**result.provenance, "posterior_form": posterior.form, "model_error": allowed}
         warnings = (*result.warnings, *(posterior.warnings if judged.is_trustworthy else ()))
@@ -143,14 +148,12 @@ class Application:
         posterior = _posterior_of(problem, problem.from_unit(samples), seconds)
         return replace(result, posterior=posterior, warnings=(*warnings, *posterior.warnings))
 
-    def _network_of(self, measured: MeasuredLines) -> Any:
-        """Return a function that returns the network's estimate; None without a network."""
-        return None if self.trained is None else lambda: _network_estimate(measured, self.trained)
-
     def _without_fit(self, measured: MeasuredLines) -> Identification:
         """Return the estimate of a network, with its own judgement of the measurement."""
-        problem = replace(measured.problem, network=self._network_of(measured))
-        began, trained = time.monotonic(), self.trained
+        trained = self.trained
+        resampled = () if trained is None else measured.resampled(trained.assembly)
+        network = None if trained is None else partial(_network_estimate, trained, resampled)
+        problem, began = replace(measured.problem, network=network), time.monotonic()
         estimate = self._identified(problem)
         posterior = None
         if estimate.samples is not None:
@@ -159,7 +162,6 @@ class Application:
         verdict: Adequacy | None = None
         unsure: tuple[str, ...] = (_CANNOT_TELL,)
         if trained is not None:
-            resampled = measured.resampled(trained.assembly)
             if trained.novelty is not None:
                 amplitude = trained.assembly.accelerance_amplitude(estimate.theta).astype(np.float64)
                 verdict, unsure = trained.novelty.check(resampled[0], amplitude), ()
@@ -167,7 +169,7 @@ class Application:
                 unsure += known.warnings(resampled, theta, posterior.theta)
         result = self._result(measured, theta, provenance=self._origin(measured), adequacy=verdict)
         warnings = (*result.warnings, *measured.warnings_of_features, *unsure)
-        return replace(result, posterior=posterior, warnings=warnings)
+        return replace(result, posterior=posterior, warnings=warnings, is_fitted=False)
 
     def _origin(self, measured: MeasuredLines) -> dict[str, Any]:
         """Return the provenance of the result."""
@@ -207,39 +209,74 @@ class Application:
         return (Note(message, Importance.DECISIVE),)
 
 
-def _network_estimate(measured: MeasuredLines, trained: TrainedNetwork) -> Estimate:
-    """Return a network's estimate for a measurement.
+def _network_estimate(trained: TrainedNetwork, resampled: Sequence[Frf]) -> Estimate:
+    """Return a network's estimate for a measurement on the network's frequencies, with samples if it has them."""
+    return Estimate(_network_theta(trained, resampled), trained.predict_samples(accelerance_amplitudes(resampled)[0]))
+
+
+def _network_theta(trained: TrainedNetwork, resampled: Sequence[Frf]) -> NDArray[np.float64]:
+    """Return the parameters (n_params,) [SI] that a network estimates.
 
     Raises
     ------
     MeasurementError
-        The measurement does not cover the network's frequencies, or the estimate is not finite.
+        They are not finite.
     """
-    resampled = measured.resampled(trained.assembly)
-    amplitudes = accelerance_amplitudes(resampled)
-    theta = trained.predict_parameters(amplitudes)[0]
-    parameters = measured.described.parameters
+    theta = trained.predict_parameters(accelerance_amplitudes(resampled))[0]
+    parameters = trained.assembly.parameters
     if lost := [p.name for p, value in zip(parameters, theta, strict=True) if not np.isfinite(value)]:
-        problem = f"{resampled[0].label}: the network has no finite value for {listing(lost)}"
-        raise MeasurementError(f"{problem}: this FRF is far from all it was trained on. Check its quantity and units.")
-    return Estimate(theta, trained.predict_samples(amplitudes[0]))
+        problem = f"this FRF is far from all that the network was trained on: {listing(lost)} has no finite estimate."
+        raise MeasurementError(Fault(resampled[0].label, problem, remedy="Check its quantity and units."))
+    return theta
 
 
-def _network_answer(
+def _network_start(
     measured: MeasuredLines, trained: TrainedNetwork | None
 ) -> tuple[NDArray[np.float64] | None, tuple[str, ...]]:
-    """Return a network's answer (n_params,) [SI], or None with a warning if a network has none."""
+    """Return a network's estimate (n_params,) [SI] as a start, or None with a note if it has none."""
     if trained is None:
         return None, ()
     try:
-        resampled = measured.resampled(trained.assembly)
+        return _network_theta(trained, measured.resampled(trained.assembly)), ()
     except MeasurementError as error:
-        return None, (Note(f"The network takes no part: {error.faults[0].problem}", Importance.DETAIL),)
-    answer = trained.predict_parameters(accelerance_amplitudes(resampled))[0]
-    if not np.isfinite(answer).all():
-        message = "The network takes no part: this FRF is far from all it was trained on."
-        return None, (Note(message, Importance.DETAIL),)
-    return answer, ()
+        return None, (Note(f"The network is not used: {error.faults[0].problem}", Importance.DETAIL),)
+
+
+def _network_of(trained: TrainedNetwork | None, measured: MeasuredLines) -> Callable[[], Estimate] | None:
+    """Return a function that returns the network's estimate; None without a network."""
+    if trained is None:
+        return None
+    return lambda: _network_estimate(trained, measured.resampled(trained.assembly))
+
+
+def check_posterior(problem: Problem, posterior: object, method: IdentificationMethod[Problem]) -> None:
+    """Check what a method's `sample` returned.
+
+    Raises
+    ------
+    PluginError
+        It is not a `Posterior` of the problem's parameters, its samples are not finite or outside the ranges, or its
+        weights are not shares that add up to 1.
+    """
+    label = component_label(method)
+    check_contract(posterior, method, Posterior, "sample")
+    assert isinstance(posterior, Posterior)
+    names = tuple(parameter.name for parameter in problem.parameters)
+    if posterior.names != names:
+        raise PluginError(Fault(label, f"its posterior is of {listing(posterior.names)}.", listing(names)))
+    fraction = _fractions(problem, posterior.theta, label)
+    _fractions(problem, [posterior.estimate], label)
+    if np.shape(posterior.fraction) != fraction.shape or np.abs(posterior.fraction - fraction).max() > _SAME_FRACTION:
+        accepted = "those of `theta`, as dovetail.Posterior.from_fractions computes them"
+        raise PluginError(Fault(label, "the fractions of its samples are not those of their values.", accepted))
+    weight = np.asarray(posterior.weight)
+    if weight.shape != (len(fraction),):
+        raise PluginError(Fault(label, f"its weights have the shape {weight.shape}.", f"({len(fraction)},)"))
+    if not (np.all(weight >= 0.0) and abs(weight.sum() - 1.0) <= _SAME_FRACTION):
+        problem_of_weights = (
+            f"its weights range from {weight.min():g} to {weight.max():g}, with the sum {weight.sum():g}."
+        )
+        raise PluginError(Fault(label, problem_of_weights, "shares of 0 or more that add up to 1"))
 
 
 def _posterior_of(problem: Problem, theta: NDArray[np.float64], seconds: float) -> Posterior:

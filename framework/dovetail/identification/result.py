@@ -57,6 +57,7 @@ class _Answer:
     network: Mapping[str, float] | None
     adequacy: Adequacy | None
     warnings: tuple[str, ...]
+    is_fitted: bool = True
 
     def __post_init__(self) -> None:
         """Make mappings read-only, order the warnings, and give the posterior the warning and the doubts.
@@ -90,8 +91,8 @@ class _Answer:
     @property
     def table(self) -> tuple[TableRow, ...]:
         """What is known of each parameter, the same wherever it is shown: a row for each, in their order."""
-        is_fitted = self.method != "network"
-        return parameter_table(self.parameters, self.posterior, self.network, self.warning, is_fitted=is_fitted)
+        fitted = self.is_fitted
+        return parameter_table(self.parameters, self.posterior, self.network, self.warning, is_fitted=fitted)
 
     @property
     def _head(self) -> str:
@@ -168,6 +169,8 @@ class Identification(_Answer):
         The answer of a trained network [SI] by parameter, if one took part.
     peaks_without_mode : tuple of Mode
         Measured peaks that belong to no mode, with the reconstructed ones near by; without natural frequencies.
+    is_fitted : bool
+        Whether the parameters were fitted to the measurement, and not only estimated by a network.
 
     Notes
     -----
@@ -191,6 +194,7 @@ class Identification(_Answer):
     band: tuple[float, float] | None = None
     network: Mapping[str, float] | None = None
     peaks_without_mode: tuple[Mode, ...] = ()
+    is_fitted: bool = True
 
     def __post_init__(self) -> None:
         """Hand the warning to what may be used by itself: the reconstructed FRFs too.

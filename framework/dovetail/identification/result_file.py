@@ -187,6 +187,7 @@ class _StoredIdentification(_StoredResponse, _StoredAnswer):
     band_Hz: tuple[float, float] | None = None  # noqa: N815
     posterior: _StoredPosterior | None = None
     network: dict[str, float] | None = None
+    fit: dict[str, Any] | None = {}  # None for the estimate of a network
     further_responses: tuple[_StoredFurther, ...] = ()
     adequacy: _StoredAdequacy | None = None
     misspecification: _StoredMisspecification | None = Field(
@@ -270,6 +271,7 @@ def _identification(file: Path, stored: _StoredIdentification) -> Identification
         adequacy=_adequacy(stored),
         band=stored.band_Hz,
         network=stored.network,
+        is_fitted=stored.fit is not None,
     )
 
 

@@ -278,10 +278,10 @@ def fit_sentence(fit: Fit) -> str:
     source = "as the measurement gives it" if fit.variance_known else "estimated from the scatter from line to line"
     if fit.variance_assumed:
         source = "assumed to be 1 % of the largest value, since fewer than 10 lines do not tell it"
+    searches = f"{fit.starts} start{'s' * (fit.starts != 1)}, {fit.steps} steps, " if fit.starts else ""
     return (
         f"Chi-squared {fit.chi_squared:.3g} per degree of freedom ({fit.degrees_of_freedom}) over the random error, "
-        f"{source}; {fit.starts} start{'s' * (fit.starts != 1)}, {fit.steps} steps, "
-        f"{number(fit.seconds, 2, padded=False)} s."
+        f"{source}; {searches}{number(fit.seconds, 2, padded=False)} s."
     )
 
 

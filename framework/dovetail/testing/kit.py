@@ -85,6 +85,7 @@ _PREREQUISITES = frozenset(
         "sample_files_have_a_suffix_of_it",
         "sample_files_are_read",
         "the_estimate_is_within_the_ranges",
+        "the_posterior_has_samples_of_the_parameters",
     }
 )
 """Checks that must pass for the following ones to be meaningful."""

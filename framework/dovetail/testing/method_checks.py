@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 
@@ -10,7 +11,12 @@ import yaml
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly, load
+from dovetail.errors import PluginError
 from dovetail.frf import Frf
+from dovetail.identification.application import check_posterior
+from dovetail.inference.adequacy.assess import judge
+from dovetail.inference.fitting import Fit, fit_at
+from dovetail.inference.posterior import Posterior
 from dovetail.interfaces import Estimate, IdentificationMethod, silent
 from dovetail.problem import Problem
 from dovetail.testing.outcomes import Nonconformity, NotApplicable
@@ -84,10 +90,40 @@ class MethodSpecimen(Specimen):
             raise Nonconformity(f"identify returned {type(estimate).__name__}.", "Return a dovetail.Estimate.")
         return estimate
 
+    def posterior(self, problem: Problem, estimate: Estimate) -> Posterior:
+        """Return what the method's `sample` returns for a judged estimate, after the checks of an identification.
+
+        Raises
+        ------
+        NotApplicable
+            It is never called for this method.
+        """
+        if not (self.component.gives_posterior and self.component.fits_lines) or estimate.samples is not None:
+            raise NotApplicable("it has no `sample` that is called once the estimate is judged.")
+        fit = estimate if isinstance(estimate, Fit) else fit_at(problem, problem.to_unit(np.asarray(estimate.theta)))
+        posterior = self.component.sample(problem, judge(problem, fit, seed=SEED), seed=SEED, progress=silent)
+        try:
+            check_posterior(problem, posterior, self.component)
+        except PluginError as error:
+            fault = error.faults[0]
+            raise Nonconformity(fault.problem, f"Return {fault.accepted}.") from None
+        return posterior
+
+    def run(self, problem: Problem) -> None:
+        """Call every part of the method, as an identification does."""
+        estimate = self.estimate(problem)
+        with suppress(NotApplicable):
+            self.posterior(problem, estimate)
+
     @cached_property
     def first(self) -> Estimate:
         """The estimate for the standard problem."""
         return self.estimate()
+
+    @cached_property
+    def first_posterior(self) -> Posterior:
+        """The posterior for the standard problem."""
+        return self.posterior(self.problem(), self.first)
 
 
 def check_the_estimate_is_within_the_ranges(specimen: MethodSpecimen) -> None:
@@ -129,12 +165,29 @@ def check_the_same_seed_gives_the_same_estimate(specimen: MethodSpecimen) -> Non
         raise Nonconformity("two runs with the same seed differ.", "Draw all random numbers from default_rng(seed).")
 
 
+def check_the_posterior_has_samples_of_the_parameters(specimen: MethodSpecimen) -> str:
+    """`sample` returns a `Posterior` of the parameters: finite samples within the ranges, weights that add up to 1."""
+    return f"{len(specimen.first_posterior.weight)} samples"
+
+
+def check_the_same_seed_gives_the_same_posterior(specimen: MethodSpecimen) -> None:
+    """The same problem, judged estimate and seed give the same posterior bit for bit."""
+    first, again = specimen.first_posterior, specimen.posterior(specimen.problem(), specimen.first)
+    if not (np.array_equal(first.theta, again.theta) and np.array_equal(first.weight, again.weight)):
+        raise Nonconformity("two posteriors with the same seed differ.", "Draw all numbers from default_rng(seed).")
+
+
 def check_samples_agree_with_the_estimate(specimen: MethodSpecimen) -> None:
-    """If there are samples, the truth is not far outside of them."""
+    """If there are samples, of the estimate or of `sample`, the truth is not far outside of them."""
     if specimen.first.samples is None:
-        raise NotApplicable("it gives no samples.")
-    samples = np.asarray(specimen.first.samples)
-    distance = np.abs(_TRUTH - samples.mean(axis=0)) / np.maximum(samples.std(axis=0), 1e-12 * _TRUTH)
+        posterior = specimen.first_posterior
+        samples, weight = posterior.theta, posterior.weight
+    else:
+        samples = np.asarray(specimen.first.samples)
+        weight = np.full(len(samples), 1.0 / len(samples))
+    mean = weight @ samples
+    deviation = np.sqrt(weight @ (samples - mean) ** 2)
+    distance = np.abs(_TRUTH - mean) / np.maximum(deviation, 1e-12 * _TRUTH)
     if np.any(distance > 6.0):
         column = int(np.argmax(distance))
         name = _assembly(1).parameters[column].name
@@ -146,14 +199,14 @@ def check_inputs_are_left_unchanged(specimen: MethodSpecimen) -> None:
     """The arrays of the problem are not changed."""
     problem = specimen.problem()
     kept = problem.values.copy(), problem.variance.copy()
-    specimen.estimate(problem)
+    specimen.run(problem)
     if not (np.array_equal(problem.values, kept[0]) and np.array_equal(problem.variance, kept[1])):
         raise Nonconformity("it changed the measurement.", "Compute with copies.")
 
 
 def check_nothing_is_printed_or_changed(specimen: MethodSpecimen) -> None:
     """Identification prints nothing, and changes no global settings or random numbers."""
-    seen = observe(lambda: specimen.estimate())
+    seen = observe(lambda: specimen.run(specimen.problem()))
     changed = [*seen.generators, *seen.settings, *(["the standard output"] if seen.printed.strip() else [])]
     if changed:
         raise Nonconformity(f"it changes {', '.join(changed)}.", "Restore it; report through `progress`.")

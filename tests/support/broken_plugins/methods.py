@@ -1,12 +1,14 @@
-"""A sound method, and one with a single fault for each check of the kit that methods have."""
+"""Sound methods, and one with a single fault for each check of the kit that methods have."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import least_squares
 
-from dovetail import Estimate, IdentificationMethod, silent
-from support.broken_plugins.lists import breaks
+from dovetail import Estimate, IdentificationMethod, laplace_posterior, silent
+from support.broken_plugins.lists import also_breaks, breaks
 
 
 class SoundMethod(IdentificationMethod):
@@ -121,10 +123,117 @@ class Overwriting(SoundMethod):
 
 
 @breaks("nothing_is_printed_or_changed")
-class Telling(SoundMethod):
-    """Tells what it does."""
+class Printing(SoundMethod):
+    """Prints while it searches."""
 
     def measured(self, problem):
         """Print the number of lines."""
         print(problem.variance.size)
         return problem.values
+
+
+class SoundPosterior(SoundMethod):
+    """The same search, and the Laplace approximation once the fit is judged."""
+
+    gives_posterior = True
+
+    def identify(self, problem, *, seed, progress=silent):
+        """Return the estimate alone."""
+        return Estimate(super().identify(problem, seed=seed, progress=progress).theta)
+
+    def sample(self, problem, judged, *, seed, progress=silent):
+        """Return samples of a Gaussian."""
+        self.parameters = problem.parameters
+        return self.changed(laplace_posterior(problem, judged.fit, samples=100, seed=seed, progress=progress))
+
+    def changed(self, posterior):
+        """Return the posterior."""
+        return posterior
+
+
+@breaks("the_posterior_has_samples_of_the_parameters")
+class Weightless(SoundPosterior):
+    """Weights that do not add up to 1."""
+
+    def changed(self, posterior):
+        """Return counts."""
+        return replace(posterior, weight=100.0 * posterior.weight)
+
+
+@also_breaks("the_posterior_has_samples_of_the_parameters")
+class Unfinished(SoundPosterior):
+    """A sample that is not a number."""
+
+    def changed(self, posterior):
+        """Lose the last sample."""
+        theta = posterior.theta.copy()
+        theta[-1] = np.nan
+        return replace(posterior, theta=theta)
+
+
+@also_breaks("the_posterior_has_samples_of_the_parameters")
+class Array(SoundPosterior):
+    """Samples without their weights."""
+
+    def changed(self, posterior):
+        """Return an array."""
+        return posterior.theta
+
+
+@also_breaks("the_posterior_has_samples_of_the_parameters")
+class FewerWeights(SoundPosterior):
+    """A weight too few."""
+
+    def changed(self, posterior):
+        """Lose the last weight."""
+        return replace(posterior, weight=posterior.weight[:-1])
+
+
+@also_breaks("the_posterior_has_samples_of_the_parameters")
+class Misnamed(SoundPosterior):
+    """The parameters in the other order."""
+
+    def changed(self, posterior):
+        """Exchange the names."""
+        return replace(posterior, names=posterior.names[::-1])
+
+
+@breaks("the_same_seed_gives_the_same_posterior")
+class UnseededSamples(SoundPosterior):
+    """Draws the samples from the clock."""
+
+    def sample(self, problem, judged, *, seed, progress=silent):
+        """Take no notice of the seed."""
+        return super().sample(problem, judged, seed=int(np.random.default_rng().integers(1 << 30)), progress=progress)
+
+
+@also_breaks("samples_agree_with_the_estimate")
+class SampledElsewhere(SoundPosterior):
+    """A posterior of another place than the estimate's."""
+
+    def changed(self, posterior):
+        """Mirror the samples in the middle of the ranges."""
+        fraction = 1.0 - posterior.fraction
+        theta = np.stack([p.from_unit(x) for p, x in zip(self.parameters, fraction.T, strict=True)], axis=1)
+        return replace(posterior, theta=theta, fraction=fraction)
+
+
+@also_breaks("nothing_is_printed_or_changed")
+class PrintingSampler(SoundPosterior):
+    """Prints while it samples."""
+
+    def changed(self, posterior):
+        """Print the number of samples."""
+        print(len(posterior.theta))
+        return posterior
+
+
+@also_breaks("inputs_are_left_unchanged")
+class OverwritingSampler(SoundPosterior):
+    """Writes into the variance while it samples."""
+
+    def sample(self, problem, judged, *, seed, progress=silent):
+        """Double the variance afterwards."""
+        posterior = super().sample(problem, judged, seed=seed, progress=progress)
+        problem.variance[...] *= 2.0
+        return posterior

@@ -346,8 +346,9 @@ def _reasons(fit: Fit, estimated: FitWithError, allowed: float | None, given_out
             f"The measurement shows errors of natural frequencies of {100.0 * needed:.2g} %, more than the "
             f"{100.0 * allowed:.2g} % that are allowed."
         )
-    repeated = f"Of {fit.starts} searches {fit.agreeing} ended in the same fit, none in a better one."
-    yield Note(repeated, Importance.DETAIL)
+    if fit.starts:
+        repeated = f"Of {fit.starts} searches {fit.agreeing} ended in the same fit, none in a better one."
+        yield Note(repeated, Importance.DETAIL)
 
 
 def _phases(target: Observations, phases: tuple[float, ...]) -> Iterator[str]:

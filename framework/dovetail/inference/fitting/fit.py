@@ -66,7 +66,7 @@ class Fit(Estimate):
     at_bounds : mapping of str to "lower" or "upper"
         Parameters that ended at a bound of their range.
     starts : int
-        Number of searches, from different points.
+        Number of searches, from different points; 0 for the estimate of a method that does not report them.
     agreeing : int
         How many of those that were carried to the end gave the same fit.
     steps : int
@@ -132,8 +132,8 @@ def fit_at(
     problem: Problem,
     fraction: NDArray[np.float64],
     *,
-    starts: int = 1,
-    agreeing: int = 1,
+    starts: int = 0,
+    agreeing: int = 0,
     steps: int = 0,
     seconds: float = 0.0,
 ) -> Fit:

@@ -31,7 +31,7 @@ class Evolution(IdentificationMethod):
 
         population: Annotated[int, Field(ge=4, le=1000)] = 15
         generations: Annotated[int, Field(ge=1, le=10_000)] = 200
-        samples: Annotated[int, Field(ge=10, le=100_000)] = 500
+        samples: Annotated[int, Field(ge=50, le=100_000)] = 500
 
     def identify(self, problem, *, seed, progress=silent):
         """Minimise the sum of |difference|^2 over the random error, over all lines of all measurements."""
