@@ -107,8 +107,8 @@ class Application:
         if not self.method.gives_posterior:
             return result
         with plugin_errors(self.method, self.label):
-            posterior = self.method.sample(problem, judged, seed=self.seed, progress=self.progress)
-            check_posterior(problem, posterior, self.method)
+            sampled = self.method.sample(problem, judged, seed=self.seed, progress=self.progress)
+            posterior = checked_posterior(problem, sampled, self.method)
         allowed = posterior.model_error.natural_frequency
         origin = {**result.provenance, "posterior_form": posterior.form, "model_error": allowed}
         warnings = (*result.warnings, *(posterior.warnings if judged.is_trustworthy else ()))
@@ -222,7 +222,7 @@ def _network_theta(trained: TrainedNetwork, resampled: Sequence[Frf]) -> NDArray
     MeasurementError
         They are not finite.
     """
-    theta = trained.predict_parameters(accelerance_amplitudes(resampled))[0]
+    theta: NDArray[np.float64] = trained.predict_parameters(accelerance_amplitudes(resampled))[0]
     parameters = trained.assembly.parameters
     if lost := [p.name for p, value in zip(parameters, theta, strict=True) if not np.isfinite(value)]:
         problem = f"this FRF is far from all that the network was trained on: {listing(lost)} has no finite estimate."
@@ -249,8 +249,8 @@ def _network_of(trained: TrainedNetwork | None, measured: MeasuredLines) -> Call
     return lambda: _network_estimate(trained, measured.resampled(trained.assembly))
 
 
-def check_posterior(problem: Problem, posterior: object, method: IdentificationMethod[Problem]) -> None:
-    """Check what a method's `sample` returned.
+def checked_posterior(problem: Problem, posterior: object, method: IdentificationMethod[Problem]) -> Posterior:
+    """Return what a method's `sample` returned, if it is a posterior of the problem.
 
     Raises
     ------
@@ -277,6 +277,7 @@ def check_posterior(problem: Problem, posterior: object, method: IdentificationM
             f"its weights range from {weight.min():g} to {weight.max():g}, with the sum {weight.sum():g}."
         )
         raise PluginError(Fault(label, problem_of_weights, "shares of 0 or more that add up to 1"))
+    return posterior
 
 
 def _posterior_of(problem: Problem, theta: NDArray[np.float64], seconds: float) -> Posterior:

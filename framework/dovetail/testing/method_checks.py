@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly, load
 from dovetail.errors import PluginError
 from dovetail.frf import Frf
-from dovetail.identification.application import check_posterior
+from dovetail.identification.application import checked_posterior
 from dovetail.inference.adequacy.assess import judge
 from dovetail.inference.fitting import Fit, fit_at
 from dovetail.inference.posterior import Posterior
@@ -101,13 +101,12 @@ class MethodSpecimen(Specimen):
         if not (self.component.gives_posterior and self.component.fits_lines) or estimate.samples is not None:
             raise NotApplicable("it has no `sample` that is called once the estimate is judged.")
         fit = estimate if isinstance(estimate, Fit) else fit_at(problem, problem.to_unit(np.asarray(estimate.theta)))
-        posterior = self.component.sample(problem, judge(problem, fit, seed=SEED), seed=SEED, progress=silent)
+        sampled = self.component.sample(problem, judge(problem, fit, seed=SEED), seed=SEED, progress=silent)
         try:
-            check_posterior(problem, posterior, self.component)
+            return checked_posterior(problem, sampled, self.component)
         except PluginError as error:
             fault = error.faults[0]
             raise Nonconformity(fault.problem, f"Return {fault.accepted}.") from None
-        return posterior
 
     def run(self, problem: Problem) -> None:
         """Call every part of the method, as an identification does."""
