@@ -49,29 +49,15 @@ def run_tasks(
     begin: Callable[[], object],
     lost: Callable[[int, Fault], Result] | None = None,
 ) -> Generator[tuple[int, Result], None, None]:
-    """Yield ``(index, work(index))`` for each index below `count`, in the order in which they finish.
+    """Run tasks in forked processes, as `dovetail.parallel.side_by_side` describes.
 
-    Parameters
-    ----------
-    work : callable
-        Its results must be picklable; the callable itself need not be.
-    count : int
-    workers : int
-        Number of processes, which are forked.
-    begin : callable
-        Called first in each process.
-    lost : callable, optional
-        Called with the index and the reason of a task that ended its process twice; returns a result in its place.
+    `begin` is called first in each process. A process that is killed is replaced, and its task is repeated when no
+    other one is running.
 
     Raises
     ------
     DovetailError
         A task ended its process twice, and there is no `lost`; or no process can be started.
-
-    Notes
-    -----
-    A process that is killed is replaced. Its task is repeated when no other one is running. When the caller stops
-    iterating, as after Ctrl-C, the processes are killed at once.
     """
     pool = _Pool(work, begin, min(workers, count))
     waiting, again = deque(range(count)), deque[int]()

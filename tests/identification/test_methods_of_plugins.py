@@ -13,19 +13,11 @@ from dovetail.report.content import fit_sentence
 
 TRUTH = {"k": 4e6, "c": 80.0}
 DESCRIPTION = """\
-dovetail: 1
-name: block
-frequency: {start: 200 Hz, stop: 450 Hz, step: 1 Hz}
-substructures:
-  mass: {model: lumped, masses: [{mass: 1 kg}]}
-  base: {model: ground}
+extends: {parent}
+frequency: {{start: 200 Hz, stop: 450 Hz, step: 1 Hz}}
 joints:
   mount:
-    model: spring_damper
-    direction: x
-    connect: {a: {to: mass, at: 0 mm}, b: {to: base, at: 0 mm}}
-    parameters: {k: {range: [1e6 N/m, 1e7 N/m]}, c: {range: [20 N s/m, 200 N s/m]}}
-response: {at: mass, position: 0 mm, direction: x, quantity: accelerance}
+    parameters: {{k: {{range: [1e6 N/m, 1e7 N/m], scale: log}}, c: {{range: [20 N s/m, 200 N s/m], scale: log}}}}
 """
 
 
@@ -74,15 +66,15 @@ class Listing(Given):
 
 
 @pytest.fixture(scope="module")
-def file(tmp_path_factory):
-    path = tmp_path_factory.mktemp("block") / "block.yaml"
-    path.write_text(DESCRIPTION)
-    return path
+def description(assemblies):
+    return DESCRIPTION.format(parent=assemblies / "sdof.yaml")
 
 
 @pytest.fixture(scope="module")
-def assembly(file):
-    return dovetail.load(file)
+def assembly(description, tmp_path_factory):
+    path = tmp_path_factory.mktemp("block") / "block.yaml"
+    path.write_text(description)
+    return dovetail.load(path)
 
 
 @pytest.fixture(scope="module")
@@ -129,7 +121,7 @@ def test_what_is_no_estimate_is_refused(assembly, measured, method, problem):
     assert error.value.faults[0].problem == problem
 
 
-def test_the_description_names_the_method_and_its_options(tmp_path, measured):
+def test_the_description_names_the_method_and_its_options(tmp_path, description, measured):
     plugin = tmp_path / "given.py"
     plugin.write_text(
         "import dovetail\n"
@@ -149,12 +141,12 @@ def test_the_description_names_the_method_and_its_options(tmp_path, measured):
         "    return [Middle]\n"
     )
     path = tmp_path / "block.yaml"
-    path.write_text(f"{DESCRIPTION}identification: {{method: {{model: middle, part: 0.25}}}}\n")
+    path.write_text(f"{description}identification: {{method: {{model: middle, part: 0.25}}}}\n")
     described = dovetail.load(path, plugins=plugin)
     result = dovetail.identify(described, measured)
     assert (result.method, result.parameters["c"].value) == ("middle", pytest.approx(20.0 * 10**0.25))
     assert dovetail.identify(described, measured, "refined").method == "refined"
-    path.write_text(f"{DESCRIPTION}identification: {{method: {{model: midle}}}}\n")
+    path.write_text(f"{description}identification: {{method: {{model: midle}}}}\n")
     with pytest.raises(dovetail.DescriptionError, match="'midle' is not a method model"):
         dovetail.load(path, plugins=plugin)
 
