@@ -1,6 +1,6 @@
 """Dovetail identifies the parameters of a mechanical joint from one measured frequency response function.
 
-The public names stand in ``__init__.pyi`` beside this file. Each is loaded when it is first used, so that
+The public names are listed in ``__init__.pyi`` next to this file. Each is loaded when it is first used, so that
 ``import dovetail`` stays light. Longer steps are logged under the name "dovetail".
 """
 

@@ -1,7 +1,7 @@
 """Bounded reading of a file, and writing that never leaves half a file or half a folder.
 
-New content is written beside its target, under a name that cannot be guessed, until it is complete. Only one process at
-a time writes a target: it holds a lock of the operating system, which ends with the process. Whoever holds the lock
+New content is written next to its target, under a name that cannot be guessed, until it is complete. Only one process
+at a time writes a target: it holds a lock of the operating system, which ends with the process. Whoever holds the lock
 removes the remains of killed processes.
 """
 
@@ -71,7 +71,7 @@ def read_bounded(path: Path, largest: int = LARGEST_FILE) -> bytes:
 
 
 def write_whole(path: Path, content: bytes, *, overwrite: bool) -> None:
-    """Write a file under a temporary name beside `path` and rename it.
+    """Write a file under a temporary name next to `path` and rename it.
 
     Raises
     ------
@@ -80,7 +80,7 @@ def write_whole(path: Path, content: bytes, *, overwrite: bool) -> None:
     """
     if path.exists() and not overwrite:
         remedy = "Choose another name, or say overwrite=True."
-        raise FileError(Fault(str(path), "the file is there already.", remedy=remedy))
+        raise FileError(Fault(str(path), "the file already exists.", remedy=remedy))
     with locked(path):
         temporary = temporary_path(path)
         try:
@@ -95,7 +95,7 @@ def write_whole(path: Path, content: bytes, *, overwrite: bool) -> None:
 
 @contextmanager
 def new_folder(target: Path, replaced: Container[str] = (), first: str = "", last: str = "") -> Iterator[Path]:
-    """Yield an empty folder beside `target`, which replaces it in one step if the block ends without an error.
+    """Yield an empty folder next to `target`, which replaces it in one step if the block ends without an error.
 
     Parameters
     ----------
@@ -170,7 +170,7 @@ def new_files(targets: Sequence[Path], *, overwrite: bool) -> Iterator[list[Path
         yield [staged[target] for target in targets]
         for target, file in staged.items():
             if target.exists() and not overwrite:
-                raise FileError(Fault(str(target), "the file is there already."))
+                raise FileError(Fault(str(target), "the file already exists."))
             os.replace(file, target)
 
 
@@ -241,7 +241,7 @@ def _exchange(first: Path, second: Path) -> bool:
 
 @contextmanager
 def locked(path: Path, wait: float = _LONGEST_WRITING, on_wait: Callable[[str], None] | None = None) -> Iterator[None]:
-    """Keep other processes of Dovetail from writing a path, and remove the remains of killed ones beside it.
+    """Keep other processes of Dovetail from writing a path, and remove the remains of killed ones next to it.
 
     Parameters
     ----------
@@ -309,12 +309,12 @@ def _holder(marker: Path) -> str:
 
 
 def temporary_path(target: Path) -> Path:
-    """Return a temporary name beside `target` that cannot be guessed; the next holder of `target` removes its file."""
+    """Return a temporary name next to `target` that cannot be guessed; the next holder of `target` removes its file."""
     return target.with_name(f".{target.name}.{secrets.token_hex(8)}.part")
 
 
 def _sweep(path: Path) -> None:
-    """Remove the remains that killed processes have left beside `path`; if they had moved it away, move it back."""
+    """Remove the remains that killed processes have left next to `path`; if they had moved it away, move it back."""
     start = f".{path.name}."
     remains = re.compile(re.escape(start) + r"[0-9a-f]{16}\.(part|old)")
     for name in os.listdir(path.parent):  # of ten thousand files perhaps

@@ -159,10 +159,10 @@ class KeptEstimator:
         tree = _encode(estimator, arrays, lost, type(estimator).__name__)
         try:
             kept = cls({_STRUCTURE: json.dumps(tree), "width": rows.shape[1], **arrays}, owner)
-            alike = np.allclose(kept.answer(rows[:2], method), expected, rtol=1e-4, atol=1e-6)
+            is_same = np.allclose(kept.answer(rows[:2], method), expected, rtol=1e-4, atol=1e-6)
         except Exception:  # an estimator without some of its attributes may raise anything
-            alike = False
-        if not alike:
+            is_same = False
+        if not is_same:
             raise _not_arrays(owner, lost)
         return kept
 

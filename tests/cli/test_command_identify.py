@@ -205,7 +205,7 @@ def test_a_second_training_waits_for_the_first(run, bench, tmp_path, trains_noth
     first = subprocess.Popen([sys.executable, "-c", HOLDER, *arguments], stdout=-1, text=True)
     assert first.stdout.readline() == "trains\n"
     done = run("identify", bench.description, bench.measured, "--method", "network")
-    assert f"process {first.pid} is at work on the model of 'small'; waiting for it.\n" in done.stderr
+    assert f"process {first.pid} is training the model of 'small'; waiting for it.\n" in done.stderr
     assert "Using the model trained before" in done.stderr
     assert trains_nothing == []
     first.communicate()

@@ -80,7 +80,7 @@ def test_it_asks_on_a_terminal(monkeypatch, tmp_path):
 def test_a_file_that_is_there_stays(run, tmp_path):
     file = tmp_path / "mine.yaml"
     file.write_text("mine")
-    assert "there is such a file already.\n  Choose another name.\n" in run("new-assembly", file, code=1).stderr
+    assert "a file of this name already exists.\n  Choose another name.\n" in run("new-assembly", file, code=1).stderr
     assert file.read_text() == "mine"
 
 

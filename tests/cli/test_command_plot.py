@@ -38,7 +38,7 @@ def test_figures_are_written(run, files, tmp_path):
     assert svg.startswith(b'<svg xmlns="http://www.w3.org/2000/svg" ')
     assert page.startswith(b"<!DOCTYPE html>")
     assert not re.search(rb"<script|https?://(?!www\.w3\.org)", page)
-    assert "there is such a file already" in run("plot", *files, "-o", figures[0], code=1).stderr
+    assert "a file of this name already exists" in run("plot", *files, "-o", figures[0], code=1).stderr
     assert "Accepted: .png, .svg, .html" in run("plot", *files, "-o", tmp_path / "frfs.pdf", code=2).stderr
 
 

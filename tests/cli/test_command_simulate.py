@@ -54,7 +54,7 @@ def test_a_file_that_is_there_stays(run, assemblies, tmp_path, name):
     file = tmp_path / name
     file.write_text("mine")
     message = run("simulate", assemblies / "sdof.yaml", "-o", file, code=1).stderr
-    assert message == f"{file}\n  there is such a file already.\n  Choose another name, or add --overwrite.\n"
+    assert message == f"{file}\n  a file of this name already exists.\n  Choose another name, or add --overwrite.\n"
     assert file.read_text() == "mine"
     run("simulate", assemblies / "sdof.yaml", "-o", file, "--overwrite")
     assert file.read_bytes() != b"mine"

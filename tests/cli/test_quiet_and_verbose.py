@@ -31,7 +31,7 @@ def test_quiet_leaves_out_notes_but_no_results_or_errors(simulate, tmp_path, pla
     quiet = simulate(tmp_path, "--overwrite", *behind, **words)
     assert quiet.stderr == ""
     assert quiet.stdout == simulate(tmp_path, "--overwrite").stdout != ""
-    assert "there is such a file already" in simulate(tmp_path, *behind, **words, code=1).stderr
+    assert "a file of this name already exists" in simulate(tmp_path, *behind, **words, code=1).stderr
 
 
 @pytest.mark.parametrize(

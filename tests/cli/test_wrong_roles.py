@@ -350,7 +350,7 @@ def test_convert_compares_source_and_drive_point(run, written, tmp_path, source,
 def test_a_drive_point_with_a_reversed_sign_is_refused(run, frfs, tmp_path):
     dovetail.write_frf(replace(frfs["drive"], values=-frfs["drive"].values), tmp_path / "a.csv")
     done = run("convert", tmp_path / "a.csv", tmp_path / "b.csv", "--accelerometer-mass", "1 g", code=1)
-    assert "it gives out 100 % of the power" in " ".join(done.stderr.split())
+    assert "it delivers 100 % of the power" in " ".join(done.stderr.split())
 
 
 def test_a_drive_point_with_half_a_wrong_phase_is_reported(run, frfs, written, tmp_path):
@@ -360,7 +360,7 @@ def test_a_drive_point_with_half_a_wrong_phase_is_reported(run, frfs, written, t
         source = written("transfer", ("", "")) if others else tmp_path / "a.csv"
         arguments = ["convert", source, tmp_path / f"{name}.csv", "--accelerometer-mass", "1 g", *others]
         printed = " ".join(run(*arguments).stderr.split())
-        assert "Note: a.csv: as the drive point at the accelerometer, it gives out" in printed
+        assert "Note: a.csv: as the drive point at the accelerometer, it delivers" in printed
         assert "UserWarning" not in printed
 
 
@@ -413,7 +413,7 @@ def test_tests_of_a_spindle_at_other_dofs_are_refused(spindle_tests, stated):
 def test_a_test_of_a_spindle_with_a_reversed_sign_is_refused(spindle_tests):
     holder, (aa, ab, bb) = spindle_tests
     for changed in ((replace(aa, values=-aa.values), ab, bb), (aa, ab, replace(bb, values=-bb.values))):
-        with pytest.raises(dovetail.MeasurementError, match="it gives out 100 % of the power"):
+        with pytest.raises(dovetail.MeasurementError, match="it delivers 100 % of the power"):
             dovetail_machining.spindle_flange(holder, changed, (0.0, 0.02), 0.072)
 
 

@@ -154,7 +154,7 @@ def test_the_command_writes_it(run, tmp_path):
     file = tmp_path / "dovetail.schema.json"
     run("schema", "-o", file)
     assert json.loads(file.read_text(encoding="utf-8")) == json.loads(run("schema").stdout)
-    assert "there is such a file already" in run("schema", "-o", file, code=1).stderr
+    assert "a file of this name already exists" in run("schema", "-o", file, code=1).stderr
     run("schema", "-o", file, "--overwrite")
     assert list(tmp_path.iterdir()) == [file]
 

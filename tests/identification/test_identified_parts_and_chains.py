@@ -191,7 +191,7 @@ def test_the_phase_may_be_left_out():
 def test_what_is_wrong_with_weights_is_said():
     assembly = dovetail.load({**MASSES, "response": DRIVE})
     [frf] = measured(assembly, as_measured(assembly))
-    with pytest.raises(dovetail.ParameterError, match="'coherance' is no way to weight lines"):
+    with pytest.raises(dovetail.ParameterError, match="'coherance' is not a way to weight lines"):
         dovetail.identify(assembly, frf, "refined", weights="coherance")
     with pytest.raises(dovetail.MeasurementError, match="it has no coherence"):
         dovetail.identify(assembly, frf, "refined", weights="coherence")
@@ -254,5 +254,5 @@ def test_no_mass_is_taken_off_before_a_calibration():
     """A reversed sign, a gain or a delay would be in what it is taken off from."""
     reversed_there = dovetail.load({**MASSES, "response": {**DRIVE, "calibration": {"sign": -1}}})
     check_mass(reversed_there, 0.0)
-    with pytest.raises(dovetail.MeasurementError, match="states a 'calibration', and a mass is removed before it"):
+    with pytest.raises(dovetail.MeasurementError, match="has a 'calibration', and a mass would be removed before it"):
         check_mass(reversed_there, 0.02)

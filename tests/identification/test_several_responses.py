@@ -340,7 +340,7 @@ def test_predictions_are_at_the_first_response_or_at_the_chosen_one(chain, clean
 
 
 def test_a_misspelt_weight_of_one_response_is_refused(chain, clean):
-    with pytest.raises(dovetail.ParameterError, match="'coherense' is no way to weight lines"):
+    with pytest.raises(dovetail.ParameterError, match="'coherense' is not a way to weight lines"):
         dovetail.identify(chain, clean, "refined", weights=["amplitude", "coherense"])
 
 

@@ -164,8 +164,14 @@ def test_a_motion_does_not_say_over_what(tmp_path: Path, refused) -> None:
     ("columns", "message"),
     [
         (("frequency", "real"), "the argument columns\n  the values are not to be found by their name"),
-        (("frequency", "reel", "imag"), "the argument columns\n  'reel' is no part of an FRF.\n  Did you mean 'real'?"),
-        (("frequency", "amplitude", "phase"), "the argument columns\n  'phase' is no part of an FRF.\n  Did you mean"),
+        (
+            ("frequency", "reel", "imag"),
+            "the argument columns\n  'reel' is not a field of an FRF.\n  Did you mean 'real'?",
+        ),
+        (
+            ("frequency", "amplitude", "phase"),
+            "the argument columns\n  'phase' is not a field of an FRF.\n  Did you mean",
+        ),
         (("frequency", "real", "real"), "the argument columns\n  the header 'frequency,real,real' has a name twice."),
         (
             ("frequency", "real", "imag", "skip"),

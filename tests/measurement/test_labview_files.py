@@ -101,7 +101,7 @@ def test_one_of_several_segments_and_columns_by_their_names(tmp_path: Path, refu
 
 TIME = (HEADER + SEGMENT).replace("\tFrequency\tFrequency", "\tTime\tTime")
 FAULTS = {
-    "hello\n": "a.lvm\n  this is no LabVIEW measurement file",
+    "hello\n": "a.lvm\n  this is not a LabVIEW measurement file",
     HEADER: "a.lvm\n  the LabVIEW file is damaged: ",
     HEADER + SEGMENT.partition("10.0\t1.5")[0]: "a.lvm: segment 1\n  there is no line of numbers.",
     HEADER + SEGMENT.replace("0.25", "x"): "a.lvm: segment 1, line 2\n  the value is (3+nanj), which is not finite.",

@@ -174,7 +174,7 @@ def test_faults(tmp_path: Path, variables: dict, message: str) -> None:
 def test_versions_that_are_not_read(tmp_path: Path) -> None:
     savemat(tmp_path / "a.mat", {"f": FREQUENCY}, format="4")
     assert fault_of(tmp_path / "a.mat") == (
-        "a.mat\n  this is no MATLAB workspace of a version that is read.\n"
+        "a.mat\n  this is not a MATLAB workspace of a version that can be read.\n"
         "  Accepted: version 5 (save -v6, save -v7) or 7.3 (save -v7.3)"
     )
 

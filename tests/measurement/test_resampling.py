@@ -190,7 +190,7 @@ def test_lines_too_far_apart_are_refused_in_any_unit(has_phase: bool, unit: floa
             error = np.abs(drawn) - np.abs(truth)
             assert np.linalg.norm(error) < (0.02 if has_phase else 0.04) * np.linalg.norm(truth)
             continue
-        with pytest.raises(MeasurementError, match="too far to tell the FRF between them") as caught:
+        with pytest.raises(MeasurementError, match="too far to determine the FRF between them") as caught:
             on_grid(frf, grid)
         assert f"are {spacing:g} Hz apart" in str(caught.value)
         np.testing.assert_array_equal(on_grid(frf, lines[3:20]).values, frf.values[3:20])
@@ -200,7 +200,7 @@ def test_lines_too_far_apart_are_refused_in_any_unit(has_phase: bool, unit: floa
 def test_a_few_lines_too_far_apart_are_refused_like_many(count: int) -> None:
     lines = np.linspace(300.0, 2000.0, count)
     frf = Frf(lines, accelerance(lines, *[(400.3 + 130.0 * n, 0.004, 0.5) for n in range(12)]), "accelerance")
-    with pytest.raises(MeasurementError, match="too far to tell the FRF between them"):
+    with pytest.raises(MeasurementError, match="too far to determine the FRF between them"):
         on_grid(frf, np.arange(300.0, 2000.0, 2.0))
 
 

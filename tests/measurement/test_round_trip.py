@@ -117,7 +117,7 @@ def test_overwriting_has_to_be_said(tmp_path: Path, measured: Frf) -> None:
     for options in ({}, {"binary": True}):
         path = tmp_path / "a.uff"
         write_frf(measured, path, overwrite=True)
-        with pytest.raises(FileError, match=r"a\.uff\n  the file is there already\.\n  Choose another name"):
+        with pytest.raises(FileError, match=r"a\.uff\n  the file already exists\.\n  Choose another name"):
             write_frf(measured.to("mobility"), path, **options)
         assert read_frf(path).quantity == "accelerance"
         write_frf(measured.to("mobility"), path, overwrite=True, **options)

@@ -98,7 +98,7 @@ FAULTS = [
     ("f [rpm],re,im\n1,2,3\n", "a.csv:1\n  the frequency is in 'rpm'.\n  Accepted: Hz, kHz, rad/s"),
     ("f,re [um/N],im [mm/N]\n1,2,3\n", "a.csv:1\n  the values are in different units: mm/N and um/N.\n" + SAY),
     ("f,re [kg],im [kg]\n1,2,3\n", "a.csv:1\n  the unit 'kg' is not understood.\n  Accepted: a motion per force"),
-    ("# averages: many\nf,re,im\n1,2,3\n", "a.csv:1\n  'many' is no number of averages."),
+    ("# averages: many\nf,re,im\n1,2,3\n", "a.csv:1\n  'many' is not a number of averages."),
     ("# quantity: mobility\nf,re [um/N],im\n1,2,3\n", "a.csv\n  the file contradicts itself: mobility and receptance."),
     ("f\tre\tim\n1,5,5\t2\t3\n", "a.csv:2\n  '1,5,5' in column f is not a number."),
 ]
@@ -128,7 +128,7 @@ def test_names_that_are_not_there(refused) -> None:
         "    f\n    Real X\n    Imag X\n  Did you mean 'Real X'?"
     )
     assert refused("a.csv", text, names={"reel": "Real X"}).startswith(
-        "the argument names\n  'reel' is no part of an FRF.\n  Did you mean 'real'?"
+        "the argument names\n  'reel' is not a field of an FRF.\n  Did you mean 'real'?"
     )
 
 

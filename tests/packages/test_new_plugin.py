@@ -47,7 +47,7 @@ def test_a_name_that_will_not_do(runner, tmp_path, kind, name, found):
 def test_a_folder_that_is_there_is_left_alone(runner, tmp_path):
     result = runner("new-plugin", "joint", "felt", "-o", tmp_path)
     assert result.exit_code == 1
-    assert result.stderr.startswith(f"{tmp_path}\n  there is such a file or folder already.")
+    assert result.stderr.startswith(f"{tmp_path}\n  a file or folder of this name already exists.")
 
 
 def test_an_unknown_kind_is_a_wrong_command_line(runner, tmp_path):

@@ -151,7 +151,7 @@ def test_what_was_not_judged_is_not_reported(result):
 @pytest.mark.parametrize(
     ("lines", "said"),
     [
-        (9, "assumed to be 1 % of the largest value, since fewer than 10 lines do not tell it;"),
+        (9, "assumed to be 1 % of the largest value, since fewer than 10 lines cannot show it;"),
         (10, "estimated from the scatter"),
     ],
 )

@@ -95,7 +95,7 @@ def test_the_command_writes_the_drawing_with_its_text(tmp_path):
     assert files[1].read_bytes().startswith(b"\x89PNG")
     again = CliRunner().invoke(app, words)
     assert again.exit_code == 1
-    assert "there is such a file already" in again.stderr
+    assert "a file of this name already exists" in again.stderr
 
 
 def test_the_report_draws_the_assembly_it_is_given(result, collet, tmp_path):

@@ -51,10 +51,10 @@ def placement_doubts(assembly: Assembly) -> Iterator[str]:
                     yield from _on_one_side(name, side, other)
     for (part, other_part), offsets in pairs.items():
         yield from _placed_differently(description, part, other_part, offsets)
-    yield from _moved_apart(assembly)
+    yield from _moved_away(assembly)
 
 
-def _moved_apart(assembly: Assembly) -> Iterator[str]:
+def _moved_away(assembly: Assembly) -> Iterator[str]:
     """Yield the doubt about unknown lengths that change the distances of the nodes of a joint, once a joint."""
     description, doubted = assembly.description, set[str]()
     for column, parameter in enumerate(assembly.parameters):
@@ -143,10 +143,10 @@ def _placed_differently(
         float(np.ptp([node.position for node in description.substructures[name].nodes])) for name in (part, other)
     ]
     for (first, offset), (second, other_offset) in combinations(offsets, 2):
-        apart = abs(offset - other_offset)
-        if apart > 1e-9 + _SLIGHT * min(lengths):
+        distance = abs(offset - other_offset)
+        if distance > 1e-9 + _SLIGHT * min(lengths):
             yield (
-                f"joints.{second}: its nodes place '{other}' {format_quantity(apart, 'm')} away along '{part}' from "
+                f"joints.{second}: its nodes place '{other}' {format_quantity(distance, 'm')} away along '{part}' from "
                 f"where the joint '{first}' places it. Are all positions right, and is neither part described from "
                 "its other end?"
             )

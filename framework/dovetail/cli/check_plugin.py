@@ -38,9 +38,9 @@ def check_plugin(model: ModelName, plugin: PluginFiles = None, as_json: AsJson =
 def _print(results: Sequence[CheckResult]) -> None:
     for component in dict.fromkeys(result.component for result in results):
         title(component)
-        of_component = [result for result in results if result.component == component]
-        for result in of_component:
+        own_results = [result for result in results if result.component == component]
+        for result in own_results:
             say(str(result))
-        counts = Counter(result.outcome for result in of_component)
+        counts = Counter(result.outcome for result in own_results)
         run = counts["passed"] + counts["warning"] + counts["failed"]
         say(f"{run} checks run: " + ", ".join(f"{count} {outcome}" for outcome, count in counts.items()) + ".")

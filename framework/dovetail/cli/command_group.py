@@ -35,7 +35,7 @@ _PANELS = {
         "plot:plot": "Look at measured FRFs: what files hold, resonances, figures.",
         "convert:convert": "Convert a measured FRF to another format, quantity or unit.",
         "frf:frf": "Estimate an FRF with its coherence from hammer signals.",
-        "plan:plan": "Rank points of measurement by what they tell.",
+        "plan:plan": "Rank measurement points by how much they reveal.",
     },
     "Identify a joint": {
         "identify:identify": "Identify a joint from a measured FRF.",

@@ -190,8 +190,8 @@ def identify(
     network_to_use = partial(_model, assembly, model, chosen, trains, reading.plugins, retrain=retrain)
     job = _Job(assembly, measured, reading, chosen, fit, truth, output, as_json, network_to_use)
     if len(measured) == 1 and is_modal_table(measured[0]):
-        of_methods = (network, retrain, scheduler, "cause_seconds" in fit, method not in (None, "posterior"))
-        if any((*lines.values(), *of_methods, reading.says_more_than_plugins)):
+        method_options = (network, retrain, scheduler, "cause_seconds" in fit, method not in (None, "posterior"))
+        if any((*lines.values(), *method_options, reading.says_more_than_plugins)):
             raise typer.BadParameter("a table of modal parameters takes no option of an FRF.", param_hint="MEASURED")
         _identify_from_modes(job)
         return

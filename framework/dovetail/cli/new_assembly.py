@@ -52,7 +52,7 @@ def new_assembly(
     if file.suffix.lower() not in (".yaml", ".yml"):
         raise typer.BadParameter(f"'{file}' does not end in .yaml.", param_hint="NAME.yaml")
     if file.exists():
-        raise DovetailError(Fault(str(file), "there is such a file already.", remedy="Choose another name."))
+        raise DovetailError(Fault(str(file), "a file of this name already exists.", remedy="Choose another name."))
     registry = components(plugin or ())
     joints = two_sided_joints(registry)
     model = joint or _ask(f"Joint ({', '.join(joints)})", next(iter(joints)))

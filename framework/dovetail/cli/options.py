@@ -46,7 +46,7 @@ ModelName = Annotated[
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, for a program.")]
 
-Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace files that are there already.")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace existing files.")]
 
 PointNumber = Annotated[
     int, typer.Option("--point", metavar="N", min=1, help="Which response, from 1, if the description has several.")
@@ -174,7 +174,7 @@ def chosen_method(
         raise typer.BadParameter(str(error), param_hint="--method") from None
     for name in options:
         if name not in method_options(chosen):
-            of_others = [other for other in registry.names("method") if name in _options_of(other, registry)]
-            problem = f"the method '{chosen.name}' has no such option; it is of {', '.join(of_others)}."
+            owners = [other for other in registry.names("method") if name in _options_of(other, registry)]
+            problem = f"the method '{chosen.name}' has no such option; it is of {', '.join(owners)}."
             raise typer.BadParameter(problem, param_hint=f"--{name.replace('_', '-')}")
     return chosen

@@ -87,7 +87,9 @@ def check_new_files(
             raise typer.BadParameter(f"{problem}. {remedy}" if remedy else problem, param_hint=option)
         if file.exists() and not overwrite:
             raise DovetailError(
-                Fault(str(file), "there is such a file already.", remedy="Choose another name, or add --overwrite.")
+                Fault(
+                    str(file), "a file of this name already exists.", remedy="Choose another name, or add --overwrite."
+                )
             )
         check_room(file.resolve().parent)
 

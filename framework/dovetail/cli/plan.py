@@ -30,15 +30,17 @@ def plan(
     ] = 0.01,
     beside_described: Annotated[
         bool,
-        typer.Option("--beside-described", help="Look for a second point beside the described one, not the best one."),
+        typer.Option(
+            "--beside-described", help="Rank second points given the described response instead of the best one."
+        ),
     ] = False,
     plugin: PluginFiles = None,
     as_json: AsJson = False,
 ) -> None:
-    """Rank points of measurement by what they tell.
+    """Rank measurement points by how much they reveal.
 
     For each node: which part of what is unknown of each parameter the FRF at that point would take away, averaged
-    over the ranges; modes with a node of vibration there; and what a second point beside the best one would add.
+    over the ranges; modes with a node of vibration there; and what a second point would add to the best one.
     """
     import dovetail
 

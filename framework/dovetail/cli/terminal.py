@@ -29,7 +29,7 @@ _UNLIMITED = 10_000
 _GAP = 3
 """Blanks between the columns of a table."""
 _PATIENCE = 0.5
-"""Seconds without output after which a command shows that it is at work."""
+"""Seconds without output after which a command shows that it is running."""
 
 
 class Ranged(Protocol):
@@ -92,7 +92,7 @@ class _Waiting:
             if threading.current_thread() is self._timer:  # nobody has ended it meanwhile
                 from dovetail.progress_bars import StageBars
 
-                self._shown.enter_context(StageBars(transient=True))("at work", 0, 1)
+                self._shown.enter_context(StageBars(transient=True))("running", 0, 1)
 
     def end(self) -> bool:
         """Remove the bar; return whether it was shown or about to be shown."""
@@ -109,7 +109,7 @@ _WAITING = _Waiting()
 
 @contextmanager
 def waiting() -> Iterator[None]:
-    """Show on a terminal that a command is at work, whenever it has printed nothing for a while."""
+    """Show on a terminal that a command is running, whenever it has printed nothing for a while."""
     if _shows_progress():
         _WAITING.begin()
     try:

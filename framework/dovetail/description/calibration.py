@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from dovetail.description.checked import SHARED, ParameterEntry, Tie
-from dovetail.description.parameter_sections import StatedParameters
+from dovetail.description.parameter_sections import DescribedParameters
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.tree import Item, Path, format_value, plain_values
 from dovetail.errors import did_you_mean, listing
@@ -47,25 +47,25 @@ def read_calibration(path: Path, faults: FaultList, others: Sequence[str] = ()) 
         faults.add(path, f"{format_value(section.value)} is not a section of keys and values.", key=True)
         return ParameterEntry()
     known = {parameter.name: parameter for parameter in CHAIN}
-    stated = StatedParameters({name: known[name] for name in known if name in section.entries})
+    described = DescribedParameters({name: known[name] for name in known if name in section.entries})
     for name, entry in section.entries.items():
         if name in known:
-            stated.read((*path, name), name, entry.item, faults)
+            described.read((*path, name), name, entry.item, faults)
         elif name == "sign":
-            stated.known[name] = SIGN
-            stated.fixed[name] = _read_sign((*path, name), entry.item, faults)
+            described.known[name] = SIGN
+            described.fixed[name] = _read_sign((*path, name), entry.item, faults)
         elif name not in others:
             accepted = listing([*(f"{p.name} [{p.unit}]" for p in CHAIN), "sign", *others])
             problem = f"{format_value(name)} is not a key of a calibration."
             faults.add((*path, name), problem, accepted, did_you_mean(name, [*known, "sign", *others]), key=True)
-    for name, parameter in stated.known.items():
-        lowest = stated.fixed.get(name, parameter.lower)
+    for name, parameter in described.known.items():
+        lowest = described.fixed.get(name, parameter.lower)
         if name in ("gain", "mass", "window") and (lowest < 0 or (name == "gain" and lowest == 0)):
             bound = "positive" if name == "gain" else "0 or more"
             problem = f"{name} must be {bound}, but is {format_quantity(lowest, parameter.unit)} here."
             remedy = "Write 'sign: unknown' or 'sign: -1' for the sign, and 'scale: log' with a wide 'sd'."
             faults.add((*path, name), problem, remedy=remedy if name == "gain" else "")
-    return ParameterEntry(**stated.entry)
+    return ParameterEntry(**described.entry)
 
 
 def shared_by(shared: ParameterEntry, own: ParameterEntry) -> ParameterEntry:

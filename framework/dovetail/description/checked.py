@@ -262,8 +262,8 @@ class Description:
         def changed(entries: Mapping[str, Any]) -> dict[str, Any]:
             if owner not in entries:
                 return dict(entries)
-            of_owner = entries[owner].parameters
-            ranges = tuple(replace(p, lower=lower, upper=upper) if p.name == parameter else p for p in of_owner)
+            declared = entries[owner].parameters
+            ranges = tuple(replace(p, lower=lower, upper=upper) if p.name == parameter else p for p in declared)
             return {**entries, owner: replace(entries[owner], parameters=ranges)}
 
         joints, parts, chains = map(changed, (self.joints, self.unknown_parts, self.calibrations))

@@ -83,11 +83,11 @@ def _add_defaults(path: Path, faults: FaultList, registry: Registry) -> Iterable
     section = faults.root.at(path)
     if section is not None and not section.is_mapping:
         return ()
-    stated = {} if section is None else section.entries
+    given = {} if section is None else section.entries
     defaults = dict(registry.defaults.get("identification", {}))
-    if "reducer" in stated:
+    if "reducer" in given:
         defaults.pop("augmentation", None)
     mark = faults.root.mark if section is None else section.mark
-    whole = {**read_mapping(defaults, FaultList()).entries, **stated}
+    whole = {**read_mapping(defaults, FaultList()).entries, **given}
     faults.root = Item(faults.root.mark, {**faults.root.entries, "identification": Entry(mark, Item(mark, whole))})
     return whole

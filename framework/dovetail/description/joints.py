@@ -40,19 +40,19 @@ def read_joint(name: str, substructures: Substructures, faults: FaultList, regis
     if len(faults) > before:
         return None
     attachments = _Connect(model, path, substructures, faults).read(model.component.ports)
-    stated = read_parameters(model, path, model.component.parameters, faults)
-    if len(faults) == before and not stated.ties:  # those of tied ones are known when all has been read
-        entries = {name: ParameterEntry(**stated.entry)}
-        check_ranges(model, path, {p: ends_of(entries, name, p) for p in stated.known}, faults)
+    described = read_parameters(model, path, model.component.parameters, faults)
+    if len(faults) == before and not described.ties:  # those of tied ones are known when all has been read
+        entries = {name: ParameterEntry(**described.entry)}
+        check_ranges(model, path, {p: ends_of(entries, name, p) for p in described.known}, faults)
     if len(faults) > before or None in attachments:
         return None
     complete = tuple(attachment for attachment in attachments if attachment is not None)
-    joint = JointEntry(connection=Connection(model.component, complete), **stated.entry)
+    joint = JointEntry(connection=Connection(model.component, complete), **described.entry)
     return _with_damping(joint, model, path, faults)
 
 
 def _with_damping(joint: JointEntry, model: LabelledComponent, path: Path, faults: FaultList) -> JointEntry | None:
-    """Return a joint with structural damping if its section states it, or None if that has faults."""
+    """Return a joint with structural damping if its section gives it, or None if that has faults."""
     if not DampingSection.model_fields.keys().isdisjoint(model.component.Config.model_fields):
         return joint  # the model has an option of that name
     keys = [*model.component.Config.model_fields, "model", *_KEYS]

@@ -141,11 +141,11 @@ def new_description(
     if not 0.0 <= place <= first.length:
         problem = f"'{first.name}' is from 0 to {_mm(first.length)}."
         raise DescriptionError(Fault(argument("response"), problem))
-    whole, of_part = (
+    whole, per_part = (
         (files("dovetail.description") / "assembly.yaml.template").read_text(encoding="utf-8").split("=====\n")
     )
     cuts = {0.0, place, outside, first.length}, {0.0, contact, second.length}
-    described = [part.described(of_part, at, contact, gaps, stop) for part, at in zip(pair, cuts, strict=True)]
+    described = [part.described(per_part, at, contact, gaps, stop) for part, at in zip(pair, cuts, strict=True)]
     connect = []
     for port, part, offset in zip(joint.ports, pair, (outside, 0.0), strict=True):
         at = ", ".join(_mm(offset + contact * node / max(port.nodes - 1, 1)) for node in range(port.nodes))

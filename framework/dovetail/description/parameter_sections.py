@@ -24,8 +24,8 @@ _TOGETHER = {"range": ("scale",), "value": (), "about": ("sd", "scale"), "same_a
 
 
 @dataclass
-class StatedParameters:
-    """What a description states of the parameters of a joint, of a substructure or of a response.
+class DescribedParameters:
+    """What a description says about the parameters of a joint, of a substructure or of a response.
 
     Attributes
     ----------
@@ -98,8 +98,8 @@ def _article(key: str) -> str:
 
 def read_parameters(
     model: LabelledComponent, joint: Path, parameters: Sequence[Parameter], faults: FaultList
-) -> StatedParameters:
-    """Read what a description states of a joint's parameters.
+) -> DescribedParameters:
+    """Read what a description says about a joint's parameters.
 
     Parameters
     ----------
@@ -112,21 +112,21 @@ def read_parameters(
         Collects the faults.
     """
     path: Path = (*joint, "parameters")
-    stated = StatedParameters({parameter.name: parameter for parameter in parameters})
+    described = DescribedParameters({parameter.name: parameter for parameter in parameters})
     section = faults.root.at(path)
     if section is None:
-        return stated
+        return described
     if not section.is_mapping:
         faults.add(path, f"{format_value(section.value)} is not a section of keys and values.", key=True)
-        return stated
+        return described
     for name, entry in section.entries.items():
-        if name not in stated.known:
+        if name not in described.known:
             accepted = listing(f"{p.name} [{p.unit}]" for p in parameters) or "no parameters"
             problem = f"{format_value(name)} is not a parameter of {model.label}."
-            faults.add((*path, name), problem, accepted, did_you_mean(name, stated.known), key=True)
+            faults.add((*path, name), problem, accepted, did_you_mean(name, described.known), key=True)
         else:
-            stated.read((*path, name), name, entry.item, faults)
-    return stated
+            described.read((*path, name), name, entry.item, faults)
+    return described
 
 
 def check_ranges(

@@ -184,8 +184,8 @@ def _read_substructures(
         substructures[name] = part
         is_reversed = _is_reversed(name, part, faults)
         reversed_parts |= {name} if is_reversed else set()
-        if options.stated.known:
-            entry = add_unknown_part(name, part, options.stated, faults, reversed=is_reversed)
+        if options.parameters.known:
+            entry = add_unknown_part(name, part, options.parameters, faults, reversed=is_reversed)
             unknown_parts |= {} if entry is None else {name: entry}
     return substructures, unknown_parts, frozenset(reversed_parts)
 

@@ -261,9 +261,9 @@ class AugmentationSection(Section):
 
     @model_validator(mode="before")
     @classmethod
-    def _measured_noise_alone(cls, stated: Any) -> Any:
-        is_measured = isinstance(stated, Mapping) and stated.get("like")
-        return {"additive": 0.0, "multiplicative": 0.0, **stated} if is_measured else stated
+    def _measured_noise_alone(cls, given: Any) -> Any:
+        is_measured = isinstance(given, Mapping) and given.get("like")
+        return {"additive": 0.0, "multiplicative": 0.0, **given} if is_measured else given
 
 
 class CorrectionSection(Section):

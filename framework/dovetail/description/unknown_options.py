@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import BaseModel, ValidationError
 
 from dovetail.description.checked import JointEntry, ParameterEntry, Tie, resolve
-from dovetail.description.parameter_sections import StatedParameters, ends_of, steps_of
+from dovetail.description.parameter_sections import DescribedParameters, ends_of, steps_of
 from dovetail.description.unknown_parts import UnknownPart, UnknownReceptance
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.option_fields import number_unit
@@ -37,13 +37,13 @@ class UnknownOptions:
 
     Parameters
     ----------
-    stated : StatedParameters
+    parameters : DescribedParameters
         By their path in the section, such as ``material.young``.
     nominal : mapping of Path to float
         The value with which the part is made, by the same path as steps: that of a known option, the middle of a range.
     """
 
-    stated: StatedParameters
+    parameters: DescribedParameters
     nominal: Mapping[Path, float]
 
 
@@ -61,33 +61,33 @@ def read_unknown_options(name: str, config: type[BaseModel], faults: FaultList, 
     registry : Registry
     """
     path: Path = ("substructures", name)
-    stated, nominal = StatedParameters({}, needs_range=True), dict[Path, float]()
+    described, nominal = DescribedParameters({}, needs_range=True), dict[Path, float]()
     section = faults.root.at(path)
     for steps, item in _sections_within(section, ()) if section is not None else ():
         unit = number_unit(config, steps)
         if unit is None:
             continue
         option = ".".join(map(str, steps))
-        stated.known[option] = Parameter(option, unit, 0.0, 1.0)
-        stated.read((*path, *steps), option, item, faults)
-        value = _nominal(stated, option, faults)
-        if option in stated.ties:
-            _check_tie(stated.ties[option], unit, value, (*path, *steps, "same_as"), faults, registry)
+        described.known[option] = Parameter(option, unit, 0.0, 1.0)
+        described.read((*path, *steps), option, item, faults)
+        value = _nominal(described, option, faults)
+        if option in described.ties:
+            _check_tie(described.ties[option], unit, value, (*path, *steps, "same_as"), faults, registry)
         if value is not None:
             nominal[steps] = value
-            _settle(stated, option, value, faults)
-    return UnknownOptions(stated, nominal)
+            _settle(described, option, value, faults)
+    return UnknownOptions(described, nominal)
 
 
-def _settle(stated: StatedParameters, option: str, value: float, faults: FaultList) -> None:
+def _settle(described: DescribedParameters, option: str, value: float, faults: FaultList) -> None:
     """Fix an option that is tied to a number, and give one without a range of its own a range around its value."""
-    other = _tied_item(stated.ties[option], faults) if option in stated.ties else None
+    other = _tied_item(described.ties[option], faults) if option in described.ties else None
     if other is not None and not other.is_mapping:
-        del stated.ties[option]
-        stated.fixed[option] = value
-    if value and (option in stated.ties or option in stated.fixed):
+        del described.ties[option]
+        described.fixed[option] = value
+    if value and (option in described.ties or option in described.fixed):
         lower, upper = sorted((_NEAR * value, value / _NEAR))
-        stated.known[option] = Parameter(option, stated.known[option].unit, lower, upper)
+        described.known[option] = Parameter(option, described.known[option].unit, lower, upper)
 
 
 def _check_tie(tie: Tie, unit: str, value: float | None, path: Path, faults: FaultList, registry: Registry) -> None:
@@ -125,17 +125,17 @@ def _sections_within(item: Item, steps: Path) -> Iterator[tuple[Path, Item]]:
         yield from _sections_within(child, (*steps, step))
 
 
-def _nominal(stated: StatedParameters, name: str, faults: FaultList, depth: int = 0) -> float | None:
+def _nominal(described: DescribedParameters, name: str, faults: FaultList, depth: int = 0) -> float | None:
     """Return a parameter's value, or the middle of its range; None if it is tied to one that has neither."""
-    if name in stated.fixed:
-        return stated.fixed[name]
-    if name not in stated.ties:
-        return float(stated.known[name].from_unit(np.array(0.5)))
-    tie = stated.ties[name]
+    if name in described.fixed:
+        return described.fixed[name]
+    if name not in described.ties:
+        return float(described.known[name].from_unit(np.array(0.5)))
+    tie = described.ties[name]
     item = _tied_item(tie, faults)
     if item is None or depth > _LONGEST_CHAIN:
         return None
-    other, alone = StatedParameters({name: stated.known[name]}), FaultList()  # its faults are reported where it is read
+    other, alone = DescribedParameters({name: described.known[name]}), FaultList()  # reported where it is read
     alone.root = item
     other.read((), name, item, alone)
     value = _nominal(other, name, faults, depth + 1)
@@ -150,7 +150,7 @@ def _tied_item(tie: Tie, faults: FaultList) -> Item | None:
 
 
 def add_unknown_part(
-    name: str, part: SubstructureModel, stated: StatedParameters, faults: FaultList, *, reversed: bool = False
+    name: str, part: SubstructureModel, described: DescribedParameters, faults: FaultList, *, reversed: bool = False
 ) -> JointEntry | None:
     """Return the entry of a substructure with unknown options; if its ranges are impossible, add a fault, return None.
 
@@ -160,26 +160,26 @@ def add_unknown_part(
         Of the substructure.
     part : SubstructureModel
         With the middles of the ranges as options.
-    stated : StatedParameters
+    described : DescribedParameters
     faults : FaultList
     reversed : bool
         Whether the part is reversed.
     """
     with plugin_errors(part, f"substructure '{name}' ({part.name})"):
         kind = UnknownReceptance if part.matrices() is None else UnknownPart
-    model = kind(part, tuple(stated.known.values()), reversed=reversed)
+    model = kind(part, tuple(described.known.values()), reversed=reversed)
     if model.size > _MOST_DOFS:
         problem = f"its options must be known: it has {model.size} DOFs, and its matrices are made anew for each FRF."
         faults.add(("substructures", name), problem, f"{_MOST_DOFS} DOFs or fewer", key=True)
         return None
-    for values in _corners(stated):
-        ties = {option: tie for option, tie in stated.ties.items() if tie.owner == name and tie.parameter in values}
+    for values in _corners(described):
+        ties = {option: tie for option, tie in described.ties.items() if tie.owner == name and tie.parameter in values}
         corner = {**values, **{option: tie.ratio * values[tie.parameter] for option, tie in ties.items()}}
         if problem := _objection(model, corner):
             faults.add(("substructures", name, *steps_of(next(iter(corner)))), problem)
             return None
     connection = Connection(model, (Attachment(name, tuple(range(len(part.nodes)))),))
-    return JointEntry(connection=connection, **stated.entry)
+    return JointEntry(connection=connection, **described.entry)
 
 
 def check_tied_options(name: str, entries: Mapping[str, ParameterEntry], faults: FaultList) -> None:
@@ -203,9 +203,9 @@ def check_tied_options(name: str, entries: Mapping[str, ParameterEntry], faults:
                 break
 
 
-def _corners(stated: StatedParameters) -> Iterator[dict[str, float]]:
+def _corners(described: DescribedParameters) -> Iterator[dict[str, float]]:
     """Yield both ends of each identified option alone, then corners of the ranges of all of them."""
-    free = [p for name, p in stated.known.items() if name not in stated.fixed and name not in stated.ties]
+    free = [p for name, p in described.known.items() if name not in described.fixed and name not in described.ties]
     for parameter in free:
         yield from ({parameter.name: end} for end in (parameter.lower, parameter.upper))
     corners = np.random.default_rng(0).random((_MOST_CORNERS, len(free))) < 0.5

@@ -204,7 +204,7 @@ def _check(assembly: Assembly, noise: float, samples: int) -> None:
     if not assembly.parameters:
         raise ParameterError(Fault(assembly.name, "all parameters are known: there is nothing to measure for."))
     if not noise > 0:
-        raise ParameterError(Fault("noise", f"{noise:g} is no noise.", "more than 0"))
+        raise ParameterError(Fault("noise", f"a noise of {noise:g} is not positive.", "more than 0"))
     if samples < 1:
         raise ParameterError(Fault("samples", f"{samples} are too few to average over.", "1 or more"))
 
@@ -284,7 +284,7 @@ def _node(assembly: Assembly, place: Place) -> tuple[float, str]:
     return node.position, node.label if positions.count(node.position) > 1 else ""
 
 
-def _stated(position: float, label: str) -> str:
+def _position_text(position: float, label: str) -> str:
     """Return a node as the value of ``position:`` in a description."""
     return json.dumps(f"node {label}", ensure_ascii=False) if label else format_quantity(position, "m", 8)
 
@@ -294,10 +294,10 @@ def _section(assembly: Assembly, first: PlannedPoint, second: PlannedPoint) -> s
     response = assembly.description.response
     keys = f"direction: {response.direction}, quantity: {response.quantity}"
     if force := response.force:
-        at = _stated(*_node(assembly, force))
+        at = _position_text(*_node(assembly, force))
         keys += f", force: {{at: {force.substructure}, position: {at}, direction: {force.direction}}}"
-    stated = json.loads(assembly.description.at(0).text)["response"]
-    if chain := stated.get("calibration"):
+    section = json.loads(assembly.description.at(0).text)["response"]
+    if chain := section.get("calibration"):
         keys += f", calibration: {json.dumps(chain, ensure_ascii=False)}"
-    entries = [f"at: {p.substructure}, position: {_stated(p.position, p.label)}" for p in (first, second)]
+    entries = [f"at: {p.substructure}, position: {_position_text(p.position, p.label)}" for p in (first, second)]
     return "responses:\n" + "".join(f"  - {{{entry}, {keys}}}\n" for entry in entries)

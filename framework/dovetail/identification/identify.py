@@ -128,14 +128,14 @@ def identify(
     """
     assembly = as_assembly(assembly)
     measured = measured if isinstance(measured, ModalParameters) else as_frfs(measured)
-    of_modes = isinstance(measured, ModalParameters)
-    chosen = find_method(method, None if of_modes else assembly)
+    is_modal = isinstance(measured, ModalParameters)
+    chosen = find_method(method, None if is_modal else assembly)
     if not assembly.parameters:
         raise ParameterError(Fault(assembly.name, "all parameters are known: there is nothing to identify."))
-    if of_modes and (chosen.name != DEFAULT_METHOD or model is not None or weights is not None or not phase):
-        problem = "modal parameters are no FRF: they take no other method, no network, no weights and no phase."
+    if is_modal and (chosen.name != DEFAULT_METHOD or model is not None or weights is not None or not phase):
+        problem = "modal parameters are not FRFs: they take no other method, no network, no weights and no phase."
         raise ParameterError(Fault("identify", problem, f"the method '{DEFAULT_METHOD}' and its options"))
-    accepted_options = _keywords(identify_from_modes) if of_modes else method_options(chosen)
+    accepted_options = _keywords(identify_from_modes) if is_modal else method_options(chosen)
     for name in options:
         if name not in accepted_options:
             problem = f"the method '{chosen.name}' has no option '{name}'."
@@ -206,7 +206,7 @@ def check_mass(assembly: Assembly, mass: float) -> None:
             remedy = "Leave it out." if response.rotation else "State it as the response's 'calibration: {mass: ...}'."
             raise MeasurementError(Fault(where, problem, remedy=remedy))
     if mass and assembly.description.calibrations:
-        problem = f"'{assembly.name}' states a 'calibration', and a mass is removed before it."
+        problem = f"'{assembly.name}' has a 'calibration', and a mass would be removed before it."
         raise MeasurementError(Fault(where, problem, remedy="State the mass there, as 'mass'."))
 
 
@@ -241,7 +241,7 @@ def find_method(
         known = registry.names("method")
         raise ValueError(f"'{method}' is not a method. {did_you_mean(method, known)} Accepted: {', '.join(known)}")
     if described is not None and registry.find("method", method).component is type(described):
-        return described  # with the options that the description states
+        return described  # with the options of the description
     made = registry.create("method", method)
     assert isinstance(made, IdentificationMethod)
     return made
@@ -257,8 +257,8 @@ def _with_options(method: IdentificationMethod, options: Mapping[str, Any]) -> I
     """
     try:
         fields = type(method.config).model_fields.items()
-        stated = {field.alias or name: getattr(method.config, name) for name, field in fields}
-        return type(method)(type(method.config).model_validate({**stated, **options}))
+        present = {field.alias or name: getattr(method.config, name) for name, field in fields}
+        return type(method)(type(method.config).model_validate({**present, **options}))
     except ValidationError as error:
         detail = error.errors()[0]
         where, value = ".".join(map(str, detail["loc"])) or "options", f"{detail['input']!r:.40}"
@@ -284,7 +284,9 @@ def as_frfs(measured: Measurement) -> tuple[Frf, ...]:
             raise MeasurementError(Fault("measured", problem, "an Frf, or the path of its file"))
         if not isinstance(source, Frf) and is_modal_table(source):
             remedy = "Read it with dovetail.read_modal_parameters, and hand over what that returns."
-            raise MeasurementError(Fault(str(source), "this is a table of modal parameters, no FRF.", remedy=remedy))
+            raise MeasurementError(
+                Fault(str(source), "this is a table of modal parameters, not an FRF.", remedy=remedy)
+            )
     return tuple(one if isinstance(one, Frf) else read_frf(one) for one in each)
 
 
@@ -302,7 +304,7 @@ def _prepared(
             raise ParameterError(Fault("weights", f"{len(each)} were given for {len(frfs)} measurements."))
         accepted = ("coherence", "amplitude")
         for word in (by for by in each if isinstance(by, str) and by not in accepted):
-            problem, hint = f"'{word}' is no way to weight lines.", did_you_mean(word, accepted)
+            problem, hint = f"'{word}' is not a way to weight lines.", did_you_mean(word, accepted)
             raise ParameterError(Fault("weights", problem, f"{listing(accepted)}; or an array", hint))
         counted: list[Any] = [by if isinstance(by, str) else np.asarray(by, dtype=np.float64) for by in each]
         frfs = tuple(replace(frf, variance=weighted_variance(frf, by)) for frf, by in zip(frfs, counted, strict=True))
@@ -365,9 +367,9 @@ def _sign(assembly: Assembly, theta: NDArray[np.float64], frf: Frf) -> float:
     for column in delays:
         vectors[:, column] = assembly.parameters[column].from_unit(np.linspace(0.0, 1.0, _DELAYS))
     model, values = assembly.frf(vectors), frf.to(response.quantity).values
-    alike = np.cos(np.angle(np.conj(model) * values)).mean(axis=1)
-    sign = 1.0 if not frf.has_phase or alike.max() >= -alike.min() else -1.0
-    if frf.has_phase and (agreement := float((sign * alike).max())) < _CLEAR_SIGN:
+    agreements = np.cos(np.angle(np.conj(model) * values)).mean(axis=1)
+    sign = 1.0 if not frf.has_phase or agreements.max() >= -agreements.min() else -1.0
+    if frf.has_phase and (agreement := float((sign * agreements).max())) < _CLEAR_SIGN:
         doubt = f"phases agree with the model's as little with one sign as with the other (mean cosine {agreement:.2f})"
         warnings.warn(f"{frf.label or response.name}: {doubt}; {sign:+g} was taken. State the sign.", stacklevel=2)
     return sign

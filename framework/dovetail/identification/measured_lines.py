@@ -20,7 +20,7 @@ from dovetail.frf.resonances import fit_resonances
 from dovetail.inference.fitting import refine
 from dovetail.interfaces import Progress
 from dovetail.measurement import ModelDof, Role, check_roles, find_gaps, find_missing_ends, on_grid, within_band
-from dovetail.measurement.roles import PHASE_ERROR, SUSPICIOUS, contradictions, power_given_out
+from dovetail.measurement.roles import PHASE_ERROR, SUSPICIOUS, contradictions, power_delivered
 from dovetail.problem import Problem
 from dovetail.problem.merged_lines import MOST_LINES, every_nth_line, merged_lines
 from dovetail.problem.observations import Observations, one_per_response
@@ -180,16 +180,16 @@ class MeasuredLines:
         return f"The measurement has {count:,} lines: {fitted:,} were fitted, {how}."
 
     def _power_warnings(self) -> Iterable[str]:
-        """Yield a warning for each drive point that gives out power, unless its calibration turns the phase."""
+        """Yield a warning for each drive point that delivers power, unless its calibration turns the phase."""
         chains = self.described.description.calibrations
         for frf, alone, where in self._responses:
             response = alone.description.response
             if not response.is_drive_point or response.name in chains:
                 continue
-            share = power_given_out(frf, random_error_variance(frf), turn=PHASE_ERROR)
+            share = power_delivered(frf, random_error_variance(frf), turn=PHASE_ERROR)
             if share > SUSPICIOUS:
                 yield Note(
-                    f"As measured, the structure gives out {100.0 * share:.0f} % of the power{where}, where it is "
+                    f"As measured, the structure delivers {100.0 * share:.0f} % of the power{where}, where it is "
                     "driven, which no passive structure does: perhaps the force was at another point than the sensor, "
                     "or a phase is wrong.",
                     Importance.DECISIVE,
@@ -233,15 +233,22 @@ class MeasuredLines:
         """
         calibrated = self.described.description.calibrations
         for (first, one, here), (second, other, there) in combinations(self._responses, 2):
-            of_first, of_second = one.description.response, other.description.response
-            exchanged = (of_first.point, of_first.force_point) == (of_second.force_point, of_second.point)
-            if not exchanged or of_first.is_drive_point or {of_first.name, of_second.name} & calibrated.keys():
+            first_response, second_response = one.description.response, other.description.response
+            exchanged = (first_response.point, first_response.force_point) == (
+                second_response.force_point,
+                second_response.point,
+            )
+            if (
+                not exchanged
+                or first_response.is_drive_point
+                or {first_response.name, second_response.name} & calibrated.keys()
+            ):
                 continue
-            apart, explained = _difference_of_reciprocals(first.to("receptance"), second.to("receptance"))
-            if apart > max(_RECIPROCITY, _EXCESS * explained):
+            difference, explained = _difference_of_reciprocals(first.to("receptance"), second.to("receptance"))
+            if difference > max(_RECIPROCITY, _EXCESS * explained):
                 yield Note(
                     f"The measurements{here} and{there} should be equal by reciprocity. Half of their lines differ by "
-                    f"{100 * apart:.2g} % or more, and random errors explain {100 * explained:.2g} %: a gain, a "
+                    f"{100 * difference:.2g} % or more, and random errors explain {100 * explained:.2g} %: a gain, a "
                     "sensor or a point is not what the description says, or the structure is not linear.",
                     Importance.DECISIVE,
                 )
@@ -257,7 +264,7 @@ class MeasuredLines:
         )
 
     def _gaps(self, frf: Frf) -> list[tuple[float, float]]:
-        """Return the gaps of a measurement apart from the bands that the description leaves out."""
+        """Return the gaps of a measurement except the bands that the description leaves out."""
         left_out = self.described.description.left_out
         return [
             (below, above)

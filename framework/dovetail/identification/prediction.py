@@ -155,8 +155,8 @@ def _changed_damping(
         joint = assembly.description.joints.get(name)
         if joint is None or source not in identified:
             continue
-        stated = identified[source].get("structural_damping")
-        before = None if stated is None else to_si(stated, "Hz")
+        described = identified[source].get("structural_damping")
+        before = None if described is None else to_si(described, "Hz")
         if joint.structural_damping != before:
             kinds = ["none" if at is None else f"{at:g} Hz" for at in (before, joint.structural_damping)]
             problem = f"its structural damping was {kinds[0]} where it was identified, and is {kinds[1]} here."
@@ -268,7 +268,7 @@ def predict_band(
     Raises
     ------
     ParameterError
-        The result has no posterior, or does not hold what the assembly needs; or `level` is no probability.
+        The result has no posterior, or does not hold what the assembly needs; or `level` is not a probability.
 
     Warns
     -----
@@ -283,7 +283,7 @@ def predict_band(
 def predicted_band(assembly: Assembly, result: AnyIdentification, level: float = LEVEL, seed: int = 0) -> PredictedBand:
     """Return the same as `predict_band`, without a warning."""
     if not 0.0 < level < 1.0:
-        raise ParameterError(Fault("level", f"{level:g} is no probability.", "more than 0 and less than 1"))
+        raise ParameterError(Fault("level", f"{level:g} is not a probability.", "more than 0 and less than 1"))
     posterior = result.posterior
     if posterior is None:
         problem = f"the joint was identified by the method '{result.method}', which does not say how sure it is."

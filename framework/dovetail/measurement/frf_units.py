@@ -82,7 +82,7 @@ def meaning_of_unit(label: str, where: str) -> UnitMeaning:
         problem = f"the unit '{label[:_SHOWN]}' is in decibels."
         raise MeasurementError(Fault(where, problem, remedy="Give the unit of the amplitude, and call its column db."))
     text = pint_spelling(label)
-    turns = is_angular(text)  # an angle has no dimension, by which rad/N and m/(N m) would be alike
+    turns = is_angular(text)  # an angle has no dimension, so rad/N and m/(N m) would be equal
     pairs = ((True, True), (True, False)) if turns else ((False, False), (False, True))
     kinds = [(q, *pair) for pair in pairs for q in QUANTITIES]
     spelled_so = [(q, r, m) for q, r, m in kinds if unit_of(q, rotation=r, moment=m) == text]

@@ -26,7 +26,7 @@ class Settings:
     gap: float = 3.5
     """Ratio of a spacing to those on either side above which lines are missing: three missing lines are detected, and
     no step of an axis with changing or logarithmic spacing is taken for a gap."""
-    beside: int = 3
+    neighbours: int = 3
     """Number of spacings on either side of which the median is taken."""
 
 
@@ -131,7 +131,7 @@ def find_gaps(frf: Frf) -> tuple[tuple[float, float], ...]:
     spacing = np.diff(frf.frequency)
     if not spacing.size:
         return ()
-    width = _SETTINGS.beside
+    width = _SETTINGS.neighbours
     medians = np.median(sliding_window_view(np.pad(spacing, width, mode="reflect"), width), axis=1)
     usual = np.maximum(medians[: spacing.size], medians[width + 1 :])
     wide = np.flatnonzero(spacing > _SETTINGS.gap * usual)

@@ -120,7 +120,7 @@ def read_modal_parameters(path: str | os.PathLike[str]) -> ModalParameters:
     """
     source = Path(path)
     if source.suffix.lower() not in _SUFFIXES:
-        raise MeasurementError(Fault(str(source), "this is no table of modal parameters.", ", ".join(_SUFFIXES)))
+        raise MeasurementError(Fault(str(source), "this is not a table of modal parameters.", ", ".join(_SUFFIXES)))
     lines = decode_text(source, read_bounded(source)).split("\n")
     table = find_table(str(source), lines, _is_header, _ACCEPTED)
     names, units = names_and_units(table.header)

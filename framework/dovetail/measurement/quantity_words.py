@@ -78,8 +78,8 @@ class Label(NamedTuple):
 
 def words_of(text: str) -> list[str]:
     """Return the words of a name in lower case: ``AmplitudeUnit``, ``H_unit`` and ``y-label`` have two each."""
-    apart = re.sub(r"(?<=[a-zäöü])(?=[A-Z])", " ", text)
-    return re.findall(r"[^\W\d_]+", apart.lower())
+    separated = re.sub(r"(?<=[a-zäöü])(?=[A-Z])", " ", text)
+    return re.findall(r"[^\W\d_]+", separated.lower())
 
 
 def word_set(text: str) -> frozenset[str]:

@@ -162,7 +162,7 @@ class Recording:
         for name, stated in ((response, self.response), (force, self.force)):
             if not DOF.fullmatch(name):
                 accepted = "a node with its direction, such as 3+x, tool:5-y or 7rz"
-                raise MeasurementError(Fault("the argument dofs", f"'{name[:40]}' is no DOF.", accepted))
+                raise MeasurementError(Fault("the argument dofs", f"'{name[:40]}' is not a DOF.", accepted))
             if stated and stated.lower().replace("+", "") != name.lower().replace("+", ""):
                 raise self._contradiction(f"the DOF {stated}", name)
         is_new = not (self.response and self.force) and are_opposite(response, force)

@@ -87,10 +87,10 @@ def on_grid(frf: Frf, frequency: ArrayLike, *, check_spacing: bool = True) -> Fr
     if frf.has_phase:
         values, variance = _interpolate(frf.frequency, frf.values, inside, variance)
     else:
-        of_square = None if variance is None else 4.0 * frf.amplitude**2 * variance
-        squares, of_square = _interpolate(frf.frequency, frf.amplitude**2, inside, of_square)
+        square_variance = None if variance is None else 4.0 * frf.amplitude**2 * variance
+        squares, square_variance = _interpolate(frf.frequency, frf.amplitude**2, inside, square_variance)
         values = np.sqrt(np.maximum(squares.real, 0.0)).astype(np.complex128)
-        variance = None if of_square is None else _divide(of_square, 4.0 * values.real**2)
+        variance = None if square_variance is None else _divide(square_variance, 4.0 * values.real**2)
     coherence = None if frf.coherence is None else np.interp(inside, frf.frequency, frf.coherence)
     return replace(frf, frequency=grid, values=values, coherence=coherence, variance=variance)
 
@@ -104,8 +104,8 @@ def _check_spacing(frf: Frf, grid: NDArray[np.float64]) -> None:
     measured = frf.frequency
     spacing = np.median(np.diff(measured)) if measured.size > 1 else 0.0
     nearest = np.clip(np.searchsorted(measured, grid), 1, max(measured.size - 1, 1))
-    beside = measured[np.minimum(np.stack([nearest - 1, nearest]), measured.size - 1)]
-    if np.abs(beside - grid).min(axis=0).max() <= _SETTINGS.on_a_line * spacing:
+    neighbours = measured[np.minimum(np.stack([nearest - 1, nearest]), measured.size - 1)]
+    if np.abs(neighbours - grid).min(axis=0).max() <= _SETTINGS.on_a_line * spacing:
         return
     first, last = np.searchsorted(measured, [grid.min(), grid.max()])
     within = slice(max(first - _SETTINGS.window, 0), last + _SETTINGS.window)
@@ -116,7 +116,7 @@ def _check_spacing(frf: Frf, grid: NDArray[np.float64]) -> None:
     miss = np.linalg.norm(interpolated - values[between]) / size if size > 0 else 0.0
     if miss > _SETTINGS.largest_miss:
         problem = (
-            f"the measured lines are {spacing:.4g} Hz apart, too far to tell the FRF between them "
+            f"the measured lines are {spacing:.4g} Hz apart, too far to determine the FRF between them "
             f"(drawn from every other line, it misses the others by {100 * miss:.0f} %)."
         )
         raise MeasurementError(Fault(frf.label, problem, remedy="Measure longer records, or with less noise."))

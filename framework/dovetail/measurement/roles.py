@@ -20,7 +20,7 @@ from dovetail.frf import Frf, conversion
 from dovetail.frf.resonance_peaks import noise_deviation
 from dovetail.measurement.recording import DOF
 
-_MOST_GIVEN_OUT = 0.95
+_MOST_DELIVERED = 0.95
 """Share of the power at a drive point that is given out above which a sign or a phase is certainly wrong: of 300 random
 structures with a reversed sign and 10 % noise it was 1, of genuine measurements with an unknown delay up to 0.8."""
 SUSPICIOUS = 0.25
@@ -147,7 +147,7 @@ def check_roles(
     substructures : sequence of str
         Names of the model's substructures.
     passive : bool
-        Whether FRFs of drive points are also checked for the power that they give out; there is a warning where it is
+        Whether FRFs of drive points are also checked for the power that they deliver; there is a warning where it is
         considerable.
     distinct : bool
         Whether different places are different nodes.
@@ -293,9 +293,9 @@ def _equal(first: Frf, second: Frf) -> bool:
 
 def _check_passive(role: Role) -> None:
     """Refuse an FRF that cannot be that of a drive point, and warn if much power is given out."""
-    share = power_given_out(role.frf, turn=PHASE_ERROR)
-    statement = f"as {role.use}, it gives out {100.0 * share:.0f} % of the power, which no passive structure does"
-    if share > _MOST_GIVEN_OUT:
+    share = power_delivered(role.frf, turn=PHASE_ERROR)
+    statement = f"as {role.use}, it delivers {100.0 * share:.0f} % of the power, which no passive structure does"
+    if share > _MOST_DELIVERED:
         remedy = (
             "Check the sign, the phase and the points. A sensor that points the other way is given by the DOFs when "
             "the file is read or converted, as in `dofs=('1-x', '1+x')`."
@@ -305,8 +305,8 @@ def _check_passive(role: Role) -> None:
         warnings.warn(f"{role.name}: {statement}: perhaps a phase or a point is wrong.", stacklevel=4)
 
 
-def power_given_out(frf: Frf, variance: NDArray[np.float64] | None = None, *, turn: float = 0.0) -> float:
-    """Return the share of the power at a drive point that the structure gives out; a passive one only takes power up.
+def power_delivered(frf: Frf, variance: NDArray[np.float64] | None = None, *, turn: float = 0.0) -> float:
+    """Return the share of the power at a drive point that the structure delivers; a passive one only takes power up.
 
     Parameters
     ----------
@@ -318,12 +318,12 @@ def power_given_out(frf: Frf, variance: NDArray[np.float64] | None = None, *, tu
     float
         From 0 to 1; 0 if no power is counted.
     """
-    given_out, total = power_balance(frf, variance, turn=turn)
-    return given_out / total if total else 0.0
+    delivered, total = power_balance(frf, variance, turn=turn)
+    return delivered / total if total else 0.0
 
 
 def power_balance(frf: Frf, variance: NDArray[np.float64] | None = None, *, turn: float = 0.0) -> tuple[float, float]:
-    """Return the power at a drive point that the structure gives out, and the sum of that and what it takes up.
+    """Return the power at a drive point that the structure delivers, and the sum of that and what it takes up.
 
     The power is proportional to the real part of the mobility, which a reversed sign makes negative, as does a
     conjugated phase of a receptance or an accelerance. Over a resonance its integral is the square of the mode shape,

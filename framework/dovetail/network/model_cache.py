@@ -75,7 +75,7 @@ class ModelCache:
         folder = self._models.resolve() / _key(assembly, plugins)
 
         def waiting(other: str) -> None:
-            self._note(f"{other} is at work on the model of '{assembly.name}'; waiting for it.")
+            self._note(f"{other} is training the model of '{assembly.name}'; waiting for it.")
 
         with locked(folder.with_suffix(".training"), wait=-1, on_wait=waiting):
             model = None if retrain else self._kept(folder, assembly, plugins, "training anew")

@@ -31,7 +31,7 @@ def merged_lines(frf: Frf, most: int, assembly: Assembly, theta: NDArray[np.floa
     frf : Frf
         With phase.
     most : int
-        Number of groups, apart from further ones that end at gaps.
+        Number of groups, not counting further ones that end at gaps.
     assembly : Assembly
         With one response, that of the FRF.
     theta : (n_params,) array
@@ -54,7 +54,7 @@ def merged_lines(frf: Frf, most: int, assembly: Assembly, theta: NDArray[np.floa
     measured = frf.to(assembly.description.response.quantity)
     fitted = frf_in_blocks(assembly.on(measured.frequency), theta)
     variance = known_variance(measured)
-    firsts = _first_lines(measured, fitted, most, of_one_size=variance is None)
+    firsts = _first_lines(measured, fitted, most, is_even=variance is None)
     sizes = np.diff(firsts, append=len(measured.frequency))
 
     def mean(values: NDArray[Any]) -> NDArray[Any]:
@@ -66,13 +66,13 @@ def merged_lines(frf: Frf, most: int, assembly: Assembly, theta: NDArray[np.floa
     return replace(measured, frequency=frequency, values=values, variance=merged, coherence=None, averages=None)
 
 
-def _first_lines(frf: Frf, fitted: NDArray[np.complex128], most: int, *, of_one_size: bool) -> NDArray[np.intp]:
+def _first_lines(frf: Frf, fitted: NDArray[np.complex128], most: int, *, is_even: bool) -> NDArray[np.intp]:
     """Return the first line of each group."""
     size = np.maximum(np.abs(fitted), np.finfo(float).tiny)
     changes = np.abs(np.diff(fitted)) / np.minimum(size[1:], size[:-1])
-    of_frf = np.concatenate([[0.0], np.cumsum(changes)]) / max(float(changes.sum()), np.finfo(float).tiny)
+    by_change = np.concatenate([[0.0], np.cumsum(changes)]) / max(float(changes.sum()), np.finfo(float).tiny)
     evenly = np.arange(len(fitted)) / len(fitted)
-    group = np.floor(most * (evenly if of_one_size else (evenly + of_frf) / 2.0))
+    group = np.floor(most * (evenly if is_even else (evenly + by_change) / 2.0))
     starts = np.flatnonzero(np.append(True, np.diff(group) >= 1.0))
     return np.union1d(starts, np.searchsorted(frf.frequency, [above for _, above in find_gaps(frf)]))
 

@@ -284,7 +284,7 @@ def weighted_variance(frf: Frf, weights: Weights) -> NDArray[np.float64]:
 
 
 def _importance(frf: Frf, weights: Weights) -> NDArray[np.float64]:
-    """Return how much each line counts (n_freq,), apart from a factor of its magnitude."""
+    """Return how much each line counts (n_freq,), up to a factor of its magnitude."""
     if isinstance(weights, np.ndarray):
         if weights.shape != frf.frequency.shape or not (np.isfinite(weights).all() and (weights > 0).all()):
             problem = f"weights of shape {weights.shape} were given for {frf.frequency.size} lines."

@@ -70,11 +70,11 @@ def list_quantities(model: SubstructureModel) -> tuple[ConfigQuantity, ...]:
 
 def materials_in_common(assembly: Assembly) -> Iterator[tuple[tuple[str, ...], ConfigQuantity, Apply]]:
     """Yield quantities that are equal in parts of one material: the parts' names, else as `known_quantities`."""
-    alike: dict[ConfigQuantity, list[str]] = {}
+    same: dict[ConfigQuantity, list[str]] = {}
     for name, quantity, _ in known_quantities(assembly):
         if quantity.unit in _OF_MATERIALS:
-            alike.setdefault(quantity, []).append(name)
-    for quantity, names in alike.items():
+            same.setdefault(quantity, []).append(name)
+    for quantity, names in same.items():
         if len(names) > 1:
             yield tuple(names), quantity, partial(_in_all, assembly, names, quantity)
 

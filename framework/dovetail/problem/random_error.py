@@ -325,8 +325,8 @@ def most_likely_parts(
     largest = np.maximum((squares / terms).max(axis=1), smallest)  # more than any error needs
     bounds = list(zip(np.log(smallest) - _SETTINGS.most_decrease, np.log(largest), strict=True))
     logs = minimize(negative_log, np.log(np.maximum(starts, smallest)), jac=True, method="L-BFGS-B", bounds=bounds).x
-    of_level, of_magnitude = np.exp(logs).tolist()
-    return of_level, of_magnitude
+    floor, share = np.exp(logs).tolist()
+    return floor, share
 
 
 def _complex_surprise(

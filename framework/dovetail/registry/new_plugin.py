@@ -89,11 +89,11 @@ def _write(folder: Path, words: dict[str, str]) -> list[str]:
     """Write the package atomically, and return the names of its files."""
     if folder.exists():
         raise DovetailError(
-            Fault(str(folder), "there is such a file or folder already.", remedy="Choose another name.")
+            Fault(str(folder), "a file or folder of this name already exists.", remedy="Choose another name.")
         )
     templates = files("dovetail.registry") / "plugin_template"
-    of_kind = {f"{words['kind']}.{suffix}": path for suffix, path in _OWN.items()}
-    paths = {source: Template(path).substitute(words) for source, path in {**_COMMON, **of_kind}.items()}
+    own_files = {f"{words['kind']}.{suffix}": path for suffix, path in _OWN.items()}
+    paths = {source: Template(path).substitute(words) for source, path in {**_COMMON, **own_files}.items()}
     with new_folder(folder) as fresh:
         for source, path in paths.items():
             target = fresh / path

@@ -260,8 +260,8 @@ def misfit_sentence(result: Identification) -> str:
 
 def posterior_sentence(posterior: Posterior) -> str:
     """Return a sentence on how the posterior was computed, and how many samples it has."""
-    name, apart = max(posterior.split_half_difference.items(), key=lambda entry: entry[1])
-    halves = f"two halves of the samples differ in an interval by at most {apart:.0%} of its width ({name})"
+    name, difference = max(posterior.split_half_difference.items(), key=lambda entry: entry[1])
+    halves = f"two halves of the samples differ in an interval by at most {difference:.0%} of its width ({name})"
     samples, seconds = f"{len(posterior.weight)} samples", number(posterior.seconds, 2, padded=False)
     if posterior.form == "laplace":
         return f"A Gaussian at the most probable place, in {seconds} s; {samples} of it, {halves}."
@@ -277,7 +277,7 @@ def fit_sentence(fit: Fit) -> str:
     """Return a sentence on how good a fit is, and on its cost."""
     source = "as the measurement gives it" if fit.variance_known else "estimated from the scatter from line to line"
     if fit.variance_assumed:
-        source = "assumed to be 1 % of the largest value, since fewer than 10 lines do not tell it"
+        source = "assumed to be 1 % of the largest value, since fewer than 10 lines cannot show it"
     searches = f"{fit.starts} start{'s' * (fit.starts != 1)}, {fit.steps} steps, " if fit.starts else ""
     return (
         f"Chi-squared {fit.chi_squared:.3g} per degree of freedom ({fit.degrees_of_freedom}) over the random error, "

@@ -70,8 +70,8 @@ class _Part:
     def fits(self, other: _Part, room: float) -> bool:
         """Return whether two parts can share a row, one after the other or one entirely inside the other."""
         (start, end), (first, last) = self.ends, other.ends
-        apart = (0.0 if self.pieces and other.pieces else room) - 1e-6
-        if start >= last + apart or first >= end + apart:
+        gap = (0.0 if self.pieces and other.pieces else room) - 1e-6
+        if start >= last + gap or first >= end + gap:
             return True
         meeting = [(p, q) for p in self.pieces for q in other.pieces if min(p[1], q[1]) - max(p[0], q[0]) > 1e-6]
         inside = [(p[2] <= _CLOSE * q[3], q[2] <= _CLOSE * p[3]) for p, q in meeting]
@@ -273,8 +273,8 @@ class _Page:
             [self._facing(drawn[end.substructure], at, rows) for at in drawn[end.substructure].at(end.nodes)]
             for end in ends
         ]
-        alike = len({len(port) for port in ports}) == 1
-        groups = list(zip(*ports, strict=True)) if alike else [[point for port in ports for point in port]]
+        are_equal = len({len(port) for port in ports}) == 1
+        groups = list(zip(*ports, strict=True)) if are_equal else [[point for port in ports for point in port]]
         middles = [np.mean(group, axis=0) for group in groups]
         for group, middle in zip(groups, middles, strict=True):
             for point in group:
@@ -331,7 +331,7 @@ class _Page:
             self.axes.spines[side].set_visible(False)
 
     def _write(self, labels: Sequence[_Label], y: float, first: float, last: float) -> None:
-        """Write labels in one line, moved apart so that none covers another, each with a leader to its object."""
+        """Write labels in one line, moved so that none covers another, each with a leader to its object."""
         widths = np.array([label.width / self.along for label in labels])
         x = np.array([label.along for label in labels])
         for _ in range(200):

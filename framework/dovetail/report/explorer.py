@@ -171,10 +171,10 @@ class Explorer:
         held = {name: value for name, value in chosen.items() if name in locked}
         owners = dict(zip(names, assembly.description.identified_parameters, strict=True))
         described = assembly.description.with_known({owners[name]: value for name, value in held.items()})
-        sought = assembly.with_description(described)  # of its own: an engine computes for one caller at a time
+        own_assembly = assembly.with_description(described)  # of its own: an engine computes for one caller at a time
         start = [value for name, value in chosen.items() if name not in held]
         options: dict[str, Any] = {"form": "laplace", "cause_seconds": _CAUSE_SECONDS, "start": start}
-        result = identify(sought, self._lines.whole, "posterior", progress=progress, **options)
+        result = identify(own_assembly, self._lines.whole, "posterior", progress=progress, **options)
         origin = {**result.provenance, "start": chosen, "locked": held}
         result = replace(result, provenance=origin)
         fitted = {**chosen, **{name: parameter.value for name, parameter in result.parameters.items()}}

@@ -59,7 +59,7 @@ def write_report(
     path : str or Path
         An existing file is replaced; the file is written atomically.
     truth : Truth, optional
-        Shown beside the identified values, with the errors.
+        Shown next to the identified values, with the errors.
     assembly : Assembly, optional
         The identified assembly, which is then drawn.
     command : str, optional
@@ -223,8 +223,10 @@ def _how_to_reproduce(result: Identification, command: str) -> str:
     origin, options = result.provenance, ""
     if result.method not in ("refined", "multistart", "posterior") or "description" not in origin:
         return ""
-    of_earlier = {"form": "laplace"} if origin.get("posterior_form") == "laplace" else {}
-    chosen = {name: value for name, value in (of_earlier | dict(origin.get("options", {}))).items() if name != "seed"}
+    earlier_options = {"form": "laplace"} if origin.get("posterior_form") == "laplace" else {}
+    chosen = {
+        name: value for name, value in (earlier_options | dict(origin.get("options", {}))).items() if name != "seed"
+    }
     options += "".join(f", {name}={value!r}" for name, value in chosen.items())
     if "start" in origin:
         options += f", start={dict(origin['start'])!r}"

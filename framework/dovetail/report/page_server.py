@@ -162,7 +162,7 @@ class _Handler(BaseHTTPRequestHandler):
             return
         answers: dict[str, Callable[[Mapping[str, Any]], None]] = {
             "frf": self._frf,
-            "modes": lambda of_page: self._send_json(self.server.explorer.modes(of_page["values"])),
+            "modes": lambda request: self._send_json(self.server.explorer.modes(request["values"])),
             "fit": self._fit,
             "save": self._save,
         }

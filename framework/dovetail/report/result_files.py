@@ -122,7 +122,7 @@ def write_results(
     result : Identification
     folder : Path
     truth : Truth or None
-        Shown beside the identified values.
+        Shown next to the identified values.
     assembly : Assembly, optional
         Drawn in the report.
     command : str

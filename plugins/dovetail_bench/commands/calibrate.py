@@ -74,7 +74,12 @@ def calibrate(
     ] = "uniform",
     workers: Annotated[
         int | None,
-        typer.Option(metavar="N", min=1, help="Cases at work at once; one a processor.", show_default=False),
+        typer.Option(
+            metavar="N",
+            min=1,
+            help="Cases that run at the same time; one per processor by default.",
+            show_default=False,
+        ),
     ] = None,
     scheduler: Scheduler = None,
     output: Annotated[

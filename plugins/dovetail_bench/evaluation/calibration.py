@@ -325,7 +325,7 @@ class _Study:
         if setting.cases < 1:
             raise ParameterError(Fault("cases", f"{setting.cases} cases are none.", "1 or more"))
         if not (np.isfinite(setting.noise) and setting.noise > 0.0):
-            raise ParameterError(Fault("noise", f"{setting.noise:g} is no noise.", "more than 0"))
+            raise ParameterError(Fault("noise", f"a noise of {setting.noise:g} is not positive.", "more than 0"))
         unknown = [name for name in ("samples", "model_error") if getattr(setting, name) != getattr(Setting, name)]
         if setting.method != "posterior" and unknown:
             problem = f"the method '{setting.method}' has no option {listing(unknown)} in a calibration."

@@ -174,8 +174,8 @@ def read_cases(source: str | os.PathLike[str], **reading: Any) -> Cases:
     assert read is not None
 
     def measurement(measured: _Measured) -> Measurement:
-        stated = measured.model_dump(exclude={"file"}, exclude_none=True)
-        options = {"accelerometer_mass": read.accelerometer_mass, **reading, **stated}
+        described = measured.model_dump(exclude={"file"}, exclude_none=True)
+        options = {"accelerometer_mass": read.accelerometer_mass, **reading, **described}
         return Measurement(folder / measured.file, options.pop("accelerometer_mass"), options)
 
     folder = Path(source).parent

@@ -328,11 +328,11 @@ def read_truths(path: str | PathLike[str]) -> dict[str, dict[str, float]]:
     Raises
     ------
     DovetailError
-        The file cannot be read, or is no such file.
+        The file cannot be read, or is not such a file.
     """
     try:
         read = _Truths.model_validate_json(read_bounded(Path(path)))
     except ValidationError as error:
-        problem = f"this is no file of true parameters: {error.errors()[0]['msg']}."
+        problem = f"this is not a file of true parameters: {error.errors()[0]['msg']}."
         raise DovetailError(Fault(str(path), problem, "JSON with 'tests', each with 'parameters'")) from None
     return {name: test.parameters for name, test in read.tests.items() if test.parameters}

@@ -28,7 +28,7 @@ def finer(assembly: Assembly, factor: int) -> Assembly:
         The factor is less than 1, or nothing has a mesh that can be refined.
     """
     if factor < 1:
-        raise ParameterError(Fault("finer_mesh", f"{factor} is no number of elements.", "1 or more"))
+        raise ParameterError(Fault("finer_mesh", f"{factor} is not a number of elements.", "1 or more"))
     if factor == 1:
         return assembly
     description = assembly.description

@@ -226,9 +226,9 @@ def validate(
 def _check_same_points(cases: Cases, assemblies: Sequence[Assembly]) -> None:
     """Raise a MeasurementError if measurements of one assembly were made at different points."""
     for described in {case.assembly for case in cases.cases}:
-        of_it = [pair for pair in zip(cases.cases, assemblies, strict=True) if pair[0].assembly == described]
-        frfs = [_readable(case) for case, _ in of_it]
-        if faults := batch_contradictions(of_it[0][1].each_response[0], frfs):
+        own_cases = [pair for pair in zip(cases.cases, assemblies, strict=True) if pair[0].assembly == described]
+        frfs = [_readable(case) for case, _ in own_cases]
+        if faults := batch_contradictions(own_cases[0][1].each_response[0], frfs):
             raise MeasurementError(*faults.values())
 
 

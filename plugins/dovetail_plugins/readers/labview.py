@@ -57,7 +57,7 @@ class LabViewReader(FrfReader):
         lvm_read = require_package("lvm_read", "lvm", str(path))
         text = decode_text(path, content)
         if not text.lstrip().startswith(_SIGNATURE):
-            problem = f"this is no LabVIEW measurement file: it does not begin with '{_SIGNATURE}'."
+            problem = f"this is not a LabVIEW measurement file: it does not begin with '{_SIGNATURE}'."
             raise MeasurementError(Fault(str(path), problem))
         if max(map(text.count, "\t,; ")) > _MOST_CELLS:
             raise MeasurementError(Fault(str(path), "the file has too many numbers.", f"at most {_MOST_CELLS:,}"))
@@ -99,7 +99,7 @@ def _segment(path: Path, parsed: dict[Any, Any], number: int) -> RecordedChannel
     units = [str(label).strip() for label in fields.get("Y_Unit_Label", ())][: len(names)]
     header = _header(parsed) | _header(fields)
     dimension = (next(iter(fields.get("X_Dimension", ())), "") or _TIME).strip().lower()
-    common, of_channels = _statements(where, header, len(names))
+    common, channel_statements = _statements(where, header, len(names))
     return RecordedChannels(
         where=where,
         axis=axis,
@@ -109,7 +109,7 @@ def _segment(path: Path, parsed: dict[Any, Any], number: int) -> RecordedChannel
         dimension=dimension,
         axis_unit=next(iter(fields.get("X_Unit_Label", ())), "").strip(),
         statements=common,
-        channel_statements=of_channels,
+        channel_statements=channel_statements,
         steps=_steps(where, header, len(names)) if dimension == _TIME else (),
     )
 
@@ -129,7 +129,7 @@ def _statements(
 ) -> tuple[list[Statement], list[list[Statement]]]:
     """Return what the header states about all channels, and about each of them, which has its cell of an entry."""
     common: list[Statement] = []
-    of_channels: list[list[Statement]] = [[] for _ in range(count)]
+    channel_statements: list[list[Statement]] = [[] for _ in range(count)]
     for key, cells in header.items():
         if key in _READ:
             continue
@@ -138,8 +138,8 @@ def _statements(
             continue
         for channel, cell in enumerate(cells[:count]):
             if cell.strip():
-                of_channels[channel].append(Statement("text", cell, f"{where}  {key}", key))
-    return common, of_channels
+                channel_statements[channel].append(Statement("text", cell, f"{where}  {key}", key))
+    return common, channel_statements
 
 
 def _steps(where: str, header: Mapping[str, Sequence[str]], count: int) -> list[tuple[float, str]]:

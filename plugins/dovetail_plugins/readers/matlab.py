@@ -44,7 +44,7 @@ class MatlabReader(FrfReader):
             return read_arrays(hdf5_contents, path, content, True, separator="/")
         if content[_VERSION] not in _VERSION_5:
             accepted = "version 5 (save -v6, save -v7) or 7.3 (save -v7.3)"
-            problem = "this is no MATLAB workspace of a version that is read."
+            problem = "this is not a MATLAB workspace of a version that can be read."
             raise MeasurementError(Fault(str(path), problem, accepted))
         return read_arrays(workspace_contents, path, content, separator=".")
 

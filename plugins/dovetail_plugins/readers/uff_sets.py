@@ -162,7 +162,7 @@ def scan_sets(path: Path, content: bytes) -> list[UffSet]:
         if len(tags) > 2 * _MOST_SETS:
             raise MeasurementError(Fault(str(path), "the file has too many sets.", f"at most {_MOST_SETS:,} sets"))
     if not tags:
-        raise MeasurementError(Fault(str(path), "this is no universal file: no line '    -1' starts a set."))
+        raise MeasurementError(Fault(str(path), "this is not a universal file: no line '    -1' starts a set."))
     if len(tags) % 2:
         raise MeasurementError(
             Fault(f"{path}: set {len(tags) // 2 + 1}", "the set has no end line '    -1': the file is truncated.")

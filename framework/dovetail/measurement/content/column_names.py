@@ -228,7 +228,7 @@ def _check_names(where: str, contents: Mapping[str, str], names: Mapping[str, st
         if field not in FIELD_NAMES:
             hint = did_you_mean(field, FIELD_NAMES)
             raise MeasurementError(
-                Fault("the argument names", f"'{field}' is no part of an FRF.", ", ".join(FIELD_NAMES), hint)
+                Fault("the argument names", f"'{field}' is not a field of an FRF.", ", ".join(FIELD_NAMES), hint)
             )
         if name not in contents:
             hint = did_you_mean(name, contents)

@@ -46,7 +46,7 @@ def with_even_axis(archive: RecordedArrays, names: Mapping[str, str]) -> Recorde
     for step in [name for name in entries if plain_name(name) in _STEPS]:
         folder = re.match(r"(?:.*[/.])?", step)
         prefix = folder[0] if folder else ""
-        start, count = (_beside(entries, prefix, words) for words in (_STARTS, _COUNTS))
+        start, count = (_entry_next_to(entries, prefix, words) for words in (_STARTS, _COUNTS))
         if start is None:
             problem = f"'{step}' is the step of the frequency, and there is no start."
             remedy = "Save the first frequency too, as f_start, or the frequencies themselves."
@@ -58,7 +58,7 @@ def with_even_axis(archive: RecordedArrays, names: Mapping[str, str]) -> Recorde
     return replace(archive, entries={**kept, **made}) if made else archive
 
 
-def _beside(entries: Mapping[str, ArrayEntry], prefix: str, words: tuple[str, ...]) -> str | None:
+def _entry_next_to(entries: Mapping[str, ArrayEntry], prefix: str, words: tuple[str, ...]) -> str | None:
     """Return the name of the only entry in a folder that is called by one of some words."""
     found = [name for name in entries if name.startswith(prefix) and plain_name(name) in words]
     found = [name for name in found if not re.search(r"[/.]", name[len(prefix) :])]

@@ -205,8 +205,8 @@ def _read_text(archive: RecordedArrays, names: Mapping[str, str], field_name: st
         word = array.reshape(())[()]
         text = word.decode("utf-8", errors="replace") if isinstance(word, bytes) else str(word)
         return text.strip()[:_LONGEST_TEXT]
-    of_values = next(names[kind] for kind in ("values", "real", "amplitude", "db") if kind in names)
-    for attributes in (archive.entries[of_values].attributes, archive.attributes):
+    values_entry = next(names[kind] for kind in ("values", "real", "amplitude", "db") if kind in names)
+    for attributes in (archive.entries[values_entry].attributes, archive.attributes):
         for key in (field_name, f"{field_name}s"):
             if key in attributes:
                 return attributes[key].strip()[:_LONGEST_TEXT]

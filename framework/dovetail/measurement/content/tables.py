@@ -157,7 +157,7 @@ def check_columns(options: ReadOptions) -> list[int]:
         if name != _SKIP and column_word(name, unit) not in _FIELD_WORDS:
             accepted = ", ".join((*NUMERIC_FIELDS, _SKIP))
             hint = did_you_mean(name, (*NUMERIC_FIELDS, _SKIP))
-            raise MeasurementError(Fault("the argument columns", f"'{name}' is no part of an FRF.", accepted, hint))
+            raise MeasurementError(Fault("the argument columns", f"'{name}' is not a field of an FRF.", accepted, hint))
     _field_columns("the argument columns", ",".join(options.columns), names, units, {})
     return [column for column, name in enumerate(names) if name != _SKIP]
 
@@ -238,7 +238,9 @@ def _averages(comments: Mapping[str, str]) -> int | None:
     digits = text.lstrip("0")
     if not (digits.isdecimal() and len(digits) < 10 and 1 <= int(digits) <= MOST_AVERAGES):
         where = comments["averages stands in"]
-        raise MeasurementError(Fault(where, f"{text[:40]!r} is no number of averages.", "a whole number of 1 or more"))
+        raise MeasurementError(
+            Fault(where, f"{text[:40]!r} is not a number of averages.", "a whole number of 1 or more")
+        )
     return int(digits)
 
 

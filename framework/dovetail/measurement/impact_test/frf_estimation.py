@@ -204,7 +204,9 @@ def _decay(end: float | None, duration: float) -> float:
     if end is None:
         return 0.0
     if not 0.0 < end <= 1.0:
-        raise MeasurementError(Fault("the argument exponential_window", f"{end!r} is no value at the end.", "0 to 1"))
+        raise MeasurementError(
+            Fault("the argument exponential_window", f"{end!r} is not a final value of the window.", "0 to 1")
+        )
     return -math.log(end) / duration
 
 

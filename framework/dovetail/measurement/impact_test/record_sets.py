@@ -48,7 +48,7 @@ def read_sets(path: Path, signals: Sequence[RecordedSignal], remarks: Remarks) -
         problem = (
             f"the file holds {len(motions)} time records of a motion for {len(forces)} of a force at the same point."
         )
-        raise MeasurementError(Fault(str(path), problem, "nodes and directions that tell the sensors from one another"))
+        raise MeasurementError(Fault(str(path), problem, "nodes and directions that distinguish the sensors"))
     return [_with_points(read[force[0]], read[motion[0]], force[1], motion[1]) for force, motion in pairs]
 
 

@@ -55,16 +55,16 @@ def read_sensitivity(text: str, signal: str) -> Sensitivity:
     value = float(match[1]) if match else 0.0
     if match and math.isfinite(value) and value:
         above, _, below = (part.strip().removeprefix("(").removesuffix(")") for part in match[2].partition("/"))
-        if (factor := volts(above)) is not None and (found := _of_signal(below, signal)) is not None:
+        if (factor := volts(above)) is not None and (found := _signal_unit(below, signal)) is not None:
             return Sensitivity(found[0] / (value * factor), found[1])
         above, _, below = (part.strip().removeprefix("(").removesuffix(")") for part in match[2].rpartition("/"))
-        if (factor := volts(below)) is not None and (found := _of_signal(above, signal)) is not None:
+        if (factor := volts(below)) is not None and (found := _signal_unit(above, signal)) is not None:
             return Sensitivity(value * found[0] / factor, found[1])
     problem = f"{text[:60]!r} is not a sensitivity: a number and a voltage per unit of the {signal}."
     raise MeasurementError(Fault(where, problem, _ACCEPTED[signal]))
 
 
-def _of_signal(label: str, signal: str) -> tuple[float, Quantity | None] | None:
+def _signal_unit(label: str, signal: str) -> tuple[float, Quantity | None] | None:
     reading = read_unit(label)
     kind = "load" if signal == "force" else "motion"
     if reading is None or reading.kind != kind or reading.rotation or reading.moment:

@@ -132,7 +132,9 @@ def read_signals(
     if unknown := set(chosen) - set(_PARTS):
         part = sorted(unknown)[0]
         hint = did_you_mean(part, _PARTS)
-        raise MeasurementError(Fault("the argument names", f"'{part}' is no part of signals.", ", ".join(_PARTS), hint))
+        raise MeasurementError(
+            Fault("the argument names", f"'{part}' is not a field of signals.", ", ".join(_PARTS), hint)
+        )
     _check_force_unit(force_unit, force_sensitivity)
     _check_response_unit(response_unit, response_sensitivity)
     remarks = Remarks(skip=chosen.pop("skip", "").split(","))
@@ -226,7 +228,7 @@ def _check_force_unit(unit: str | None, sensitivity: str | None) -> None:
     reading = None if unit is None else read_unit(unit)
     is_voltage = sensitivity is not None and unit is not None and volts(unit) is not None
     if unit is not None and not is_voltage and (reading is None or reading.kind != "load" or reading.moment):
-        raise MeasurementError(Fault("the argument force_unit", f"'{unit}' is no unit of a force.", "N, lbf, ..."))
+        raise MeasurementError(Fault("the argument force_unit", f"'{unit}' is not a unit of force.", "N, lbf, ..."))
 
 
 def _check_response_unit(unit: str | None, sensitivity: str | None) -> None:
@@ -234,7 +236,7 @@ def _check_response_unit(unit: str | None, sensitivity: str | None) -> None:
     is_voltage = sensitivity is not None and unit is not None and volts(unit) is not None
     if unit is not None and not is_voltage and (reading is None or reading.kind != "motion" or reading.rotation):
         accepted = "m/s^2, g, m/s, mm/s, m, um, ..."
-        raise MeasurementError(Fault("the argument response_unit", f"'{unit}' is no unit of a motion.", accepted))
+        raise MeasurementError(Fault("the argument response_unit", f"'{unit}' is not a unit of motion.", accepted))
 
 
 def _rate(path: Path, time: Array) -> float:

@@ -1,7 +1,7 @@
 "use strict";
 /* FRFs as charts that answer: amplitude, phase and coherence on uPlot, linked in zoom and cursor.
 
-   new DovetailCharts.FrfChart(host, data): data as `dovetail.report.charts.chart_data` makes it. Report and explorer use it alike. */
+   new DovetailCharts.FrfChart(host, data): data as `dovetail.report.charts.chart_data` makes it. Both the report and the explorer use it. */
 var DovetailCharts = (function () {
   const HEIGHT = { amplitude: 250, phase: 130, coherence: 110 };
   const AXIS = 66;

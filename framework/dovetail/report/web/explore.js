@@ -92,7 +92,7 @@
     const interval = element("span", {});
     const track = element("div", { class: "interval", hidden: "" }, interval);
     const ends = `${shown(parameter, parameter.lower)} to ${shown(parameter, parameter.upper)} ${parameter.unit}${parameter.scale === "log" ? ", log" : ""}`;
-    const about = element("span", {}, parameter.description), told = element("span", {}, ends);
+    const about = element("span", {}, parameter.description), shownRange = element("span", {}, ends);
     slider.addEventListener("input", (event) => { put(index, fromPart(parameter, Number(slider.value)), event.timeStamp); });
     slider.addEventListener("change", settle);
     field.addEventListener("change", (event) => {
@@ -105,10 +105,10 @@
       settle();
     });
     lock.addEventListener("change", () => { slider.disabled = field.disabled = lock.checked; });
-    rows.push({ slider, field, lock, interval, track, told, ends });
+    rows.push({ slider, field, lock, interval, track, shownRange, ends });
     return element("div", { class: "parameter" },
       element("div", { class: "line" }, element("label", { class: "name", for: name }, parameter.name), field, element("span", { class: "unit" }, parameter.unit), element("label", { class: "lock" }, lock, "lock")),
-      slider, track, element("div", { class: "about", id: `${name}-about` }, about, told));
+      slider, track, element("div", { class: "about", id: `${name}-about` }, about, shownRange));
   }
 
   function put(index, value, began) {
@@ -156,15 +156,15 @@
 
   function showIntervals(answer) {
     parameters.forEach((parameter, index) => {
-      const { interval, track, told, ends } = rows[index];
+      const { interval, track, shownRange, ends } = rows[index];
       const bounds = answer && answer.intervals[parameter.name];
       track.hidden = !bounds;
-      told.textContent = ends;
+      shownRange.textContent = ends;
       if (!bounds) return;
       const [low, high] = bounds.map((value) => Math.min(Math.max(toPart(parameter, value), 0), 1));
       interval.style.left = `${100 * low}%`;
       interval.style.width = `${100 * (high - low)}%`;
-      told.textContent = `90 %: ${shown(parameter, bounds[0])} to ${shown(parameter, bounds[1])} ${parameter.unit}; ${answer.verdicts[parameter.name]}`;
+      shownRange.textContent = `90 %: ${shown(parameter, bounds[0])} to ${shown(parameter, bounds[1])} ${parameter.unit}; ${answer.verdicts[parameter.name]}`;
     });
   }
 
@@ -224,7 +224,7 @@
     return follow();
   }
 
-  /* The line that tells the program that this page is open, and this page that the program is there. */
+  /* The connection by which program and page notice when the other ends. */
   function stayInTouch() {
     const line = new EventSource("alive");
     let lost = null;
