@@ -77,7 +77,7 @@ def test_wrong_unit(run, assemblies):
         (["--set", "k"], "'k' is not NAME=VALUE"),
         (["--set", "=3"], "'=3' is not NAME=VALUE"),
         (["--set", "k=1", "--set", "k=2"], "'k' is set twice"),
-        (["-o", "frf.pdf"], "Accepted: .csv, .uff, .unv, .npz, .png"),
+        (["-o", "frf.pdf"], "Accepted: .uff, .unv, .csv, .npz, .png"),
         (["--sett", "k=1"], "No such option"),
     ],
 )
