@@ -62,7 +62,7 @@ def class_of_width(width: float) -> str:
 
 
 @dataclass(frozen=True)
-class Without:
+class Without(SumOfSquares):
     """A sum of squares with one parameter held."""
 
     misfit: SumOfSquares

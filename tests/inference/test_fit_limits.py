@@ -16,7 +16,7 @@ from dovetail.inference.fitting.refinement import _Refinement
 from dovetail.interfaces import silent
 from dovetail.problem import Problem
 from dovetail.problem.definition import bounds_reached
-from dovetail.problem.least_squares import Linearisation, minimise
+from dovetail.problem.least_squares import Linearisation, SumOfSquares, minimise
 from dovetail.problem.observations import Observations
 from dovetail.problem.random_error import estimated_variance, isolated_lines, known_variance
 from dovetail.problem.residuals import LogAmplitude, Weighted
@@ -73,7 +73,11 @@ def test_the_misfit_of_a_sharp_peak_is_not_taken_for_noise(seed):
     )
     theta = np.array([9.99e5, 11.0, 3.84e4, 0.501])
     frf = dovetail.noisy_frf(assembly.simulate(theta), 0.05, np.random.default_rng(seed))
-    assert refine(Problem.of(assembly, replace(frf, variance=None))).theta[0] == pytest.approx(theta[0], rel=0.05)
+    problem = Problem.of(assembly, replace(frf, variance=None))
+    fit = refine(problem)
+    weighted = problem.weighted(fit.variance, fit.used)
+    found, true = np.sum(weighted.residuals(problem.to_unit(np.stack([fit.theta, theta]))) ** 2, axis=1)
+    assert found < true + 3.0  # of 560; 20 to 60 more where the peak is wrong, while other springs fit as well
 
 
 def test_the_discrepancy_is_what_makes_chi_squared_one(sdof):
@@ -111,7 +115,7 @@ def test_searches_agree_within_a_thousandth_or_one_of_the_sum_of_squares():
     assert count_agreeing(np.array([1.0, 1.9, 2.1])) == 2
 
 
-class Slope:
+class Slope(SumOfSquares):
     """A residual that falls towards one end of the range and is 1 there; or a minimum a little inside."""
 
     def __init__(self, minimum):
@@ -137,7 +141,7 @@ def test_a_search_that_is_driven_beyond_its_range_ends_on_the_bound_and_no_other
 def test_a_search_ends_where_a_step_gains_too_little():
     """The tolerance is a decrease of the sum of squares, for as many squares as there are residuals."""
 
-    class Flat:
+    class Flat(SumOfSquares):
         def residuals(self, position):
             return np.concatenate([position**2 / 4.0, np.ones((len(position), 99))], axis=1)
 

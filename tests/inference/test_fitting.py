@@ -16,8 +16,9 @@ from dovetail.errors import MeasurementError, ParameterError
 from dovetail.inference.fitting import multistart, refine, refinement
 from dovetail.measurement import complex_noise
 from dovetail.problem import Problem
-from dovetail.problem.least_squares import Linearisation, Profiles, minimise, profiles
+from dovetail.problem.least_squares import Linearisation, SumOfSquares, minimise
 from dovetail.problem.observations import Observations
+from dovetail.problem.profiles import Profiles, profiles
 from dovetail.problem.random_error import estimated_variance, isolated_lines
 from dovetail.problem.residuals import FrfResiduals, LogAmplitude, Weighted
 from support.noisy_measurements import noisy
@@ -32,7 +33,7 @@ def random_vectors(assembly, count, seed=0):
     return assembly.from_unit(np.random.default_rng(seed).random((count, len(assembly.parameters))))
 
 
-class Rosenbrock:
+class Rosenbrock(SumOfSquares):
     """The valley that every optimiser knows, in the unit cube, its minimum at (3/4, 3/4) or beyond a wall."""
 
     def __init__(self, wall=1.0):

@@ -14,7 +14,7 @@ from dovetail.inference.fitting import refine
 from dovetail.inference.fitting.search_lines import Smoothed, missed_resonances, search_lines, thinned_lines
 from dovetail.inference.fitting.whiteness import assess_runs, has_size_of_noise, is_white
 from dovetail.problem import Problem
-from dovetail.problem.least_squares import Linearisation, minimise
+from dovetail.problem.least_squares import Linearisation, SumOfSquares, minimise
 from dovetail.problem.observations import Observations
 from dovetail.problem.random_error import known_variance, residual_variance
 from support.noisy_measurements import noisy
@@ -183,7 +183,7 @@ def test_a_resonance_without_a_counterpart_is_missed():
     assert not missed_resonances(observations, variance, resonances(frequency, 205.0, 630.0)).size
 
 
-class Curve:
+class Curve(SumOfSquares):
     """Exponentials through 5000 points."""
 
     def __init__(self):

@@ -28,11 +28,11 @@ from dovetail.inference.posterior.laplace import LaplaceApproximation
 from dovetail.inference.posterior.likelihood import MarginalisedResiduals, PosteriorResiduals, marginalised_squares
 from dovetail.inference.posterior.mode_search import maximise_posterior
 from dovetail.problem import Problem
-from dovetail.problem.least_squares import Linearisation
+from dovetail.problem.least_squares import Linearisation, SumOfSquares
 from support.noisy_measurements import noisy
 
 
-class Banana:
+class Banana(SumOfSquares):
     """z2 = bent z1^2 within `narrow`: all there is to know of a bent valley, by hand."""
 
     def __init__(self, bent, narrow=0.01):

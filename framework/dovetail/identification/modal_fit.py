@@ -27,7 +27,7 @@ from dovetail.inference.posterior.mode_search import maximise_posterior
 from dovetail.inference.posterior.sampling import draw
 from dovetail.interfaces import Progress, silent
 from dovetail.measurement import ModalParameters
-from dovetail.problem.least_squares import Linearisation
+from dovetail.problem.least_squares import Linearisation, SumOfSquares
 from dovetail.provenance import provenance
 from dovetail.synthesis import DampedModes
 
@@ -66,7 +66,7 @@ class Settings:
 _SETTINGS = Settings()
 
 
-class _ModalResiduals:
+class _ModalResiduals(SumOfSquares):
     """Whitened residuals of natural frequencies and damping ratios, as functions of the parameters.
 
     Parameters

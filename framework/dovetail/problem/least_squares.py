@@ -1,27 +1,38 @@
-"""Bounded nonlinear least squares in the unit cube, from one start or several."""
+"""Bounded nonlinear least squares in the unit cube, from many starts at once."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
-from functools import cached_property, lru_cache
-from typing import Protocol
+from functools import cached_property
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
+_TINY = np.finfo(float).tiny
+_INSIDE = 1e-10
+"""Smallest distance of a start from the faces of the cube."""
 _AT_BOUND = 1e-5
 """Distance from a face of the cube within which a search that is driven towards the face is moved onto it; the method
 itself keeps all positions inside."""
-_ROWS_PER_BLOCK = 1024
-"""Rows of the residuals and derivatives that are decomposed at once: four times as fast as 10,000 or more."""
-_RISE = 1e-3
-"""Rise of a profile on both sides of a minimum: 1 and this fraction of the lowest sum of squares."""
-_FIRST_DAMPING, _DAMPING_FACTOR = 1e-2, 10.0
-"""Levenberg-Marquardt damping along a profile, relative to the curvature, and its change after each step."""
+_NEAREST = 0.995
+"""Largest part of the way to a face that a coordinate goes in one step."""
+_SINGULAR = 1e-14
+"""Eigenvalue of the scaled normal matrix, over the largest, below which it is rounding."""
+_RADIUS_ERROR = 0.1
+"""Relative error with which the length of a step equals the radius of its trust region."""
+_RADIUS_STEPS = 10
+"""Largest number of Newton steps for the damping that gives this length; two or three are usual."""
+_LEAST_RADIUS = 1e-8
+"""Radius, relative to the scaled position, at which a search ends."""
+_PROBE = 0.1
+"""Part of a step after which the curvature of the residuals along it is measured."""
+_LARGEST_BEND = 0.75
+"""Length of the acceleration, over that of the step, above which the step is not bent."""
+_FEW_SEARCHES, _MOST_BYTES = 8, 128e6
+"""Searches that advance together in any case, and memory of the derivatives up to which more do."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +52,7 @@ class Linearisation:
     @cached_property
     def gradient(self) -> NDArray[np.float64]:
         """(n, p) J^T r, half the derivative of the sum of squares."""
-        return np.asarray(np.einsum("npm,nm->np", self.jacobian, self.residuals))
+        return self.times_jacobian(self.residuals)
 
     @cached_property
     def curvature(self) -> NDArray[np.float64]:
@@ -51,19 +62,31 @@ class Linearisation:
     @cached_property
     def cost(self) -> NDArray[np.float64]:
         """(n,) sums of the squared residuals."""
-        return np.asarray(np.einsum("nm,nm->n", self.residuals, self.residuals))
+        return np.asarray((self.residuals[:, np.newaxis] @ self.residuals[:, :, np.newaxis])[:, 0, 0])
+
+    def times_jacobian(self, changes: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return J^T w (n, p) for changes w (n, m) of the residuals."""
+        return np.asarray((self.jacobian @ changes[:, :, np.newaxis])[:, :, 0])
+
+    def changes(self, step: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the linear changes J s (n, m) of the residuals with steps s (n, p)."""
+        return np.asarray((step[:, np.newaxis] @ self.jacobian)[:, 0])
+
+    def at_rows(self, rows: NDArray[np.intp]) -> Linearisation:
+        """Return the linearisations at some of the positions."""
+        return Linearisation(self.residuals[rows], self.jacobian[rows])
 
 
-class SumOfSquares(Protocol):
+class SumOfSquares(ABC):
     """The function that is minimised. The residuals at a position do not depend on the rest of the batch."""
 
+    @abstractmethod
     def residuals(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return residuals (n, m) at positions (n, p) in the unit cube."""
-        ...
 
+    @abstractmethod
     def linearise(self, position: NDArray[np.float64]) -> Linearisation:
         """Return residuals and derivatives at positions (n, p) in the unit cube."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,43 +111,17 @@ class Minima:
     steps: NDArray[np.int64]
 
     @staticmethod
+    def joined(minima: Sequence[Minima]) -> Minima:
+        """Return all minima of several sets."""
+        names = (entry.name for entry in fields(Minima))
+        return Minima(*(np.concatenate([getattr(group, name) for group in minima]) for name in names))
+
+    @staticmethod
     def ranked(*minima: Minima) -> Minima:
         """Merge several sets of minima, the lowest first."""
-        order = np.argsort(np.concatenate([group.cost for group in minima]), kind="stable")
-        names = (entry.name for entry in fields(Minima))
-        return Minima(*(np.concatenate([getattr(group, name) for group in minima])[order] for name in names))
-
-
-@dataclass(frozen=True, eq=False)
-class Profiles:
-    """Sums of squares with one coordinate held at given values, for each of p coordinates.
-
-    The other coordinates are either constant (`cuts`) or fitted (`profiles`).
-
-    Parameters
-    ----------
-    values : (n,) array
-        Of the coordinate that is held.
-    cost : (p, n) array
-        Sums of squares, a row for each coordinate.
-    position : (p, n, p) array
-        Where they were taken.
-    """
-
-    values: NDArray[np.float64]
-    cost: NDArray[np.float64]
-    position: NDArray[np.float64]
-
-    def low_points(self, start: NDArray[np.float64], most: int) -> NDArray[np.float64]:
-        """Return the lowest minima (k, p) of the profiles, apart from the one at their start."""
-        rise = self.cost.min() * _RISE + 1.0
-        padded = -np.pad(self.cost, ((0, 0), (1, 1)), constant_values=np.inf)
-        tops_of = (scipy.signal.find_peaks(row, prominence=rise)[0] - 1 for row in padded)
-        tops = [(axis, top) for axis, tops in enumerate(tops_of) for top in tops]
-        spacing = 1.0 / len(self.values)
-        apart = [(axis, top) for axis, top in tops if abs(self.values[top] - start[axis]) > spacing]
-        apart.sort(key=lambda entry: float(self.cost[entry]))
-        return np.array([self.position[entry] for entry in apart[:most]]).reshape(-1, len(start))
+        together = Minima.joined(minima)
+        order = np.argsort(together.cost, kind="stable")
+        return Minima(*(getattr(together, entry.name)[order] for entry in fields(Minima)))
 
 
 def minimise(
@@ -136,13 +133,13 @@ def minimise(
     deadline: float = np.inf,
     callback: Callable[[], None] = lambda: None,
 ) -> Minima:
-    """Minimise sums of squares from several starts by the trust-region reflective method.
+    """Minimise sums of squares from several starts, which advance together, by a trust-region interior method.
 
     Parameters
     ----------
     problem : SumOfSquares
     start : (n, p) array
-        Points outside the unit cube are moved to its faces.
+        Points outside the unit cube are moved into it.
     tolerance : float
         Decrease of the sum of m squares in one step that ends a search, if the sum is about m, as for noise; for other
         sums in proportion.
@@ -150,141 +147,230 @@ def minimise(
     deadline : float
         `time.monotonic()` after which no further step begins.
     callback : callable
-        Called after each search.
+        Called when a search ends.
+
+    Notes
+    -----
+    A search ends where it would end alone. In coordinates that are scaled by the curvature and, near a face, by the
+    distance from it, a step minimises the Gauss-Newton model within a sphere. The sphere grows where the model predicts
+    the sum of squares well, and shrinks where it does not. No coordinate reaches a face in a step. This is the method
+    of `scipy.optimize.least_squares` without reflections at the faces, for many starts and by the normal equations.
+    In addition, steps follow the curvature of the residuals (geodesic acceleration): the valleys of badly determined
+    parameters are long and bent, and a third of the steps or fewer reach their ends.
 
     References
     ----------
     M. A. Branch, T. F. Coleman, Y. Li, A subspace, interior, and conjugate gradient method for large-scale
-    bound-constrained minimization problems, SIAM J. Sci. Comput. 21 (1999) 1-23; as `scipy.optimize.least_squares`.
+    bound-constrained minimization problems, SIAM J. Sci. Comput. 21 (1999) 1-23.
+    M. K. Transtrum, J. P. Sethna, Improvements to the Levenberg-Marquardt algorithm for nonlinear least-squares
+    minimization (2012), arXiv:1201.5885.
+    J. J. More, The Levenberg-Marquardt algorithm: implementation and theory, Numerical Analysis (1978) 105-116.
     """
-    searches = []
-    for point in np.clip(start, 0.0, 1.0):
-        searches.append(_search(problem, point, tolerance, most_steps, deadline))
+    position = np.clip(start, _INSIDE, 1.0 - _INSIDE)
+    groups = np.array_split(position, _groups(problem, position))
+    return Minima.joined([_minimised(problem, group, tolerance, most_steps, deadline, callback) for group in groups])
+
+
+def _groups(problem: SumOfSquares, position: NDArray[np.float64]) -> int:
+    """Return into how many groups the searches are divided so that their derivatives fit into memory."""
+    if len(position) <= _FEW_SEARCHES:
+        return 1
+    bytes_each = problem.residuals(position[:1]).nbytes * position.shape[1]
+    return -(-len(position) // max(_FEW_SEARCHES, int(_MOST_BYTES / bytes_each)))
+
+
+def _minimised(
+    problem: SumOfSquares,
+    position: NDArray[np.float64],
+    tolerance: float,
+    most_steps: int,
+    deadline: float,
+    callback: Callable[[], None],
+) -> Minima:
+    searches = _Searches(problem, position.copy(), tolerance)
+    for _ in range(most_steps - 1):
+        if not searches.active.size or time.monotonic() > deadline:
+            break
+        for _ in range(searches.advance()):
+            callback()
+    for _ in searches.active:
         callback()
-    position, cost, curvature, steps = (np.stack(values) for values in zip(*searches, strict=True))
-    return Minima(position, cost, curvature, steps)
+    return searches.ends()
 
 
-def _search(
-    problem: SumOfSquares, start: NDArray[np.float64], tolerance: float, most_steps: int, deadline: float
-) -> tuple[NDArray[np.float64], np.float64, NDArray[np.float64], int]:
-    """Return the end of one search, the sum of squares and the curvature there, and the number of steps."""
+class _Searches:
+    """Searches that take their steps together; those that have ended are left out.
 
-    @lru_cache(maxsize=1)  # the method asks for the Jacobian where it has just asked for the residuals
-    def linearise(position: bytes) -> Linearisation:
-        return problem.linearise(np.frombuffer(position)[np.newaxis])
-
-    @lru_cache(maxsize=1)
-    def reduced(position: bytes) -> NDArray[np.float64]:
-        return _triangle(linearise(position))
-
-    reached = start.copy()
-
-    def stop_when_late(position: NDArray[np.float64]) -> None:
-        reached[:] = position
-        if time.monotonic() > deadline:
-            raise StopIteration
-
-    try:
-        end = least_squares(
-            lambda position: reduced(position.tobytes())[:, -1],
-            start,
-            lambda position: reduced(position.tobytes())[:, :-1],
-            bounds=(0.0, 1.0),
-            x_scale="jac",  # the FRF tells some parameters a thousand times as well as others
-            ftol=tolerance / linearise(start.tobytes()).residuals.size,
-            max_nfev=most_steps,
-            callback=stop_when_late,
-        )
-    except ValueError as error:
-        if "trust region" not in str(error):
-            raise
-        position = reached  # huge residuals of few lines: by rounding a step begins outside of its own region
-    else:
-        position = end.x
-        position[(position < _AT_BOUND) & (end.grad > 0)] = 0.0
-        position[(position > 1.0 - _AT_BOUND) & (end.grad < 0)] = 1.0
-    at_end = linearise(position.tobytes())
-    return position, at_end.cost[0], at_end.curvature[0], linearise.cache_info().misses
-
-
-def _triangle(linear: Linearisation) -> NDArray[np.float64]:
-    """Return R of (J, r) = Q R: p + 1 rows with the same products J^T J, J^T r and r^T r as all m rows.
-
-    `scipy.optimize.least_squares` decomposes the Jacobian several times in each step, which for thousands of lines
-    takes longer than computing it. Blocks of rows that fit into the processor's cache are reduced first.
+    Attributes
+    ----------
+    active : (k,) array
+        Numbers of the searches that have not ended.
     """
-    rows = np.concatenate([linear.jacobian[0], linear.residuals]).T
-    blocks = len(rows) // _ROWS_PER_BLOCK
-    if blocks > 1:
-        whole = rows[: blocks * _ROWS_PER_BLOCK].reshape(blocks, _ROWS_PER_BLOCK, -1)
-        reduced = np.asarray(np.linalg.qr(whole, mode="r")).reshape(-1, rows.shape[1])
-        rows = np.concatenate([reduced, rows[blocks * _ROWS_PER_BLOCK :]])
-    return np.asarray(np.linalg.qr(rows, mode="r"))
+
+    def __init__(self, problem: SumOfSquares, position: NDArray[np.float64], tolerance: float) -> None:
+        self._problem, self._tolerance = problem, tolerance
+        self._here = problem.linearise(position)  # of the active searches
+        self._position = position
+        self._cost, self._gradient, self._curvature = self._here.cost, self._here.gradient, self._here.curvature
+        self._sizes = _column_sizes(self._curvature)
+        self._steps = np.ones(len(position), dtype=np.int64)
+        self.active = np.arange(len(position))
+        scale = np.sqrt(self._distances(self.active)) / self._sizes
+        first = np.linalg.norm(position / np.maximum(scale, _TINY), axis=1)
+        self._radius = np.where(first > 0.0, first, 1.0)
+
+    def _distances(self, rows: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Return the distances from the faces towards which the sum of squares falls."""
+        position = self._position[rows]
+        return np.where(self._gradient[rows] > 0.0, position, 1.0 - position)
+
+    def advance(self) -> int:
+        """Take one step in each active search; return how many end with it."""
+        rows = self.active
+        position, gradient, radius = self._position[rows], self._gradient[rows], self._radius[rows]
+        distance = self._distances(rows)
+        scale = np.sqrt(distance) / self._sizes[rows]
+        barrier = np.abs(gradient) * scale**2 / np.maximum(distance, _TINY)
+        model = _ScaledModel.of(scale * gradient, self._curvature[rows], scale, barrier)
+        velocity, damping = model.step(radius)
+        straight = _kept_inside(position, scale * velocity)
+        velocity = straight / np.maximum(scale, _TINY)
+        acceleration = model.newton(scale * self._bend(position, straight), damping)
+        length = np.linalg.norm(velocity, axis=1)
+        trusted = np.linalg.norm(acceleration, axis=1) <= _LARGEST_BEND * length
+        step = straight + np.where(trusted[:, np.newaxis], scale * acceleration / 2.0, 0.0)
+        step = _kept_inside(position, step)
+        there = self._problem.linearise(position + step)
+        self._steps[rows] += 1
+        decrease, count = self._cost[rows] - there.cost, there.residuals.shape[1]
+        with np.errstate(over="ignore"):
+            of_barrier = np.sum(barrier * (step / np.maximum(scale, _TINY)) ** 2, axis=1)
+            ratio = (decrease - of_barrier) / np.maximum(model.decrease(velocity), _TINY)
+        grown = np.where((ratio > 0.75) & (length > 0.95 * radius), 2.0 * radius, radius)
+        grown = np.where(trusted, grown, np.minimum(grown, 0.5 * length))
+        self._radius[rows] = np.where(ratio < 0.25, 0.25 * length, grown)
+        better = decrease > 0.0
+        ended = better & trusted & (ratio > 0.25) & (decrease < self._tolerance / count * self._cost[rows])
+        ended |= self._radius[rows] < _LEAST_RADIUS * np.linalg.norm(position * self._sizes[rows], axis=1)
+        self._move(rows, np.flatnonzero(better), position + step, there)
+        self.active, kept = rows[~ended], np.flatnonzero(~ended)
+        if len(kept) < len(rows):
+            self._here = self._here.at_rows(kept)
+        return len(rows) - len(kept)
+
+    def _bend(self, position: NDArray[np.float64], step: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return J^T r'' (k, p) for the second derivatives r'' of the residuals along steps (k, p)."""
+        ahead = self._problem.residuals(position + _PROBE * step)
+        linear = self._here.changes(step)
+        return self._here.times_jacobian(2.0 / _PROBE * ((ahead - self._here.residuals) / _PROBE - linear))
+
+    def _move(
+        self, rows: NDArray[np.intp], better: NDArray[np.intp], position: NDArray[np.float64], there: Linearisation
+    ) -> None:
+        """Move those of the active searches, by their places among these, that have come lower."""
+        moved = rows[better]
+        self._position[moved], self._cost[moved] = position[better], there.cost[better]
+        self._gradient[moved], self._curvature[moved] = there.gradient[better], there.curvature[better]
+        self._sizes[moved] = np.maximum(self._sizes[moved], _column_sizes(there.curvature[better]))
+        if len(better) == len(rows):
+            self._here = there
+        else:
+            self._here.residuals[better], self._here.jacobian[better] = there.residuals[better], there.jacobian[better]
+
+    def ends(self) -> Minima:
+        """Return where the searches have come to, on a face of the cube where they are driven towards it."""
+        position, gradient = self._position, self._gradient
+        onto = np.where((position < _AT_BOUND) & (gradient > 0.0), 0.0, position)
+        onto = np.where((position > 1.0 - _AT_BOUND) & (gradient < 0.0), 1.0, onto)
+        moved = np.flatnonzero((onto != position).any(axis=1))
+        if moved.size:
+            there = self._problem.linearise(onto[moved])
+            self._position[moved], self._cost[moved] = onto[moved], there.cost
+            self._curvature[moved] = there.curvature
+        return Minima(self._position, self._cost, self._curvature, self._steps)
 
 
-def cuts(problem: SumOfSquares, start: NDArray[np.float64], values: NDArray[np.float64]) -> Profiles:
-    """Return sums of squares along each coordinate in turn, with all others constant."""
-    size, count = len(start), len(values)
-    position = np.tile(start, (size, count, 1))
-    position[np.arange(size), :, np.arange(size)] = values
-    cost = np.sum(problem.residuals(position.reshape(-1, size)) ** 2, axis=1).reshape(size, count)
-    return Profiles(values, cost, position)
+def _kept_inside(position: NDArray[np.float64], step: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return steps (n, p) of which no coordinate reaches a face."""
+    room = _NEAREST * np.where(step < 0.0, position, 1.0 - position)
+    return np.clip(step, -room, room)
 
 
-def profiles(problem: SumOfSquares, start: NDArray[np.float64], values: NDArray[np.float64], steps: int) -> Profiles:
-    """Hold each coordinate in turn at given values and minimise over all others.
+def _column_sizes(curvature: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the lengths (n, p) of the columns of the Jacobian."""
+    diagonal = np.diagonal(curvature, axis1=1, axis2=2)
+    return np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
 
-    The values are taken in order of their distance from the start, on either side; each search begins where the one at
-    the value before ended. All coordinates advance together, so that their residuals are computed in one batch.
+
+@dataclass(frozen=True, eq=False)
+class _ScaledModel:
+    """Gauss-Newton models of half the sums of squares, in scaled coordinates: g^T s + s^T H s / 2.
 
     Parameters
     ----------
-    problem : SumOfSquares
-    start : (p,) array
-    values : (n,) array
-        Increasing.
-    steps : int
-        Levenberg-Marquardt steps at each value.
+    gradient : (n, p) array
+        g.
+    values, vectors : (n, p) and (n, p, p) arrays
+        Eigenvalues and eigenvectors of H; the values are not negative.
     """
-    size, count = len(start), len(values)
-    lowest = Profiles(values, np.full((size, count), np.inf), np.empty((size, count, size)))
-    upper = np.searchsorted(values, start)
-    ways = [(axis, way) for axis in range(size) for way in (1, -1)]
-    axes, signs = np.array(ways).T
-    numbers = np.where(signs > 0, upper[axes], upper[axes] - 1)
-    position = np.tile(start, (len(ways), 1))
-    while (inside := (numbers >= 0) & (numbers < count)).any():
-        axes, signs, numbers, position = axes[inside], signs[inside], numbers[inside], position[inside]
-        position[np.arange(len(axes)), axes] = values[numbers]
-        position, cost = _stepped(problem, position, axes, steps)
-        lowest.position[axes, numbers], lowest.cost[axes, numbers] = position, cost
-        numbers += signs
-    return lowest
 
+    gradient: NDArray[np.float64]
+    values: NDArray[np.float64]
+    vectors: NDArray[np.float64]
 
-def _stepped(
-    problem: SumOfSquares, position: NDArray[np.float64], fixed: NDArray[np.intp], steps: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Take Levenberg-Marquardt steps from n positions, each with one fixed coordinate; return ends and costs."""
-    size = position.shape[1]
-    free = fixed[:, np.newaxis] != np.arange(size)
-    damping = np.full(len(position), _FIRST_DAMPING)
-    here = problem.linearise(position)
-    gradient, curvature, cost = here.gradient.copy(), here.curvature.copy(), here.cost.copy()
-    for _ in range(steps):
-        moving = free & ~((position <= 0.0) & (gradient > 0.0)) & ~((position >= 1.0) & (gradient < 0.0))
-        matrix = curvature * (moving[:, :, np.newaxis] & moving[:, np.newaxis])
-        diagonal = np.einsum("nii->ni", matrix)
-        diagonal += damping[:, np.newaxis] * diagonal + np.where(moving, np.finfo(float).tiny, 1.0)
-        step = np.linalg.solve(matrix, np.where(moving, -gradient, 0.0)[:, :, np.newaxis])[:, :, 0]
-        tried = np.clip(position + step, 0.0, 1.0)
-        there = problem.linearise(tried)
-        lower = there.cost < cost
-        position[lower], cost[lower] = tried[lower], there.cost[lower]
-        gradient[lower], curvature[lower] = there.gradient[lower], there.curvature[lower]
-        damping *= np.where(lower, 1.0 / _DAMPING_FACTOR, _DAMPING_FACTOR)
-    return position, cost
+    @staticmethod
+    def of(
+        gradient: NDArray[np.float64],
+        curvature: NDArray[np.float64],
+        scale: NDArray[np.float64],
+        barrier: NDArray[np.float64],
+    ) -> _ScaledModel:
+        """Return the model with a barrier (n, p) that is added to the scaled curvature."""
+        matrix = curvature * scale[:, :, np.newaxis] * scale[:, np.newaxis]
+        np.einsum("npp->np", matrix)[:] += barrier
+        values, vectors = np.linalg.eigh(matrix)
+        return _ScaledModel(gradient, np.maximum(values, 0.0), vectors)
+
+    def _along(self, vector: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray((vector[:, np.newaxis] @ self.vectors)[:, 0])
+
+    def step(self, radius: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the steps (n, p) to the lowest points within spheres of given radii (n,), and their damping (n,)."""
+        along = self._along(self.gradient)
+        damping = _SINGULAR * self.values.max(axis=1) + _TINY
+        lowest, highest, used = damping, np.linalg.norm(along, axis=1) / radius, damping
+        components = -along / (self.values + damping[:, np.newaxis])
+        outside = np.linalg.norm(components, axis=1) > (1.0 + _RADIUS_ERROR) * radius
+        tried = np.maximum(1e-3 * highest, np.sqrt(lowest * highest))
+        for _ in range(_RADIUS_STEPS):
+            if not outside.any():
+                break
+            used = np.where(outside, tried, used)
+            shrunk = self.values + used[:, np.newaxis]
+            components = -along / shrunk
+            length = np.linalg.norm(components, axis=1)
+            excess = length - radius
+            outside &= np.abs(excess) > _RADIUS_ERROR * radius
+            tangent = excess * length / np.maximum(np.sum(components**2 / shrunk, axis=1), _TINY)
+            highest = np.where(excess < 0.0, np.minimum(highest, used), highest)
+            lowest = np.maximum(lowest, used + tangent)
+            newton = used + length / radius * tangent
+            safe = np.maximum(1e-3 * highest, np.sqrt(lowest * highest))
+            tried = np.where((newton < lowest) | (newton > highest), safe, newton)
+        return self._whole(components), used
+
+    def newton(self, gradient: NDArray[np.float64], damping: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the damped Newton steps -(H + damping)^-1 g (n, p) for other gradients (n, p)."""
+        return self._whole(-self._along(gradient) / (self.values + damping[:, np.newaxis]))
+
+    def _whole(self, along: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray((self.vectors @ along[:, :, np.newaxis])[:, :, 0])
+
+    def decrease(self, step: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return by how much the models (n,) of the whole sums of squares fall along steps (n, p)."""
+        along = self._along(step)
+        linear = np.sum(self.gradient * step, axis=1)
+        return np.asarray(-2.0 * linear - np.sum(self.values * along**2, axis=1))
 
 
 def without(vectors: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:

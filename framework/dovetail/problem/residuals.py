@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -16,6 +17,7 @@ from dovetail.assembly import FrfModel, ResponseFrfs
 from dovetail.frf import Frf
 from dovetail.frf.rice import rice_mean
 from dovetail.interfaces import Parameter
+from dovetail.parallel import cores, one_blas_thread
 from dovetail.problem.least_squares import Linearisation, SumOfSquares
 
 
@@ -32,6 +34,8 @@ class Settings:
     difference of squares would lose digits to cancellation."""
     least_rice: float = 0.2
     """Smallest variance of an amplitude over that of the complex value: Rice's distribution at amplitude 0."""
+    derivatives_at_once: float = 1.5e5
+    """Number of complex derivatives that a thread computes at a time: they stay in the processor's cache."""
 
 
 _SETTINGS = Settings()
@@ -119,7 +123,7 @@ class Residual(Protocol):
         ...
 
 
-class FrfResiduals:
+class FrfResiduals(SumOfSquares):
     """Residuals against one measured FRF, or against one for each response, as functions of the parameters.
 
     Parameters
@@ -140,12 +144,31 @@ class FrfResiduals:
         return self._residual.of(self._model.frf(self._assembly.from_unit(fraction)))
 
     def linearise(self, fraction: NDArray[np.float64]) -> Linearisation:
-        """Return residuals and their derivatives at fractions (n, p) of the ranges."""
-        frf, jacobian = self._model.linearise(self._assembly.from_unit(fraction))
+        """Return residuals and their derivatives at fractions (n, p) of the ranges, in small blocks on all cores."""
+        theta = self._assembly.from_unit(fraction)
+        size = max(1, int(_SETTINGS.derivatives_at_once / max(1, sum(self._model.counts) * theta.shape[1])))
+        if len(theta) <= size:
+            return self._linearised(theta)
+        first = self._linearised(theta[:size])
+        residuals = np.empty((len(theta), first.residuals.shape[1]))
+        jacobian = np.empty((*theta.shape, first.residuals.shape[1]))
+        residuals[:size], jacobian[:size] = first.residuals, first.jacobian
+
+        def fill(start: int) -> None:
+            block = slice(start, start + size)
+            part = self._linearised(theta[block])
+            residuals[block], jacobian[block] = part.residuals, part.jacobian
+
+        with one_blas_thread(), ThreadPoolExecutor(cores()) as pool:
+            list(pool.map(fill, range(size, len(theta), size)))
+        return Linearisation(residuals, jacobian)
+
+    def _linearised(self, theta: NDArray[np.float64]) -> Linearisation:
+        frf, jacobian = self._model.linearise(theta)
         return Linearisation(self._residual.of(frf), self._residual.jacobian(frf, jacobian))
 
 
-class WithPrior:
+class WithPrior(SumOfSquares):
     """Residuals of a measurement, followed by those of normal priors: the parameters' deviations from the means.
 
     Parameters

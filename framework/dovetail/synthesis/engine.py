@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -49,6 +50,8 @@ class Settings:
 
 
 SETTINGS = Settings()
+_EVALUATION = Lock()
+"""Held while joints are evaluated: their models need not be made for several threads."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -318,8 +321,9 @@ def _gather(
     plan: Plan, theta: Theta, count: int, *, derivatives: bool
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the terms of joints with constant matrices and, if needed, their derivatives."""
-    terms = plan.inputs.gather(theta, count)
-    return terms, plan.inputs.gather_weights(theta, count) if derivatives else np.empty((count, 0))
+    with _EVALUATION:
+        terms = plan.inputs.gather(theta, count)
+        return terms, plan.inputs.gather_weights(theta, count) if derivatives else np.empty((count, 0))
 
 
 def _gather_spectral(

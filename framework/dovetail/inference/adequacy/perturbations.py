@@ -19,7 +19,7 @@ from dovetail.description import Description
 from dovetail.errors import DovetailError
 from dovetail.frf import conversion
 from dovetail.interfaces import StructuralMatrices, SubstructureModel
-from dovetail.problem.least_squares import Linearisation
+from dovetail.problem.least_squares import Linearisation, SumOfSquares
 from dovetail.problem.part_quantities import (
     MOST_DOFS,
     Apply,
@@ -158,7 +158,7 @@ def _describe(substructure: str, quantity: ConfigQuantity, amount: float) -> str
     return f"'{quantity.name}' of the {substructure} at {actual} in place of {described}"
 
 
-class PerturbedResiduals:
+class PerturbedResiduals(SumOfSquares):
     """Residuals as a function of the parameters and, as the last coordinate, the amount of a perturbation.
 
     Parameters

@@ -16,7 +16,8 @@ from dovetail.inference.fitting.whiteness import NOISE_ALARM, has_size_of_noise,
 from dovetail.interfaces import Progress, logged, silent
 from dovetail.problem import Problem
 from dovetail.problem.definition import bounds_reached, fractions_within
-from dovetail.problem.least_squares import Minima, cuts, minimise, profiles
+from dovetail.problem.least_squares import Minima, minimise
+from dovetail.problem.profiles import cuts, profiles
 from dovetail.problem.residuals import FrfResiduals, WithPrior
 
 

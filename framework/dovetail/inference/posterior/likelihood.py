@@ -151,7 +151,7 @@ def squared_norms(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.einsum("nk,nk->n", vectors, vectors))
 
 
-class MarginalisedResiduals:
+class MarginalisedResiduals(SumOfSquares):
     """Residuals with the model's errors marginalised: scaled so that their widened covariance is 1 again.
 
     Parameters
@@ -186,7 +186,7 @@ class MarginalisedResiduals:
         return np.asarray(self._weight * (residuals - along @ self._directions))
 
 
-class ReducedResiduals:
+class ReducedResiduals(SumOfSquares):
     """Coordinates of marginalised residuals in a subspace, computed from the few lines that determine them.
 
     Parameters

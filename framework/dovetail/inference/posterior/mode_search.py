@@ -26,7 +26,7 @@ from dovetail.inference.posterior.likelihood import (
 from dovetail.inference.posterior.model_error import ModelError
 from dovetail.interfaces import Progress, silent
 from dovetail.problem import Problem
-from dovetail.problem.least_squares import Linearisation, minimise
+from dovetail.problem.least_squares import Linearisation, SumOfSquares, minimise
 from dovetail.problem.residuals import FrfResiduals
 
 
@@ -201,7 +201,7 @@ def _within(fraction: NDArray[np.float64], margin: float) -> NDArray[np.float64]
     return normal_from_unit(np.clip(fraction, margin, 1.0 - margin))
 
 
-class CubeResiduals:
+class CubeResiduals(SumOfSquares):
     """Residuals of prior and measurement as functions of a position in the unit cube, for the search of modes.
 
     Parameters

@@ -1,0 +1,112 @@
+"""Sums of squares along single coordinates, with all others constant (cuts) or fitted (profiles)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from dovetail.problem.least_squares import SumOfSquares
+
+_RISE = 1e-3
+"""Rise of a profile on both sides of a minimum: 1 and this fraction of the lowest sum of squares."""
+_FIRST_DAMPING, _DAMPING_FACTOR = 1e-2, 10.0
+"""Levenberg-Marquardt damping along a profile, relative to the curvature, and its change after each step."""
+
+
+@dataclass(frozen=True, eq=False)
+class Profiles:
+    """Sums of squares with one coordinate held at given values, for each of p coordinates.
+
+    The other coordinates are either constant (`cuts`) or fitted (`profiles`).
+
+    Parameters
+    ----------
+    values : (n,) array
+        Of the coordinate that is held.
+    cost : (p, n) array
+        Sums of squares, a row for each coordinate.
+    position : (p, n, p) array
+        Where they were taken.
+    """
+
+    values: NDArray[np.float64]
+    cost: NDArray[np.float64]
+    position: NDArray[np.float64]
+
+    def low_points(self, start: NDArray[np.float64], most: int) -> NDArray[np.float64]:
+        """Return the lowest minima (k, p) of the profiles, apart from the one at their start."""
+        rise = self.cost.min() * _RISE + 1.0
+        padded = -np.pad(self.cost, ((0, 0), (1, 1)), constant_values=np.inf)
+        tops_of = (scipy.signal.find_peaks(row, prominence=rise)[0] - 1 for row in padded)
+        tops = [(axis, top) for axis, tops in enumerate(tops_of) for top in tops]
+        spacing = 1.0 / len(self.values)
+        apart = [(axis, top) for axis, top in tops if abs(self.values[top] - start[axis]) > spacing]
+        apart.sort(key=lambda entry: float(self.cost[entry]))
+        return np.array([self.position[entry] for entry in apart[:most]]).reshape(-1, len(start))
+
+
+def cuts(problem: SumOfSquares, start: NDArray[np.float64], values: NDArray[np.float64]) -> Profiles:
+    """Return sums of squares along each coordinate in turn, with all others constant."""
+    size, count = len(start), len(values)
+    position = np.tile(start, (size, count, 1))
+    position[np.arange(size), :, np.arange(size)] = values
+    cost = np.sum(problem.residuals(position.reshape(-1, size)) ** 2, axis=1).reshape(size, count)
+    return Profiles(values, cost, position)
+
+
+def profiles(problem: SumOfSquares, start: NDArray[np.float64], values: NDArray[np.float64], steps: int) -> Profiles:
+    """Hold each coordinate in turn at given values and minimise over all others.
+
+    The values are taken in order of their distance from the start, on either side; each search begins where the one at
+    the value before ended. All coordinates advance together, so that their residuals are computed in one batch.
+
+    Parameters
+    ----------
+    problem : SumOfSquares
+    start : (p,) array
+    values : (n,) array
+        Increasing.
+    steps : int
+        Levenberg-Marquardt steps at each value.
+    """
+    size, count = len(start), len(values)
+    lowest = Profiles(values, np.full((size, count), np.inf), np.empty((size, count, size)))
+    upper = np.searchsorted(values, start)
+    ways = [(axis, way) for axis in range(size) for way in (1, -1)]
+    axes, signs = np.array(ways).T
+    numbers = np.where(signs > 0, upper[axes], upper[axes] - 1)
+    position = np.tile(start, (len(ways), 1))
+    while (inside := (numbers >= 0) & (numbers < count)).any():
+        axes, signs, numbers, position = axes[inside], signs[inside], numbers[inside], position[inside]
+        position[np.arange(len(axes)), axes] = values[numbers]
+        position, cost = _stepped(problem, position, axes, steps)
+        lowest.position[axes, numbers], lowest.cost[axes, numbers] = position, cost
+        numbers += signs
+    return lowest
+
+
+def _stepped(
+    problem: SumOfSquares, position: NDArray[np.float64], fixed: NDArray[np.intp], steps: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Take Levenberg-Marquardt steps from n positions, each with one fixed coordinate; return ends and costs."""
+    size = position.shape[1]
+    free = fixed[:, np.newaxis] != np.arange(size)
+    damping = np.full(len(position), _FIRST_DAMPING)
+    here = problem.linearise(position)
+    gradient, curvature, cost = here.gradient.copy(), here.curvature.copy(), here.cost.copy()
+    for _ in range(steps):
+        moving = free & ~((position <= 0.0) & (gradient > 0.0)) & ~((position >= 1.0) & (gradient < 0.0))
+        matrix = curvature * (moving[:, :, np.newaxis] & moving[:, np.newaxis])
+        diagonal = np.einsum("nii->ni", matrix)
+        diagonal += damping[:, np.newaxis] * diagonal + np.where(moving, np.finfo(float).tiny, 1.0)
+        step = np.linalg.solve(matrix, np.where(moving, -gradient, 0.0)[:, :, np.newaxis])[:, :, 0]
+        tried = np.clip(position + step, 0.0, 1.0)
+        there = problem.linearise(tried)
+        lower = there.cost < cost
+        position[lower], cost[lower] = tried[lower], there.cost[lower]
+        gradient[lower], curvature[lower] = there.gradient[lower], there.curvature[lower]
+        damping *= np.where(lower, 1.0 / _DAMPING_FACTOR, _DAMPING_FACTOR)
+    return position, cost
