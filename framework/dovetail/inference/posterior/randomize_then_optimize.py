@@ -43,8 +43,8 @@ class Settings:
     hundred times this distance has converged."""
     correlation: float = 0.6
     """Correlation of the components before and after a Metropolis step; the larger, the more steps are accepted."""
-    metropolis_iterations: int = 20
-    """Iterations after which a Metropolis step, or its reverse, is given up: 5 % of the collet's, 3 % after 40."""
+    metropolis_iterations: int = 40
+    """Iterations after which a Metropolis step is given up; most converge after ten to thirty."""
     return_distance: float = 1e-2
     """Largest difference of coordinates at which a reversed step counts as back at its start."""
     remaining_correlation: float = 0.1
