@@ -93,6 +93,7 @@ from .interfaces import RecordedSet as RecordedSet
 from .interfaces import RecordedSignal as RecordedSignal
 from .interfaces import Reducer as Reducer
 from .interfaces import Regressor as Regressor
+from .interfaces import ScaledMatrices as ScaledMatrices
 from .interfaces import SparseMatrices as SparseMatrices
 from .interfaces import Statement as Statement
 from .interfaces import StructuralMatrices as StructuralMatrices

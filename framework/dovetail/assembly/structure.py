@@ -30,6 +30,7 @@ class _SensorMass(JointModel):
     name = "sensor_mass"
     summary = "Mass of a sensor"
     parameters = (MASS,)
+    linear_parameters = (MASS.name,)
     ports = (Port("sensor", 1),)
 
     def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Annotated
+from typing import Annotated, overload
 
 import numpy as np
 import scipy  # loads a part of it when that is first used
@@ -65,10 +65,7 @@ class ReversedPart(SubstructureModel):
     def matrices(self) -> StructuralMatrices | SparseMatrices | None:
         """Return the part's matrices (d, d), with the rows and columns of rotations negated."""
         matrices = self._part.matrices()
-        if not isinstance(matrices, SparseMatrices):
-            return None if matrices is None else opposite_rotations(matrices, len(self.nodes))
-        turn = scipy.sparse.diags_array(rotation_signs(len(self.nodes), matrices.size), format="csc")
-        return SparseMatrices(*(turn @ getattr(matrices, name) @ turn for name in "MKCD"))
+        return None if matrices is None else opposite_rotations(matrices, len(self.nodes))
 
     def batched_matrices(self, options: Mapping[str, NDArray[np.float64]]) -> StructuralMatrices | None:
         """Return those of the part (n, d, d), with the rows and columns of rotations negated."""
@@ -92,8 +89,17 @@ def rotation_signs(nodes: int, size: int) -> NDArray[np.float64]:
     return signs
 
 
-def opposite_rotations(matrices: StructuralMatrices, nodes: int) -> StructuralMatrices:
+@overload
+def opposite_rotations(matrices: StructuralMatrices, nodes: int) -> StructuralMatrices: ...
+@overload
+def opposite_rotations(matrices: SparseMatrices, nodes: int) -> SparseMatrices: ...
+def opposite_rotations(
+    matrices: StructuralMatrices | SparseMatrices, nodes: int
+) -> StructuralMatrices | SparseMatrices:
     """Return the matrices (..., d, d) of a part with the opposite sign of the rotations of its nodes."""
     signs = rotation_signs(nodes, matrices.size)
+    if isinstance(matrices, SparseMatrices):
+        turn = scipy.sparse.diags_array(signs, format="csc")
+        return SparseMatrices(*(turn @ getattr(matrices, name) @ turn for name in "MKCD"))
     both = np.outer(signs, signs)
     return StructuralMatrices(*(getattr(matrices, name) * both for name in "MKCD"))

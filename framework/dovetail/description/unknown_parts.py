@@ -14,9 +14,12 @@ from dovetail.interfaces import (
     JointModel,
     Parameter,
     Port,
+    ScaledMatrices,
     SparseMatrices,
     StructuralMatrices,
     SubstructureModel,
+    Superposition,
+    describes_matrices,
     plugin_errors,
 )
 from dovetail.synthesis.condensation import inverted_receptance, substructure_matrices
@@ -63,6 +66,29 @@ class UnknownPart(JointModel):
     def internal_dofs(self) -> int:
         """Number of the part's inner DOFs."""
         return self._internal
+
+    @property
+    def linear_parameters(self) -> tuple[str, ...]:
+        """The unknown options that the part declares as linear."""
+        declared = self.part.linear_options if describes_matrices(self.part, "linear_options") else ()
+        return tuple(option.name for option in self._parameters if option.name in declared)
+
+    @property
+    def scaled_matrices(self) -> ScaledMatrices | None:
+        """Those of the part by its other unknown options."""
+        others = [option.name for option in self._parameters if option.name not in self.linear_parameters]
+        if not others or not describes_matrices(self.part, "scaled_matrices"):
+            return None
+        scaled = self.part.scaled_matrices(others)
+        if scaled is None or not self.reversed:
+            return scaled
+        return scaled.changed(lambda matrices: opposite_rotations(matrices, len(self.part.nodes)))
+
+    @cached_property
+    def superposition(self) -> Superposition | None:
+        """The part's matrices from what it declares about them; None if it does not declare all of them."""
+        with plugin_errors(self.part, f"substructure model '{self.part.name}'"):
+            return super().superposition
 
     def refined(self, factor: int) -> UnknownPart | None:
         """Return the same part with a finer mesh and the same options, or None if the model has no mesh."""

@@ -12,8 +12,14 @@ from dovetail.interfaces.component import (
 from dovetail.interfaces.context import FeatureContext, fit_in_context, takes_context
 from dovetail.interfaces.declarations import joint_faults, node_faults, parameter_faults, port_faults
 from dovetail.interfaces.file_name import FileName
-from dovetail.interfaces.joint import JointModel, Omission, Parameter, Port, Prior, Scale
-from dovetail.interfaces.matrices import DIRECTIONS, SparseMatrices, StructuralMatrices
+from dovetail.interfaces.joint import JointModel, Parameter, Prior, Scale
+from dovetail.interfaces.matrices import (
+    DIRECTIONS,
+    ScaledMatrices,
+    SparseMatrices,
+    StructuralMatrices,
+    describes_matrices,
+)
 from dovetail.interfaces.method import Estimate, IdentificationMethod, IdentificationProblem
 from dovetail.interfaces.option_schema import option_schema
 from dovetail.interfaces.progress import Progress, logged, progress_reporter, silent
@@ -33,7 +39,8 @@ from dovetail.interfaces.recorded import (
 from dovetail.interfaces.reducer import FittedReducer, Reducer
 from dovetail.interfaces.regressor import FittedRegressor, Regressor, TargetDistribution, TrainingEpoch, spread_normal
 from dovetail.interfaces.state import ComponentState
-from dovetail.interfaces.substructure import Node, SubstructureModel
+from dovetail.interfaces.substructure import Node, Omission, Port, SubstructureModel
+from dovetail.interfaces.superposition import Superposition
 
 __all__ = [
     "DIRECTIONS",
@@ -70,12 +77,15 @@ __all__ = [
     "Reducer",
     "Regressor",
     "Scale",
+    "ScaledMatrices",
     "SparseMatrices",
     "Statement",
     "StructuralMatrices",
     "SubstructureModel",
+    "Superposition",
     "TargetDistribution",
     "TrainingEpoch",
+    "describes_matrices",
     "fit_in_context",
     "joint_faults",
     "logged",

@@ -10,9 +10,9 @@ from typing import Any
 
 from dovetail.errors import Fault, PluginError
 from dovetail.interfaces.component import Component
-from dovetail.interfaces.joint import JointModel, Parameter, Port
+from dovetail.interfaces.joint import JointModel, Parameter
 from dovetail.interfaces.matrices import DIRECTIONS
-from dovetail.interfaces.substructure import Node
+from dovetail.interfaces.substructure import Node, Port
 from dovetail.units import is_unit
 
 

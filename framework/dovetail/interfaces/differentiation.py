@@ -187,12 +187,23 @@ class Differentiation:
         Number d of DOFs.
     lower, upper : (n_params,) arrays
         Ranges of the parameters.
+    known : mapping of int to (4 d^2,) array, optional
+        Slopes by parameters in which the matrices are known to be linear, for which nothing has to be verified.
     """
 
-    def __init__(self, matrices: Matrices, size: int, lower: NDArray[np.float64], upper: NDArray[np.float64]) -> None:
+    def __init__(
+        self,
+        matrices: Matrices,
+        size: int,
+        lower: NDArray[np.float64],
+        upper: NDArray[np.float64],
+        known: Mapping[int, NDArray[np.float64]] | None = None,
+    ) -> None:
         self._matrices, self._size, self._lower, self._upper = matrices, size, lower, upper
         self._filled = np.zeros(4 * size**2, dtype=np.bool_)
-        slopes = {column: self._constant_slope(column) for column in range(len(lower))}
+        self._known = {column: slope.reshape(4, 1, size, size) for column, slope in (known or {}).items()}
+        unknown = [column for column in range(len(lower)) if column not in self._known]
+        slopes = {column: self._constant_slope(column) for column in unknown}
         self._slopes = {column: slope for column, slope in slopes.items() if slope is not None}
         self._nonlinear = [column for column, slope in slopes.items() if slope is None]
         self._entries = self._entries_of(self._filled)
@@ -220,7 +231,7 @@ class Differentiation:
         kept, constant = self._constant
         if kept != count:
             shape = (4, count, self._size, self._size)
-            slopes = self._slopes.items()
+            slopes = (self._known | self._slopes).items()
             constant = {column: StructuralMatrices(*np.broadcast_to(slope, shape)) for column, slope in slopes}
             self._constant = count, constant
         return constant

@@ -6,8 +6,7 @@ from abc import abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
-from numbers import Integral, Real
+from numbers import Real
 from typing import ClassVar, Literal, get_args
 
 import numpy as np
@@ -17,12 +16,15 @@ from numpy.typing import NDArray
 from dovetail.errors import Fault, PluginError, listing
 from dovetail.interfaces.component import Component, Kind
 from dovetail.interfaces.differentiation import Differentiation, differences
-from dovetail.interfaces.matrices import DIRECTIONS, StructuralMatrices
-from dovetail.interfaces.substructure import SubstructureModel
+from dovetail.interfaces.matrices import DIRECTIONS, ScaledMatrices, StructuralMatrices, describes_matrices
+from dovetail.interfaces.substructure import Omission, Port, SubstructureModel
+from dovetail.interfaces.superposition import Declaration, Superposition
 
 Scale = Literal["linear", "log"]
 Prior = Literal["uniform", "normal"]
 
+_SAMPLES = 4
+"""Number of random parameter vectors at which declarations about the matrices are verified."""
 _DEVIATIONS = 4.0
 """Standard deviations of a normal prior between the middle and each end of its range; 6e-5 of it lie outside."""
 _TAIL = 3.167124183311986e-05
@@ -138,66 +140,6 @@ class Parameter:
         if self.scale == "log":
             return float(np.log(self.lower)), float(np.log(self.upper))
         return self.lower, self.upper
-
-
-@dataclass(frozen=True)
-class Port:
-    """One side of a joint, which attaches to a substructure.
-
-    Parameters
-    ----------
-    name : str
-        The key under ``connect:``.
-    nodes : int
-        Number of nodes of the substructure to which it attaches.
-    positions : tuple of float, optional
-        Where these nodes lie in the joint's own model [m], increasing, from any origin; give them if the matrices
-        depend on the distances of the nodes. A description whose nodes are at other distances is refused.
-
-    Raises
-    ------
-    PluginError
-        The name is not a text, the number is not a positive integer, or there are not as many increasing positions.
-    """
-
-    name: str
-    nodes: int
-    positions: tuple[float, ...] | None = None
-
-    def __post_init__(self) -> None:
-        where = f"port {self.name!r:.40}"
-        if not isinstance(self.name, str) or not self.name.isidentifier():
-            raise PluginError(Fault(where, "this cannot be a name.", "a text of letters, digits and '_'"))
-        if isinstance(self.nodes, bool) or not isinstance(self.nodes, Integral) or self.nodes < 1:
-            raise PluginError(Fault(where, f"its number of nodes is {self.nodes!r:.40}.", "a whole number from 1"))
-        if self.positions is not None:
-            self._check_positions(where)
-
-    def _check_positions(self, where: str) -> None:
-        accepted = f"a tuple of {self.nodes} increasing numbers of metres"
-        problem = f"its positions are {self.positions!r:.60}."
-        if not isinstance(self.positions, tuple) or len(self.positions) != self.nodes:
-            raise PluginError(Fault(where, problem, accepted))
-        if not all(isinstance(p, Real) and not isinstance(p, bool) and np.isfinite(float(p)) for p in self.positions):
-            raise PluginError(Fault(where, problem, accepted))
-        if any(second <= first for first, second in pairwise(self.positions)):
-            raise PluginError(Fault(where, problem, accepted))
-
-
-@dataclass(frozen=True, eq=False)
-class Omission:
-    """A stiffness that a joint's model omits.
-
-    Parameters
-    ----------
-    problem : str
-        A sentence on what the model omits.
-    stiffness : (d, d) array or None
-        Its upper limit, over the local DOFs of the joint's ports [N/m, N, N m]; None if unknown.
-    """
-
-    problem: str
-    stiffness: NDArray[np.float64] | None = None
 
 
 class JointModel(Component):
@@ -317,13 +259,53 @@ class JointModel(Component):
             Symmetric (n, d, d) arrays.
         """
 
+    @property
+    def linear_parameters(self) -> tuple[str, ...]:
+        """Names of parameters in which `matrices` is linear, each with a slope that no parameter changes.
+
+        With it a joint costs a product of constant matrices and these parameters, whatever the number of parameter
+        vectors. The declaration is verified. It does not count for a derived class with other `matrices`.
+        """
+        return ()
+
+    @property
+    def scaled_matrices(self) -> ScaledMatrices | None:
+        """The matrices without the share of `linear_parameters`, as functions of all other parameters, in their order.
+
+        With it even these cost no more than their functions, and their derivatives are exact. None, the default, if
+        they are known by `matrices` only.
+        """
+        return None
+
+    @cached_property
+    def superposition(self) -> Superposition | None:
+        """The matrices from `linear_parameters` and `scaled_matrices`; None if these do not declare all of them.
+
+        Raises
+        ------
+        PluginError
+            One of these declarations is not true.
+        """
+        return self._declaration.superposition()
+
+    @cached_property
+    def _declaration(self) -> Declaration:
+        linear = self.linear_parameters if describes_matrices(self, "linear_parameters") else ()
+        scaled = self.scaled_matrices if describes_matrices(self, "scaled_matrices") else None
+        fractions = np.random.default_rng(0).random((_SAMPLES, len(self.parameters)))
+        columns = [parameter.from_unit(part) for parameter, part in zip(self.parameters, fractions.T, strict=True)]
+        samples = np.stack(columns, axis=1) if columns else fractions
+        names = [parameter.name for parameter in self.parameters]
+        where = f"{self.kind} model '{self.name}'"
+        return Declaration(where, self.matrices, self.size, names, *self._range, samples, linear, scaled)
+
     def matrices_jacobian(self, theta: NDArray[np.float64]) -> Sequence[StructuralMatrices]:
         """Return the derivatives of `matrices` by each parameter.
 
-        A joint need not override it. If the matrices are linear in a parameter over its whole range, for any values
-        of the others, the derivative is exact. Otherwise it is a difference of fourth order, with an error of
-        about 1e-12 of the entry over the parameter; it is one-sided at the ends of a range and, at a kink such as a
-        stop, on the side where the parameter lies.
+        A joint need not override it. The derivatives are exact for `linear_parameters` and `scaled_matrices`, and where
+        the matrices are linear in a parameter over its whole range, for any values of the others. Otherwise they are
+        differences of fourth order, with an error of about 1e-12 of the entry over the parameter; they are one-sided at
+        the ends of a range and, at a kink such as a stop, on the side where the parameter lies.
 
         Parameters
         ----------
@@ -334,6 +316,8 @@ class JointModel(Component):
         sequence of n_params StructuralMatrices
             Of (n, d, d) arrays, per unit of the parameter.
         """
+        if self.superposition is not None:
+            return self.superposition.jacobian(theta)
         return self._differentiation.jacobian(theta)
 
     @cached_property
@@ -345,7 +329,10 @@ class JointModel(Component):
 
     @cached_property
     def _differentiation(self) -> Differentiation:
-        return Differentiation(self.matrices, self.size, *self._range)
+        declared = self._declaration
+        slopes = declared.slopes().T.toarray() if len(declared.columns) else ()
+        known = dict(zip(declared.columns.tolist(), slopes, strict=True))
+        return Differentiation(self.matrices, self.size, *self._range, known)
 
     def dynamic_stiffness(self, frequency: NDArray[np.float64], theta: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return Z = K + iD + i omega C - omega^2 M; override it for a joint with another dependence on frequency.

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -166,3 +166,43 @@ class SparseMatrices:
         """Return the (d, d) complex sparse array Z at one frequency [Hz]."""
         omega = 2.0 * np.pi * frequency
         return (self.K - omega**2 * self.M) + 1j * (self.D + omega * self.C)
+
+
+@dataclass(frozen=True, eq=False)
+class ScaledMatrices:
+    """A sum of constant matrices, each times a function of p parameters.
+
+    Parameters
+    ----------
+    matrices : sequence of m StructuralMatrices or SparseMatrices
+        Of (d, d) arrays.
+    factors : callable
+        Values (n, m) of the functions for parameter vectors (n, p).
+    slopes : callable
+        Their derivatives (n, m, p) by the parameters, for the same vectors.
+    """
+
+    matrices: Sequence[StructuralMatrices | SparseMatrices]
+    factors: Callable[[NDArray[np.float64]], NDArray[np.float64]]
+    slopes: Callable[[NDArray[np.float64]], NDArray[np.float64]]
+
+    def changed(
+        self, change: Callable[[StructuralMatrices | SparseMatrices], StructuralMatrices | SparseMatrices]
+    ) -> ScaledMatrices:
+        """Return the same functions with other matrices."""
+        return replace(self, matrices=[change(matrices) for matrices in self.matrices])
+
+
+def describes_matrices(model: object, attribute: str) -> bool:
+    """Return whether an attribute of a model describes its `matrices`.
+
+    It does not if a derived class has other `matrices` and inherits the attribute.
+
+    Parameters
+    ----------
+    model : JointModel or SubstructureModel
+    attribute : str
+    """
+    classes = type(model).__mro__
+    defined = [next(i for i, cls in enumerate(classes) if name in vars(cls)) for name in (attribute, "matrices")]
+    return defined[0] <= defined[1]

@@ -5,6 +5,8 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+from numbers import Integral, Real
 from typing import ClassVar
 
 import numpy as np
@@ -12,7 +14,7 @@ from numpy.typing import NDArray
 
 from dovetail.errors import Fault, PluginError
 from dovetail.interfaces.component import Component, Kind
-from dovetail.interfaces.matrices import DIRECTIONS, SparseMatrices, StructuralMatrices
+from dovetail.interfaces.matrices import DIRECTIONS, ScaledMatrices, SparseMatrices, StructuralMatrices
 
 
 @dataclass(frozen=True)
@@ -28,6 +30,66 @@ class Node:
 
     label: str
     position: float
+
+
+@dataclass(frozen=True)
+class Port:
+    """One side of a joint, which attaches to a substructure.
+
+    Parameters
+    ----------
+    name : str
+        The key under ``connect:``.
+    nodes : int
+        Number of nodes of the substructure to which it attaches.
+    positions : tuple of float, optional
+        Where these nodes lie in the joint's own model [m], increasing, from any origin; give them if the matrices
+        depend on the distances of the nodes. A description whose nodes are at other distances is refused.
+
+    Raises
+    ------
+    PluginError
+        The name is not a text, the number is not a positive integer, or there are not as many increasing positions.
+    """
+
+    name: str
+    nodes: int
+    positions: tuple[float, ...] | None = None
+
+    def __post_init__(self) -> None:
+        where = f"port {self.name!r:.40}"
+        if not isinstance(self.name, str) or not self.name.isidentifier():
+            raise PluginError(Fault(where, "this cannot be a name.", "a text of letters, digits and '_'"))
+        if isinstance(self.nodes, bool) or not isinstance(self.nodes, Integral) or self.nodes < 1:
+            raise PluginError(Fault(where, f"its number of nodes is {self.nodes!r:.40}.", "a whole number from 1"))
+        if self.positions is not None:
+            self._check_positions(where)
+
+    def _check_positions(self, where: str) -> None:
+        accepted = f"a tuple of {self.nodes} increasing numbers of metres"
+        problem = f"its positions are {self.positions!r:.60}."
+        if not isinstance(self.positions, tuple) or len(self.positions) != self.nodes:
+            raise PluginError(Fault(where, problem, accepted))
+        if not all(isinstance(p, Real) and not isinstance(p, bool) and np.isfinite(float(p)) for p in self.positions):
+            raise PluginError(Fault(where, problem, accepted))
+        if any(second <= first for first, second in pairwise(self.positions)):
+            raise PluginError(Fault(where, problem, accepted))
+
+
+@dataclass(frozen=True, eq=False)
+class Omission:
+    """A stiffness that a joint's model omits.
+
+    Parameters
+    ----------
+    problem : str
+        A sentence on what the model omits.
+    stiffness : (d, d) array or None
+        Its upper limit, over the local DOFs of the joint's ports [N/m, N, N m]; None if unknown.
+    """
+
+    problem: str
+    stiffness: NDArray[np.float64] | None = None
 
 
 class SubstructureModel(Component):
@@ -101,6 +163,28 @@ class SubstructureModel(Component):
         -------
         StructuralMatrices or None
             Of (n, d, d) arrays.
+        """
+        return None
+
+    @property
+    def linear_options(self) -> tuple[str, ...]:
+        """Options in which the matrices are linear, each with a slope that no unknown option changes; none by default.
+
+        If such options are to be identified, the part costs no more than a joint with `linear_parameters`. They are
+        named as in `batched_matrices`, and the declaration is verified.
+        """
+        return ()
+
+    def scaled_matrices(self, options: Sequence[str]) -> ScaledMatrices | None:  # noqa: ARG002
+        """Return the matrices without the share of unknown `linear_options` as functions of other options, or None.
+
+        It is called if options of the part are to be identified. With it their derivatives are exact, and no matrices
+        have to be made for each value. None, the default, if they are known by `matrices` only.
+
+        Parameters
+        ----------
+        options : sequence of str
+            p options, named as in `batched_matrices`; all others keep their values.
         """
         return None
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import PluginError
-from dovetail.interfaces import JointModel, StructuralMatrices, plugin_errors
+from dovetail.interfaces import JointModel, StructuralMatrices, Superposition, plugin_errors
 from dovetail.interfaces.matrices import refusing_complex_values
 from dovetail.synthesis.codegen.layout import MATRICES
 from dovetail.synthesis.graph import Graph
@@ -115,6 +115,20 @@ def joint_jacobian(name: str, model: JointModel, theta: NDArray[np.float64]) -> 
             problem = f"{label} returns {len(derivatives)} derivatives of its matrices"
             raise PluginError(f"{problem}, not one for each of its {len(model.parameters)} parameters.")
         return _checked_rows(label, model, derivatives, len(theta))
+
+
+def superposition(name: str, model: JointModel) -> Superposition | None:
+    """Return a joint's matrices as a superposition, verified; None if its model does not declare it.
+
+    Raises
+    ------
+    PluginError
+        The model fails, or one of its declarations is not true.
+    """
+    if depends_on_frequency(model):
+        return None
+    with plugin_errors(model, _label(name, model)), refusing_complex_values():
+        return model.superposition
 
 
 def joint_stiffness(
@@ -287,6 +301,11 @@ def probe_matrices(graph: Graph, frequency: NDArray[np.float64], theta: Theta) -
                 matrices = filled_entries(stiffness)[np.newaxis]
             else:
                 matrices = joint_matrices(name, model, theta[name]).filled[0]
+            if superposed := superposition(name, model):
+                with plugin_errors(model, _label(name, model)):
+                    matrices = superposed.filled(
+                        np.flatnonzero(superposed.functions(theta[name]).any(axis=1)), MATRICES
+                    )
         none = np.zeros((len(model.parameters), *matrices.shape), dtype=np.bool_)
         sparsity[name] = JointSparsity(matrices, none)
     return sparsity
@@ -308,6 +327,9 @@ def probe_derivatives(
             lines = _few_lines(frequency)
             spectral = [filled_entries(dZ) for dZ in joint_stiffness_jacobian(name, model, lines, theta[name])]
             entries = np.stack(spectral)[:, np.newaxis]
+        elif superposed := superposition(name, model):
+            with plugin_errors(model, _label(name, model)):
+                entries = superposed.filled_derivatives(theta[name], MATRICES)
         else:
             entries = joint_jacobian(name, model, theta[name]).filled
         wanted = np.isin(np.arange(len(entries)), columns[name])

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy  # loads a part of it when that is first used
 from numpy.typing import NDArray
 
-from dovetail.interfaces import JointModel
-from dovetail.synthesis.codegen.layout import MATRICES, Derivative, SpectralDerivative, Term
+from dovetail.interfaces import Superposition, plugin_errors
+from dovetail.interfaces.superposition import NAMES
+from dovetail.synthesis.codegen.layout import MATRICES, Derivative, Term
 from dovetail.synthesis.coupled_system import CoupledSystem
 from dovetail.synthesis.elimination import Program
 from dovetail.synthesis.joint_evaluation import (
@@ -19,19 +21,19 @@ from dovetail.synthesis.joint_evaluation import (
     Theta,
     UnplannedEntries,
     depends_on_frequency,
-    filled_entries,
     joint_jacobian,
     joint_matrices,
-    joint_stiffness,
-    joint_stiffness_jacobian,
+    superposition,
 )
 
 _Set = tuple[tuple[int, ...], int, NDArray[np.bool_]]
 """First part of the keys of a set of matrices, before slot and matrix; its index, and its entries (4, d, d)."""
+_BLOCK_BYTES = 16e6
+"""Memory of the functions that are evaluated at a time."""
 
 
 @dataclass(frozen=True, eq=False)
-class _Columns:
+class MatrixColumns:
     """Entries of a joint's matrices and the columns to which they belong.
 
     Parameters
@@ -58,6 +60,125 @@ class _Columns:
             np.add.at(total, self.columns, values)
         else:
             total[self.columns] += values
+
+
+class SuperposedJoints:
+    """Entries of joints whose matrices are superpositions, or of their derivatives, as products.
+
+    Parameters
+    ----------
+    system : CoupledSystem
+    joints : mapping of str to Superposition
+    columns : mapping of str to MatrixColumns
+        Of each of these joints: where its entries belong in the kernel's array.
+    count : int
+        Number of columns of this array.
+    differentiated : mapping of str to list of int, optional
+        Columns of each joint's theta by which to differentiate, for an array of derivatives.
+    """
+
+    def __init__(
+        self,
+        system: CoupledSystem,
+        joints: Mapping[str, Superposition],
+        columns: Mapping[str, MatrixColumns],
+        count: int,
+        differentiated: Mapping[str, Sequence[int]] | None = None,
+    ) -> None:
+        self._system, self._joints, self._count = system, joints, count
+        self._slopes = differentiated is not None
+        self._pairs = {name: self._pairs_of(joint, differentiated, name) for name, joint in joints.items()}
+        blocks = [self._coefficients(name, columns[name]) for name in joints]
+        total = scipy.sparse.csr_array((count, 0))
+        self._constant = np.zeros((count, 1))
+        for joint, block in zip(joints.values(), blocks, strict=True):
+            varying = block.shape[1] - (len(joint.linear) if self._slopes else 0)
+            self._constant += block[:, varying:].sum(axis=1).reshape(-1, 1)
+            total = scipy.sparse.hstack([total, block[:, :varying]])
+        self._entries = scipy.sparse.csr_array(total)
+        self._entries.sort_indices()
+        self._unplanned = {name: self._unplanned_pairs(name) for name in joints}
+
+    @staticmethod
+    def _pairs_of(
+        joint: Superposition, differentiated: Mapping[str, Sequence[int]] | None, name: str
+    ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Return function and set of matrices of each row of the product: set 0, or a derivative; -1 for no set."""
+        if differentiated is None:
+            functions = np.arange(joint.entries.shape[1])
+            return functions, np.zeros_like(functions)
+        functions, parameters = joint.pairs
+        return functions, np.where(np.isin(parameters, differentiated[name]), parameters, -1)
+
+    def _coefficients(self, name: str, columns: MatrixColumns) -> scipy.sparse.csr_array:
+        """Return the factors (n_columns, n_pairs) of a joint's functions or slopes in the kernel's columns."""
+        joint, (functions, sets) = self._joints[name], self._pairs[name]
+        pair_of = np.full((int(sets.max(initial=0)) + 1, joint.entries.shape[1]), -1)
+        pair_of[sets[sets >= 0], functions[sets >= 0]] = np.flatnonzero(sets >= 0)
+        number, place = np.divmod(columns.matrices, len(MATRICES))
+        place = np.array([NAMES.index(name) for name in MATRICES])[place]
+        chosen = scipy.sparse.coo_array(joint.entries[place * joint.size**2 + columns.entries])
+        pair = pair_of[number[chosen.row], chosen.col]
+        acts = pair >= 0
+        at = columns.columns[chosen.row[acts]], pair[acts]
+        values = columns.factors[chosen.row[acts]] * chosen.data[acts]
+        return scipy.sparse.csr_array(scipy.sparse.coo_array((values, at), shape=(self._count, len(functions))))
+
+    def _unplanned_pairs(self, name: str) -> NDArray[np.intp]:
+        """Return the pairs of a joint with entries that are not planned for."""
+        functions, sets = self._pairs[name]
+        planned = self._system.sparsity[name]
+        of_set = planned.derivatives if self._slopes else planned.matrices[np.newaxis]
+        return np.array(
+            [
+                pair
+                for pair, (function, number) in enumerate(zip(functions, sets, strict=True))
+                if number >= 0 and (self._joints[name].filled([function], MATRICES) & ~of_set[number]).any()
+            ],
+            dtype=np.intp,
+        )
+
+    def gather(self, theta: Theta, count: int) -> NDArray[np.float64]:
+        """Return the sums over these joints (n_columns, n).
+
+        Raises
+        ------
+        UnplannedEntries
+            Entries for which the system is not planned are filled.
+        """
+        total = np.empty((self._count, count))
+        size = max(1, int(_BLOCK_BYTES / (8 * max(1, self._entries.shape[1]))))
+        for first in range(0, count, size):
+            block = slice(first, min(first + size, count))
+            values = [self._values(name, vectors[block]) for name, vectors in theta.items() if name in self._joints]
+            total[:, block] = self._constant
+            if self._entries.shape[1]:
+                total[:, block] += self._entries @ np.concatenate(values)
+        return total
+
+    def _values(self, name: str, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the functions of a joint, or the slopes that are not constant, checked."""
+        joint = self._joints[name]
+        model = self._system.graph.connections[name].model
+        with plugin_errors(model, f"{model.kind} '{name}' ({model.name})"):
+            values = joint.slopes(theta) if self._slopes else joint.functions(theta)
+        if len(self._unplanned[name]):
+            acts = np.ones(len(self._pairs[name][0]), dtype=np.bool_)
+            acts[: len(values)] = values.any(axis=1)
+            self._require(name, self._unplanned[name][acts[self._unplanned[name]]])
+        return values
+
+    def _require(self, name: str, pairs: NDArray[np.intp]) -> None:
+        """Raise `UnplannedEntries` if there are some pairs of a joint for whose entries the system is not planned."""
+        if not len(pairs):
+            return
+        planned, joint = self._system.sparsity[name], self._joints[name]
+        matrices, derivatives = planned.matrices.copy(), planned.derivatives.copy()
+        for pair in pairs:
+            function, number = (int(array[pair]) for array in self._pairs[name])
+            entries = derivatives[number] if self._slopes else matrices
+            entries |= joint.filled([function], MATRICES)
+        raise UnplannedEntries({name: JointSparsity(matrices, derivatives)})
 
 
 class KernelInputs:
@@ -147,7 +268,7 @@ class KernelInputs:
 
     def _columns(
         self, name: str, sets: Sequence[_Set], keys: Sequence[tuple[int | str, ...]], factors: NDArray[np.float64]
-    ) -> _Columns:
+    ) -> MatrixColumns:
         """Return the columns to which entries of a joint's sets of matrices belong, given the keys of all columns.
 
         A key is (*before, slot, matrix); there is a factor for each slot.
@@ -160,16 +281,16 @@ class KernelInputs:
             for (row, column), slot in self.local_slots(name, filled[place])
         ]
         matrices, entries, columns, slots = np.array(chosen, dtype=np.intp).reshape(-1, 4).T
-        return _Columns(matrices, entries, columns, factors[slots], len(set(columns.tolist())) < len(columns))
+        return MatrixColumns(matrices, entries, columns, factors[slots], len(set(columns.tolist())) < len(columns))
 
     @cached_property
-    def _term_columns(self) -> dict[str, _Columns]:
+    def _term_columns(self) -> dict[str, MatrixColumns]:
         """Columns to which the entries of each joint's matrices belong."""
         sparsity, ones = self._system.sparsity, np.ones(self._program.slots)
         return {name: self._columns(name, [((), 0, sparsity[name].matrices)], self.terms, ones) for name in self._names}
 
     @cached_property
-    def _weight_columns(self) -> dict[str, _Columns]:
+    def _weight_columns(self) -> dict[str, MatrixColumns]:
         """Columns of the entries of its derivatives, with the factors of -x^T dZ x, summed over the lower triangle."""
         factors = np.where(self._program.rows != self._program.columns, -2.0, -1.0)
         sets: dict[str, list[_Set]] = {}
@@ -177,6 +298,23 @@ class KernelInputs:
             filled = self._system.sparsity[name].derivatives[column]
             sets.setdefault(name, []).append(((parameter,), column, filled))
         return {name: self._columns(name, joint, self.derivatives, factors) for name, joint in sets.items()}
+
+    @cached_property
+    def _superpositions(self) -> dict[str, Superposition]:
+        """The joints whose matrices are superpositions of constant ones."""
+        connections = self._system.graph.connections
+        every = {name: superposition(name, connections[name].model) for name in self._names}
+        return {name: superposed for name, superposed in every.items() if superposed is not None}
+
+    @cached_property
+    def _superposed(self) -> SuperposedJoints:
+        return SuperposedJoints(self._system, self._superpositions, self._term_columns, len(self.terms))
+
+    @cached_property
+    def _superposed_weights(self) -> SuperposedJoints:
+        joints = {name: joint for name, joint in self._superpositions.items() if name in self._weight_columns}
+        columns = self._weight_columns
+        return SuperposedJoints(self._system, joints, columns, len(self.derivatives), self._jacobian_columns)
 
     def gather(self, theta: Theta, count: int) -> NDArray[np.float64]:
         """Return the sum over the joints for each term, (n, n_terms).
@@ -187,11 +325,12 @@ class KernelInputs:
             A joint fills entries of a matrix that have no term.
         """
         connections, sparsity = self._system.graph.connections, self._system.sparsity
-        matrices = {name: joint_matrices(name, connections[name].model, theta[name]) for name in self._names}
+        total, columns = self._superposed.gather(theta, count), self._term_columns
+        dense = [name for name in columns if name not in self._superpositions]
+        matrices = {name: joint_matrices(name, connections[name].model, theta[name]) for name in dense}
         require(self._system, {name: sparsity[name].with_matrices(rows.filled[0]) for name, rows in matrices.items()})
-        total = np.zeros((len(self.terms), count))
-        for name, columns in self._term_columns.items():
-            columns.add(total, matrices[name])
+        for name, rows in matrices.items():
+            columns[name].add(total, rows)
         return np.ascontiguousarray(total.T)
 
     def gather_weights(self, theta: Theta, count: int) -> NDArray[np.float64]:
@@ -203,14 +342,14 @@ class KernelInputs:
             A joint fills entries of a derivative that have no column.
         """
         connections, jacobians, filled = self._system.graph.connections, {}, {}
-        for name in self._weight_columns:
+        total, weight_columns = self._superposed_weights.gather(theta, count), self._weight_columns
+        for name in (name for name in weight_columns if name not in self._superpositions):
             jacobians[name] = joint_jacobian(name, connections[name].model, theta[name])
             columns = self._jacobian_columns[name]
             filled[name] = self._system.sparsity[name].with_derivatives(columns, jacobians[name].filled[columns])
         require(self._system, filled)
-        total = np.zeros((len(self.derivatives), count))
-        for name, weight_columns in self._weight_columns.items():
-            weight_columns.add(total, jacobians[name])
+        for name, rows in jacobians.items():
+            weight_columns[name].add(total, rows)
         return np.ascontiguousarray(total.T)
 
 
@@ -219,117 +358,3 @@ def require(system: CoupledSystem, filled: Mapping[str, JointSparsity]) -> None:
     unplanned = {name: sparsity for name, sparsity in filled.items() if not system.sparsity[name].covers(sparsity)}
     if unplanned:
         raise UnplannedEntries(unplanned)
-
-
-class SpectralInputs:
-    """The kernel's inputs from joints that depend on frequency and provide their dynamic stiffness.
-
-    Parameters
-    ----------
-    system : CoupledSystem
-    program : Program
-        Over the system's active DOFs.
-    jacobian_columns : mapping of str to list of int
-        Columns of each joint's theta by which to differentiate.
-    inputs : KernelInputs
-        Of the same system and program.
-    """
-
-    def __init__(
-        self, system: CoupledSystem, program: Program, jacobian_columns: Mapping[str, list[int]], inputs: KernelInputs
-    ) -> None:
-        self._system = system
-        self._off_diagonal = program.rows != program.columns
-        self._jacobian_columns = jacobian_columns
-        self._entries = {
-            name: inputs.local_slots(name, system.sparsity[name].filled)
-            for name, connection in system.graph.connections.items()
-            if depends_on_frequency(connection.model)
-        }
-
-    @property
-    def joints(self) -> tuple[str, ...]:
-        """The joints that depend on frequency."""
-        return tuple(self._entries)
-
-    @cached_property
-    def slots(self) -> tuple[int, ...]:
-        """Slots at which these joints have entries."""
-        return tuple(sorted({slot for entries in self._entries.values() for _, slot in entries}))
-
-    @cached_property
-    def derivatives(self) -> tuple[SpectralDerivative, ...]:
-        """Parameter and slot of each row of the derivatives."""
-        derivatives = {
-            (parameter, slot)
-            for name, entries in self._entries.items()
-            for parameter in self._parameter_numbers(name).values()
-            for _, slot in entries
-        }
-        return tuple(sorted(derivatives))
-
-    def bytes_per_sample(self, *, derivatives: bool) -> int:
-        """Return an estimate of the memory that the evaluation of one sample takes."""
-        largest = max((self._model(name).size ** 2 for name in self._entries), default=0)
-        rows = len(self.slots) + (len(self.derivatives) if derivatives else 0)
-        temporaries = 12 if derivatives else 3
-        return 16 * len(self._system.frequency) * (rows + temporaries * largest)
-
-    def gather(self, theta: Theta, count: int) -> NDArray[np.float64]:
-        """Return the sum over these joints at each slot, (n, n_slots, 2, n_freq).
-
-        Raises
-        ------
-        UnplannedEntries
-            A joint fills entries of its dynamic stiffness for which there is no slot.
-        """
-        frequency = self._system.frequency
-        total = np.zeros((count, len(self.slots), 2, len(frequency)))
-        row_of = {slot: row for row, slot in enumerate(self.slots)}
-        for name, entries in self._entries.items():
-            Z = joint_stiffness(name, self._model(name), frequency, theta[name])
-            require(self._system, {name: self._system.sparsity[name].with_matrices(filled_entries(Z)[np.newaxis])})
-            for (row, column), slot in entries:
-                total[:, row_of[slot], 0] += Z[..., row, column].real
-                total[:, row_of[slot], 1] += Z[..., row, column].imag
-        return total
-
-    def gather_weights(self, theta: Theta, count: int) -> NDArray[np.float64]:
-        """Return the derivatives by the parameters, (n, n_derivatives, 2, n_freq), signed for -x^T dZ x.
-
-        Raises
-        ------
-        UnplannedEntries
-            A joint fills entries of a derivative for which there is no slot.
-        """
-        total = np.zeros((count, len(self.derivatives), 2, len(self._system.frequency)))
-        row_of = {key: row for row, key in enumerate(self.derivatives)}
-        for name, parameter, dZ in self._stiffness_derivatives(theta):
-            for (row, column), slot in self._entries[name]:
-                weight = -2.0 if self._off_diagonal[slot] else -1.0
-                total[:, row_of[parameter, slot], 0] += weight * dZ[..., row, column].real
-                total[:, row_of[parameter, slot], 1] += weight * dZ[..., row, column].imag
-        return total
-
-    def _stiffness_derivatives(self, theta: Theta) -> Iterator[tuple[str, int, NDArray[np.complex128]]]:
-        """Yield joint, parameter index and derivative, one derivative at a time to save memory."""
-        for name in self._entries:
-            if numbers := self._parameter_numbers(name):
-                derivatives = joint_stiffness_jacobian(name, self._model(name), self._system.frequency, theta[name])
-                for column, dZ in enumerate(derivatives):
-                    if column in numbers:
-                        filled = filled_entries(dZ)[np.newaxis, np.newaxis]
-                        require(self._system, {name: self._system.sparsity[name].with_derivatives([column], filled)})
-                        yield name, numbers[column], dZ
-
-    def _parameter_numbers(self, name: str) -> dict[int, int]:
-        """Return the index among all parameters for each column of a joint by which to differentiate."""
-        before = 0
-        for joint, columns in self._jacobian_columns.items():
-            if joint == name:
-                return {column: before + index for index, column in enumerate(columns)}
-            before += len(columns)
-        return {}
-
-    def _model(self, name: str) -> JointModel:
-        return self._system.graph.connections[name].model

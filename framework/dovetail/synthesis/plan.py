@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeAlias
@@ -11,15 +11,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import DovetailError
+from dovetail.interfaces import JointModel
 from dovetail.synthesis.codegen.compiler import MachineKernel, as_vectors, compiled
-from dovetail.synthesis.codegen.layout import Layout
+from dovetail.synthesis.codegen.layout import Layout, SpectralDerivative
 from dovetail.synthesis.codegen.looped import looped_kernel_source
 from dovetail.synthesis.codegen.straight_line import kernel_source
 from dovetail.synthesis.codegen.vector_ir import WIDTH
 from dovetail.synthesis.coupled_system import CoupledSystem
 from dovetail.synthesis.elimination import Program, plan_elimination
-from dovetail.synthesis.joint_evaluation import Sparsity
-from dovetail.synthesis.kernel_inputs import KernelInputs, SpectralInputs
+from dovetail.synthesis.joint_evaluation import (
+    Sparsity,
+    Theta,
+    depends_on_frequency,
+    filled_entries,
+    joint_stiffness,
+    joint_stiffness_jacobian,
+)
+from dovetail.synthesis.kernel_inputs import KernelInputs, require
 from dovetail.synthesis.pivoting import PivotedSolver
 
 
@@ -72,6 +80,120 @@ class Factors:
         """(n_vectors, 2 n_pairs, width) array of the real and imaginary parts of each pair's factors."""
         halves = np.stack([self.values.real, self.values.imag], axis=1)
         return as_vectors(halves.reshape(-1, self.values.shape[1]))
+
+
+class SpectralInputs:
+    """The kernel's inputs from joints that depend on frequency and provide their dynamic stiffness.
+
+    Parameters
+    ----------
+    system : CoupledSystem
+    program : Program
+        Over the system's active DOFs.
+    jacobian_columns : mapping of str to list of int
+        Columns of each joint's theta by which to differentiate.
+    inputs : KernelInputs
+        Of the same system and program.
+    """
+
+    def __init__(
+        self, system: CoupledSystem, program: Program, jacobian_columns: Mapping[str, list[int]], inputs: KernelInputs
+    ) -> None:
+        self._system = system
+        self._off_diagonal = program.rows != program.columns
+        self._jacobian_columns = jacobian_columns
+        self._entries = {
+            name: inputs.local_slots(name, system.sparsity[name].filled)
+            for name, connection in system.graph.connections.items()
+            if depends_on_frequency(connection.model)
+        }
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """The joints that depend on frequency."""
+        return tuple(self._entries)
+
+    @cached_property
+    def slots(self) -> tuple[int, ...]:
+        """Slots at which these joints have entries."""
+        return tuple(sorted({slot for entries in self._entries.values() for _, slot in entries}))
+
+    @cached_property
+    def derivatives(self) -> tuple[SpectralDerivative, ...]:
+        """Parameter and slot of each row of the derivatives."""
+        derivatives = {
+            (parameter, slot)
+            for name, entries in self._entries.items()
+            for parameter in self._parameter_numbers(name).values()
+            for _, slot in entries
+        }
+        return tuple(sorted(derivatives))
+
+    def bytes_per_sample(self, *, derivatives: bool) -> int:
+        """Return an estimate of the memory that the evaluation of one sample takes."""
+        largest = max((self._model(name).size ** 2 for name in self._entries), default=0)
+        rows = len(self.slots) + (len(self.derivatives) if derivatives else 0)
+        temporaries = 12 if derivatives else 3
+        return 16 * len(self._system.frequency) * (rows + temporaries * largest)
+
+    def gather(self, theta: Theta, count: int) -> NDArray[np.float64]:
+        """Return the sum over these joints at each slot, (n, n_slots, 2, n_freq).
+
+        Raises
+        ------
+        UnplannedEntries
+            A joint fills entries of its dynamic stiffness for which there is no slot.
+        """
+        frequency = self._system.frequency
+        total = np.zeros((count, len(self.slots), 2, len(frequency)))
+        row_of = {slot: row for row, slot in enumerate(self.slots)}
+        for name, entries in self._entries.items():
+            Z = joint_stiffness(name, self._model(name), frequency, theta[name])
+            require(self._system, {name: self._system.sparsity[name].with_matrices(filled_entries(Z)[np.newaxis])})
+            for (row, column), slot in entries:
+                total[:, row_of[slot], 0] += Z[..., row, column].real
+                total[:, row_of[slot], 1] += Z[..., row, column].imag
+        return total
+
+    def gather_weights(self, theta: Theta, count: int) -> NDArray[np.float64]:
+        """Return the derivatives by the parameters, (n, n_derivatives, 2, n_freq), signed for -x^T dZ x.
+
+        Raises
+        ------
+        UnplannedEntries
+            A joint fills entries of a derivative for which there is no slot.
+        """
+        total = np.zeros((count, len(self.derivatives), 2, len(self._system.frequency)))
+        row_of = {key: row for row, key in enumerate(self.derivatives)}
+        for name, parameter, dZ in self._stiffness_derivatives(theta):
+            for (row, column), slot in self._entries[name]:
+                weight = -2.0 if self._off_diagonal[slot] else -1.0
+                total[:, row_of[parameter, slot], 0] += weight * dZ[..., row, column].real
+                total[:, row_of[parameter, slot], 1] += weight * dZ[..., row, column].imag
+        return total
+
+    def _stiffness_derivatives(self, theta: Theta) -> Iterator[tuple[str, int, NDArray[np.complex128]]]:
+        """Yield joint, parameter index and derivative, one derivative at a time to save memory."""
+        for name in self._entries:
+            if numbers := self._parameter_numbers(name):
+                derivatives = joint_stiffness_jacobian(name, self._model(name), self._system.frequency, theta[name])
+                for column, dZ in enumerate(derivatives):
+                    if column in numbers:
+                        filled = filled_entries(dZ)[np.newaxis, np.newaxis]
+                        require(self._system, {name: self._system.sparsity[name].with_derivatives([column], filled)})
+                        yield name, numbers[column], dZ
+
+    def _parameter_numbers(self, name: str) -> dict[int, int]:
+        """Return the index among all parameters for each column of a joint by which to differentiate."""
+        before = 0
+        for joint, columns in self._jacobian_columns.items():
+            if joint == name:
+                return {column: before + index for index, column in enumerate(columns)}
+            before += len(columns)
+        return {}
+
+    def _model(self, name: str) -> JointModel:
+        return self._system.graph.connections[name].model
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,6 +26,7 @@ class Bearing(JointModel):
         Parameter("m", "kg", 0.01, 1.0, "linear", "mass of the inner ring and of what turns with it"),
         Parameter("J", "kg m^2", 1e-6, 1e-3, "log", "rotary inertia of the same about a diameter"),
     )
+    linear_parameters = tuple(parameter.name for parameter in parameters)
     ports = (Port("shaft", 1), Port("housing", 1))
 
     def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:

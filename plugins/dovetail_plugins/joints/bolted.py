@@ -99,6 +99,11 @@ class Bolted(JointModel):
         return (*_LAYER, _MASS) if self.config.bolt_mass else _LAYER
 
     @property
+    def linear_parameters(self) -> tuple[str, ...]:
+        """All of them."""
+        return tuple(parameter.name for parameter in self.parameters)
+
+    @property
     def ports(self) -> tuple[Port, ...]:
         """The two parts, a and b."""
         return Port("a", self.config.nodes), Port("b", self.config.nodes)

@@ -11,8 +11,25 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from dovetail import ComponentConfig, InUnit, JointModel, Parameter, Port, StructuralMatrices
-from dovetail_plugins.timoshenko import Material, circle, element_matrices
+from dovetail import (
+    ComponentConfig,
+    InUnit,
+    JointModel,
+    Parameter,
+    Port,
+    ScaledMatrices,
+    SparseMatrices,
+    StructuralMatrices,
+)
+from dovetail_plugins.timoshenko import (
+    CrossSection,
+    Element,
+    Material,
+    circle,
+    circle_rates,
+    element_matrices,
+    unit_chains,
+)
 
 _PARAMETERS = (
     Parameter("Dc", "m", 26e-3, 40e-3, "linear", "equivalent outer diameter of the collet"),
@@ -31,6 +48,7 @@ _PARAMETERS = (
 _CONTACTS = 3
 """Nodes of each contact layer; the middle node of the collet belongs to both."""
 _SEGMENTS = 2 * (_CONTACTS - 1)
+_PROPERTIES = ("area", "inertia", "shear")
 
 
 class Collet(JointModel):
@@ -48,6 +66,7 @@ class Collet(JointModel):
     summary = "Spring collet with nut between a tool and a holder: two contact layers, twelve parameters"
     references = ("Processes 14 (2026) 1875, doi:10.3390/pr14121875, section 4.1 and Eq. 9",)
     parameters = _PARAMETERS
+    linear_parameters = tuple(parameter.name for parameter in _PARAMETERS[2:])
 
     class Config(ComponentConfig):
         """Material of the collet, distance of its contact nodes, and elements between two of them.
@@ -121,6 +140,35 @@ class Collet(JointModel):
             joint.add_contact_layer(facing[0::2], kt, ct)
             joint.add_contact_layer(facing[1::2], kr, cr)
         return joint
+
+    @cached_property
+    def scaled_matrices(self) -> ScaledMatrices:
+        """The collet's beam: the coefficients of one element, since all its elements are equal."""
+        count = _SEGMENTS * int(self.config.elements_per_segment)
+        stiffness, mass = unit_chains(self.size, range(count), self._collet_dof(0))
+        none = 0.0 * mass[0]
+        bent = [SparseMatrices(none, K, D=self.config.material.loss_factor * K) for K in stiffness]
+        moved = [SparseMatrices(M, none) for M in mass]
+        return ScaledMatrices([*bent, *moved], self._coefficients, self._coefficient_slopes)
+
+    def _element(self, diameters: NDArray[np.float64]) -> Element:
+        material, poisson = self.config.material, np.asarray(self.config.material.poisson)
+        length = np.asarray(self.config.segment / int(self.config.elements_per_segment))
+        return Element(
+            length, circle(diameters[:, 0], diameters[:, 1], poisson), poisson, material.young, material.density
+        )
+
+    def _coefficients(self, diameters: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the coefficients (n, 10) of an element for diameters (n, 2)."""
+        element = self._element(diameters)
+        return np.concatenate([element.stiffness, element.mass], axis=-1)
+
+    def _coefficient_slopes(self, diameters: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivatives (n, 10, 2) of the coefficients by the diameters (n, 2)."""
+        by_outer, by_inner, _ = circle_rates(diameters[:, 0], diameters[:, 1], self.config.material.poisson)
+        rates = [np.stack([getattr(by, name) for by in (by_outer, by_inner)], axis=-1) for name in _PROPERTIES]
+        fixed = np.zeros(2)
+        return np.concatenate(self._element(diameters).slopes(fixed, CrossSection(*rates), fixed), axis=-2)
 
     def _add_beam(self, joint: StructuralMatrices, outer: NDArray[np.float64], inner: NDArray[np.float64]) -> None:
         """Add a beam of equal elements by its diameters; it has no viscous damping."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from dovetail import ComponentConfig, InUnit, JointModel, Parameter, Port, StructuralMatrices
+from dovetail import ComponentConfig, InUnit, JointModel, Parameter, Port, ScaledMatrices, StructuralMatrices
 
 _DISTRIBUTED = (
     Parameter("k", "N/m^2", 1e8, 1e12, "log", "radial stiffness per unit length"),
@@ -73,6 +74,22 @@ class InterferenceFit(JointModel):
         return (*_DISTRIBUTED, _GRADIENT) if self.config.pressure == "linear" else _DISTRIBUTED
 
     @property
+    def linear_parameters(self) -> tuple[str, ...]:
+        """The damping, and the stiffness unless a gradient changes it."""
+        return ("c", "cr") if self.config.pressure == "linear" else ("k", "kr", "c", "cr")
+
+    @cached_property
+    def scaled_matrices(self) -> ScaledMatrices | None:
+        """The stiffness under a gradient: k and kr, each alone and times g."""
+        if self.config.pressure == "uniform":
+            return None
+        shares = np.array([[1, 0, 0, 0, 0], [1, 0, 0, 0, 1], [0, 1, 0, 0, 0], [0, 1, 0, 0, 1]], dtype=np.float64)
+        whole = self.matrices(shares)
+        whole.K[1::2] -= whole.K[::2]
+        parts = [StructuralMatrices(np.zeros_like(K), K) for K in whole.K]
+        return ScaledMatrices(parts, _stiffnesses, _stiffness_slopes)
+
+    @property
     def ports(self) -> tuple[Port, ...]:
         """The shaft and the hub, with nodes evenly spaced over the length."""
         nodes = int(self.config.nodes)
@@ -99,3 +116,19 @@ class InterferenceFit(JointModel):
             joint.add_contact_layer([radial], stiffness * k, length * c)
             joint.add_contact_layer([tilting], stiffness * kr, length * cr)
         return joint
+
+
+def _stiffnesses(theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return k, k g, kr and kr g (n, 4) for k, kr and g (n, 3)."""
+    k, kr, g = theta.T
+    return np.stack([k, k * g, kr, kr * g], axis=1)
+
+
+def _stiffness_slopes(theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return their derivatives (n, 4, 3)."""
+    k, kr, g = theta.T
+    slopes = np.zeros((len(theta), 4, 3))
+    slopes[:, 0, 0] = slopes[:, 2, 1] = 1.0
+    slopes[:, 1, 0] = slopes[:, 3, 1] = g
+    slopes[:, 1, 2], slopes[:, 3, 2] = k, kr
+    return slopes

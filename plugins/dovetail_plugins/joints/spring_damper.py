@@ -57,6 +57,11 @@ class SpringDamper(JointModel):
         """K and c in translation, kr and cr in rotation."""
         return {"x": _TRANSLATION, "rz": _ROTATION, "both": _TRANSLATION + _ROTATION}[self.config.direction]
 
+    @property
+    def linear_parameters(self) -> tuple[str, ...]:
+        """All of them."""
+        return tuple(parameter.name for parameter in self.parameters)
+
     @cached_property
     def ports(self) -> tuple[Port, ...]:
         """The two sides, a and b."""

@@ -73,6 +73,11 @@ class Lumped(SubstructureModel):
         mass = np.stack(values, axis=-1)[..., np.newaxis] * np.eye(len(values))
         return StructuralMatrices(mass, np.zeros_like(mass))
 
+    @property
+    def linear_options(self) -> tuple[str, ...]:
+        """All masses and inertias."""
+        return tuple(f"masses.{i}.{key}" for i in range(len(self.config.masses)) for key in ("mass", "inertia"))
+
     def batched_matrices(self, options: Mapping[str, NDArray[np.float64]]) -> StructuralMatrices:
         """Return the (n, d, d) matrices for many values of some options."""
         return Lumped(self.config.with_options(options)).matrices()

@@ -9,78 +9,16 @@ from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from dovetail import ComponentConfig, InUnit, Node, StructuralMatrices, SubstructureModel
-from dovetail_plugins.timoshenko import CrossSection, Material, chain, circle, element_matrices, rectangle
+from dovetail import ComponentConfig, Node, ScaledMatrices, StructuralMatrices, SubstructureModel
+from dovetail_plugins.substructures.scaled_beam import ScaledBeam
+from dovetail_plugins.timoshenko import CrossSection, Material, Section, chain, element_matrices
 
-_Side = Annotated[float, Field(gt=0), InUnit("m")]
-_Bore = Annotated[float, Field(ge=0), InUnit("m")]
 _NO_PLASTIC = 2500.0
 """Density [kg/m^3] of metals, ceramics and concrete, but not of plastics."""
 _SOFTEST_METAL = 5e9
 """Smallest modulus [Pa] of such materials: lead has 16 GPa."""
-
-
-class Section(ComponentConfig):
-    """A length of beam, round or rectangular.
-
-    Attributes
-    ----------
-    length : float
-        Length along the beam [m].
-    outer, inner : float
-        Diameters of a round section [m].
-    outer_end, inner_end : float
-        Diameters at the far end [m]; with them the diameters change linearly along the section.
-    width, height : float
-        Sides of a rectangular section [m]; `height` is the one in the direction of the displacement x.
-    elements : int
-        Number of elements, of equal length.
-    """
-
-    length: Annotated[float, Field(gt=0), InUnit("m")]
-    outer: _Side | None = None
-    inner: _Bore = 0.0
-    outer_end: _Side | None = None
-    inner_end: _Bore | None = None
-    width: _Side | None = None
-    height: _Side | None = None
-    elements: Annotated[int, Field(ge=1, le=1000)] = 1
-
-    @model_validator(mode="after")
-    def _one_shape(self) -> Section:
-        if (self.width is None) != (self.height is None):
-            raise ValueError("a rectangular section has a width and a height")
-        if (self.outer is None) == (self.width is None):
-            raise ValueError("a section is either round, with 'outer', or rectangular, with 'width' and 'height'")
-        if self.outer is None:
-            if self.inner or self.outer_end is not None or self.inner_end is not None:
-                raise ValueError("a rectangular section has no diameters")
-            return self
-        (start, end), (bore, end_bore) = self._ends(self.outer)
-        if bore >= start or end_bore >= end:
-            raise ValueError("the inner diameter must be smaller than the outer one")
-        return self
-
-    def _ends(self, outer: Any) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Return the outer and inner diameters at the near and at the far end."""
-        end_outer = outer if self.outer_end is None else self.outer_end
-        end_inner = self.inner if self.inner_end is None else self.inner_end
-        return (outer, end_outer), (self.inner, end_inner)
-
-    def cross_section(self, poisson: float) -> CrossSection:
-        """Return the cross-sections at the middle of the elements, (elements,) arrays."""
-        if self.width is not None and self.height is not None:
-            ones = np.ones(self.elements)
-            return rectangle(self.width * ones, self.height * ones, poisson)
-        return circle(*self.diameters(), poisson)
-
-    def diameters(self) -> tuple[Any, Any]:
-        """Return the outer diameter, or the height, and the inner diameter at the middle of the elements."""
-        middle = (np.arange(self.elements) + 0.5) / self.elements
-        (outer, end_outer), (inner, end_inner) = self._ends(self.height if self.outer is None else self.outer)
-        return outer + middle * (end_outer - outer), inner + middle * (end_inner - inner)
 
 
 class TimoshenkoBeam(SubstructureModel):
@@ -186,6 +124,10 @@ class TimoshenkoBeam(SubstructureModel):
         counts = [section.elements for section in self.config.sections]
         length, area, inertia, shear = (_joined(values, counts) for values in zip(*sections, strict=True))
         return chain(element_matrices(length, CrossSection(area, inertia, shear), material))
+
+    def scaled_matrices(self, options: Sequence[str]) -> ScaledMatrices:
+        """Return the matrices by the coefficients of the elements that depend on these options."""
+        return ScaledBeam(self.config.material, self.config.sections, options).scaled_matrices
 
     def batched_matrices(self, options: Mapping[str, NDArray[np.float64]]) -> StructuralMatrices:
         """Return the (n, d, d) matrices for many values of some options."""
