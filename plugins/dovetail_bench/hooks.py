@@ -8,11 +8,11 @@ from typing import Any
 import dovetail
 
 _COMMANDS = {
-    "calibrate": "Check the posterior where the truth is known.",
+    "calibrate": "Check intervals against simulated joints whose parameters are known.",
     "compare": "Compare methods of identification.",
-    "robustness": "Show how accuracy falls with noise.",
-    "study": "Try settings of the training.",
-    "validate": "Hold models against measurements.",
+    "robustness": "Show how the accuracy of networks falls with noise.",
+    "study": "Try out training settings.",
+    "validate": "Compare predictions of models with measurements.",
 }
 
 

@@ -29,13 +29,17 @@ def spindle(
     holder: Annotated[
         Path, typer.Argument(metavar="HOLDER", help="Description of the calibration holder beyond its flange.")
     ],
-    drive_a: Annotated[Path, typer.Argument(metavar="AA", help="Test: accelerometer and hammer at a, near the tip.")],
-    transfer: Annotated[Path, typer.Argument(metavar="AB", help="Test: accelerometer at a, hammer at b.")],
-    drive_b: Annotated[Path, typer.Argument(metavar="BB", help="Test: accelerometer and hammer at b.")],
+    drive_a: Annotated[
+        Path, typer.Argument(metavar="AA", help="Test with accelerometer and hammer at a, near the tip.")
+    ],
+    transfer: Annotated[
+        Path, typer.Argument(metavar="AB", help="Test with the accelerometer at a and the hammer at b.")
+    ],
+    drive_b: Annotated[Path, typer.Argument(metavar="BB", help="Test with accelerometer and hammer at b.")],
     at: Annotated[float, typer.Option(metavar="LENGTH", parser=_length, help="Position of b on the holder.")],
     flange: Annotated[float, typer.Option(metavar="LENGTH", parser=_length, help="Position of the holder's end.")],
     output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FILE.npz", help="The file for a 'measured' substructure.")
+        Path, typer.Option("--output", "-o", metavar="FILE.npz", help="File for a 'measured' substructure.")
     ],
     tip: Annotated[
         float, typer.Option(metavar="LENGTH", parser=_length, help="Position of a.", show_default="0 mm")
@@ -46,10 +50,10 @@ def spindle(
     reading: Reading = NOTHING_SET,
     overwrite: Overwrite = False,
 ) -> None:
-    """Measure a spindle's flange.
+    """Determine the receptance of a spindle's flange from impact tests.
 
     Three impact tests on a calibration holder in the spindle, and the holder's model, give the receptance of the
-    spindle with its flange alone: a 'measured' substructure for any holder and tool (inverse RCSA).
+    spindle with its flange alone (inverse RCSA): a 'measured' substructure for any holder and tool.
     """
     import numpy as np
 

@@ -8,4 +8,10 @@ import dovetail
 @dovetail.hookimpl
 def dovetail_commands() -> list[dovetail.Command]:
     """Return the commands."""
-    return [dovetail.Command("dovetail_machining.command:spindle", "Measure a spindle's flange.", "Measure")]
+    return [
+        dovetail.Command(
+            "dovetail_machining.command:spindle",
+            "Determine the receptance of a spindle's flange from impact tests.",
+            "Measure",
+        )
+    ]

@@ -45,7 +45,7 @@ def dovetail(
             "--plugin",
             metavar="FILE.py",
             is_eager=True,  # --help lists the commands of plugin files too
-            help="Take in a plugin file; it runs with your rights. May be repeated.",
+            help="Load a plugin file; its code runs with your rights. May be repeated.",
         ),
     ] = None,
     _version: Annotated[
@@ -53,7 +53,7 @@ def dovetail(
     ] = False,
     _quiet: Annotated[
         bool,
-        typer.Option("--quiet", "-q", expose_value=False, callback=choose, help="Leave out notes and progress."),
+        typer.Option("--quiet", "-q", expose_value=False, callback=choose, help="Print no notes and no progress."),
     ] = False,
     _verbose: Annotated[
         int,
@@ -64,7 +64,7 @@ def dovetail(
             expose_value=False,
             callback=choose,
             show_default=False,
-            help="Print what is done, and how long it takes; -vv prints more.",
+            help="Print each step and its duration; -vv prints more.",
         ),
     ] = 0,
 ) -> None:

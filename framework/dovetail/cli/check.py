@@ -27,11 +27,11 @@ def check(
     plugin: PluginFiles = None,
     as_json: AsJson = False,
 ) -> None:
-    """Check a description; show DOFs, nodes, modes.
+    """Check a description and show its DOFs, nodes and modes.
 
-    Shows the degrees of freedom, the nodes, the parameters with their ranges, and the natural frequencies in the
-    middle of the ranges. All faults of a description are reported at once. A drawing shows the parts to scale, the
-    nodes, the joints, and where force and response are.
+    Prints the degrees of freedom, the nodes, the parameters with their ranges, and the natural frequencies in the
+    middle of the ranges. All faults of a description are reported at once. A drawing shows the parts to scale with
+    nodes, joints, force and response.
     """
     import dovetail
     from dovetail.assembly.summary import assembly_summary

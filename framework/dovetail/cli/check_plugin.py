@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 
 def check_plugin(model: ModelName, plugin: PluginFiles = None, as_json: AsJson = False) -> None:
-    """Check a model against its contract: the conformance kit.
+    """Check a model against its contract (the conformance kit).
 
-    Every check of its kind is run, and printed. The exit code is 1 where one fails; a warning is only printed.
+    All checks for its kind are run and printed. The exit code is 1 if one fails; warnings do not change it.
     """
     from dovetail.registry import components
     from dovetail.testing import check_component

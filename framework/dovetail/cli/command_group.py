@@ -25,31 +25,31 @@ from dovetail.version import __version__
 _PANELS = {
     "Describe an assembly": {
         "new_assembly:new_assembly": "Write a description of two parts and a joint, with comments.",
-        "check:check": "Check a description; show DOFs, nodes, modes.",
+        "check:check": "Check a description and show its DOFs, nodes and modes.",
         "components:describe": "Describe a model: options, parameters, ports.",
         "simulate:simulate": "Compute the FRF for chosen parameters.",
-        "explore:explore": "Move parameters by hand in a page; the FRF follows.",
-        "schema:schema": "Write the JSON Schema of a description, for completion in an editor.",
+        "explore:explore": "Change parameters in a web page and watch the FRF.",
+        "schema:schema": "Write the JSON Schema of descriptions, for completion in an editor.",
     },
     "Measure": {
-        "plot:plot": "Look at measured FRFs: what files hold, resonances, figures.",
+        "plot:plot": "Show what measured FRFs contain: band, resonances, figures.",
         "convert:convert": "Convert a measured FRF to another format, quantity or unit.",
         "frf:frf": "Estimate an FRF with its coherence from hammer signals.",
-        "plan:plan": "Rank measurement points by how much they reveal.",
+        "plan:plan": "Rank measurement points by how much they would reveal.",
     },
     "Identify a joint": {
         "identify:identify": "Identify a joint from a measured FRF.",
-        "train:train": "Train a network and show how well it does.",
-        "generate:generate": "Make a dataset for training.",
-        "merge:merge": "Join the shards of a dataset, which were generated on several machines.",
+        "train:train": "Train a network and print its test errors.",
+        "generate:generate": "Generate a dataset for training.",
+        "merge:merge": "Join the shards of a dataset that were generated on several machines.",
     },
     "Use the result": {
         "predict:predict": "Predict the FRF of another assembly.",
     },
     "Extend": {
-        "components:plugins": "List the models at hand.",
-        "new_plugin:new_plugin": "Make a package with a new model: code, entry point, tests, an example.",
-        "check_plugin:check_plugin": "Check a model against its contract: the conformance kit.",
+        "components:plugins": "List the available models.",
+        "new_plugin:new_plugin": "Create a package for a new model: code, entry point, tests and an example.",
+        "check_plugin:check_plugin": "Check a model against its contract (the conformance kit).",
     },
 }
 OWN = tuple(

@@ -9,9 +9,9 @@ from dovetail.cli.terminal import heading, print_json, range_text, say, table, t
 
 
 def plugins(plugin: PluginFiles = None, as_json: AsJson = False) -> None:
-    """List the models at hand.
+    """List the available models.
 
-    Each with its kind, who offers it, and below the commands of packages and what could not be loaded.
+    Each with its kind and its package; then the commands of packages, and what could not be loaded.
     """
     from dovetail.cli.command_group import OWN
     from dovetail.interfaces import KINDS
@@ -51,7 +51,7 @@ def plugins(plugin: PluginFiles = None, as_json: AsJson = False) -> None:
 def describe(model: ModelName, plugin: PluginFiles = None, as_json: AsJson = False) -> None:
     """Describe a model: options, parameters, ports.
 
-    A name that models of several kinds bear shows all of them.
+    If models of several kinds have this name, all of them are shown.
     """
     from dovetail.registry import components
     from dovetail.registry.model_description import as_plain, describe_offer, offers_named

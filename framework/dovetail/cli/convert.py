@@ -15,8 +15,6 @@ from dovetail.cli.terminal import note, say, title
 if TYPE_CHECKING:
     from dovetail.frf import Frf
 
-_OtherFile = typer.Option(metavar="FILE", help="For a transfer FRF: another FRF of the same test.")
-
 
 @with_reading("one")
 def convert(
@@ -31,23 +29,33 @@ def convert(
         str | None,
         typer.Option(
             metavar="RESPONSE,FORCE",
-            help="Where was measured and where excited, such as 3+x,1-x, if the file is silent.",
+            help="DOFs of response and force, such as 3+x,1-x, if the file does not say.",
         ),
     ] = None,
     to: Annotated[
-        str | None, typer.Option("--to", metavar="QUANTITY_OR_UNIT", help="What is written, such as mobility or um/N.")
+        str | None,
+        typer.Option(
+            "--to", metavar="QUANTITY_OR_UNIT", help="Quantity or unit of the new file, such as mobility or um/N."
+        ),
     ] = None,
-    drive_point: Annotated[Path | None, _OtherFile] = None,
-    to_response: Annotated[Path | None, _OtherFile] = None,
-    from_force: Annotated[Path | None, _OtherFile] = None,
+    drive_point: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Of a transfer FRF: the drive-point FRF at the accelerometer.")
+    ] = None,
+    to_response: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="The FRF from an accelerometer at a third point to the response."),
+    ] = None,
+    from_force: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="The FRF from the force to an accelerometer at a third point.")
+    ] = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Convert a measured FRF to another format, quantity or unit.
 
-    The accelerometer's mass may be taken off on the way. Coherence, averages, variance and the names of the DOFs come
-    along. Without --to the quantity stays and the unit is SI. The mass is taken off a drive-point FRF; for a transfer
-    FRF, --drive-point gives the drive-point FRF at the accelerometer, and for an accelerometer at a third point
-    --to-response and --from-force the FRFs from it and to it.
+    Coherence, averages, variance and the names of the DOFs are kept. Without --to the quantity is kept and the unit is
+    SI. The effect of the accelerometer's mass can be removed: for a drive-point FRF from the FRF itself; for a transfer
+    FRF, --drive-point is the drive-point FRF at the accelerometer. If the accelerometer is at a third point,
+    --to-response and --from-force are the FRFs from it to the response and from the force to it.
     """
     import dovetail
     from dovetail.frf import QUANTITIES

@@ -21,22 +21,23 @@ def explore(
         list[Path] | None,
         typer.Argument(
             metavar="[MEASURED]...",
-            help="The measured FRF that stands behind, one for each response.",
+            help="Measured FRFs to compare with, one per response.",
             autocompletion=complete_files,
             show_default=False,
         ),
     ] = None,
     port: Annotated[
-        int, typer.Option(metavar="N", min=0, max=65535, help="Of this machine; 0 for any that is free.")
+        int, typer.Option(metavar="N", min=0, max=65535, help="Port on this machine; 0 for any free one.")
     ] = 0,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")] = True,
     reading: Reading = NOTHING_SET,
 ) -> None:
-    """Move parameters by hand in a page; the FRF follows.
+    """Change parameters in a web page and watch the FRF.
 
-    The page opens in the browser of this machine, and nobody else can reach it. It has a slider and a number field for
-    each parameter. The measured FRF stands behind; "Fit from here" fits to it and shows intervals. The values can be
-    saved as JSON, as a description and as a report. The command ends with Ctrl-C, or when the page is closed.
+    The page opens in the browser of this machine and cannot be reached from others. It has a slider and a number field
+    for each parameter. Measured FRFs are drawn behind the computed one; "Fit from here" fits the parameters to them and
+    shows intervals. The values can be saved as JSON, as a description or as a report. The command ends with Ctrl-C, or
+    when the page is closed.
     """
     from dovetail.identification.identify import check_mass
     from dovetail.report.explorer import Explorer

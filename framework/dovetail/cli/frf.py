@@ -21,14 +21,14 @@ _seconds = quantity_in("s")
 
 _RECORD: dict[str, tuple[Any, Any]] = {
     "force_unit": (
-        Annotated[str | None, typer.Option(metavar="UNIT", help="Of the force, if the file does not state it.")],
+        Annotated[str | None, typer.Option(metavar="UNIT", help="Unit of the force, if the file does not say.")],
         None,
     ),
     "response_unit": (
         Annotated[
             str | None,
             typer.Option(
-                metavar="UNIT", help="Of the response, such as m/s^2, g or mm/s, if the file does not state it."
+                metavar="UNIT", help="Unit of the response, such as m/s^2, g or mm/s, if the file does not say."
             ),
         ],
         None,
@@ -36,19 +36,23 @@ _RECORD: dict[str, tuple[Any, Any]] = {
     "force_sensitivity": (
         Annotated[
             str | None,
-            typer.Option(metavar="VALUE", help="Of the hammer, such as '2.25 mV/N', if the force is a voltage."),
+            typer.Option(
+                metavar="VALUE", help="Sensitivity of the hammer, such as '2.25 mV/N', if the force is a voltage."
+            ),
         ],
         None,
     ),
     "response_sensitivity": (
         Annotated[
             str | None,
-            typer.Option(metavar="VALUE", help="Of the sensor, such as '100 mV/g', if the response is a voltage."),
+            typer.Option(
+                metavar="VALUE", help="Sensitivity of the sensor, such as '100 mV/g', if the response is a voltage."
+            ),
         ],
         None,
     ),
     "rate": (
-        Annotated[float | None, typer.Option(metavar="HZ", help="Samples per second, if the file does not say it.")],
+        Annotated[float | None, typer.Option(metavar="HZ", help="Samples per second, if the file does not say.")],
         None,
     ),
     "response": (ResponseDof, None),
@@ -59,25 +63,29 @@ _RECORD: dict[str, tuple[Any, Any]] = {
 """Options that say what the file holds."""
 _ESTIMATE: dict[str, tuple[Any, Any]] = {
     "estimator": (
-        Annotated[str, typer.Option(metavar="NAME", help="H1 (noise on the response) or H2 (on the force).")],
+        Annotated[str, typer.Option(metavar="NAME", help="H1 (noise on the response) or H2 (noise on the force).")],
         "H1",
     ),
     "force_window": (
         Annotated[
             float | None,
-            typer.Option(metavar="TIME", parser=_seconds, help="Keep the force up to this time, such as '20 ms'."),
+            typer.Option(
+                metavar="TIME", parser=_seconds, help="Set the force to zero after this time, such as '20 ms'."
+            ),
         ],
         None,
     ),
     "exponential_window": (
         Annotated[
             float | None,
-            typer.Option(metavar="VALUE", help="Window on both signals, down to VALUE at the end, such as 0.01."),
+            typer.Option(
+                metavar="VALUE", help="Exponential window on both signals that falls to VALUE at the end, such as 0.01."
+            ),
         ],
         None,
     ),
     "leave_out_bad": (
-        Annotated[bool, typer.Option("--leave-out-bad", help="Leave out impacts with overload or a second hit.")],
+        Annotated[bool, typer.Option("--leave-out-bad", help="Leave out impacts with an overload or a second hit.")],
         False,
     ),
 }
@@ -107,8 +115,8 @@ def frf(
 ) -> None:
     """Estimate an FRF with its coherence from hammer signals.
 
-    The file holds force and response of one or more impacts; they are averaged. What is wrong with an impact (overload,
-    a second hit, a response that rings on) is reported.
+    The file contains the force and the response of one or more impacts, which are averaged. Faulty impacts (overload, a
+    second hit, a response that has not decayed) are reported.
     """
     import dovetail
     from dovetail.measurement.impact_test.signal_files import read_signals

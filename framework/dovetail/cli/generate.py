@@ -27,35 +27,37 @@ class StorageChoice(StrEnum):
 def generate(
     context: typer.Context,
     assembly: AssemblyFile,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="The dataset, such as data.zarr.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder of the dataset, such as data.zarr.")
+    ],
     samples: Annotated[
-        int | None, typer.Option(metavar="N", min=1, help="Number of samples; by default what the description says.")
+        int | None, typer.Option(metavar="N", min=1, help="Number of samples; that of the description by default.")
     ] = None,
     seed: Annotated[
-        int | None, typer.Option(metavar="N", min=0, help="Seed; by default what the description says.")
+        int | None, typer.Option(metavar="N", min=0, help="Seed; that of the description by default.")
     ] = None,
     storage: Annotated[
         StorageChoice,
-        typer.Option(help="Keep the amplitude of each FRF, or its phase too, which takes twice the room."),
+        typer.Option(help="Store the amplitude of each FRF, or complex values, which take twice the space."),
     ] = StorageChoice.amplitude,
     interpolation: Annotated[
         float | None,
         typer.Option(
             metavar="TOLERANCE",
-            help="Compute some lines of each FRF and interpolate the others up to this relative error, as estimated.",
+            help="Compute some lines of each FRF and interpolate the others within this estimated relative error.",
         ),
     ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with a dataset that was interrupted.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted dataset.")] = False,
     shard: Annotated[
         str, typer.Option(metavar="I/N", help="Compute only part I of N, for another machine each; 'merge' joins them.")
     ] = "1/1",
     scheduler: Scheduler = None,
     plugin: PluginFiles = None,
 ) -> None:
-    """Make a dataset for training.
+    """Generate a dataset for training.
 
-    Parameters are drawn by Latin hypercube and their FRFs streamed to a Zarr folder. After Ctrl-C what is done stays,
-    and --resume goes on with it; the result is bit for bit that of one run. Exit code 130 then.
+    Parameters are drawn by Latin hypercube sampling, and their FRFs are written to a Zarr folder. After Ctrl-C (exit
+    code 130) the finished part is kept, and --resume continues; the result is bit for bit that of an uninterrupted run.
     """
     import dovetail
 

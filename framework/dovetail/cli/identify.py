@@ -51,7 +51,7 @@ Method = Annotated[
     typer.Option(
         "--method",
         metavar="METHOD",
-        help="posterior (with intervals; the default), refined (least squares), multistart, network, or a plugin's.",
+        help="posterior (the default, with intervals), refined (least squares), multistart, network, or a plugin's.",
         autocompletion=complete_methods,
         show_default=False,
     ),
@@ -64,12 +64,17 @@ WithNetwork = Annotated[
         help="Also train a network and list its estimates; --no-network ignores one that was trained before.",
     ),
 ]
-Starts = Annotated[int | None, typer.Option(metavar="N", min=1, help="Searches of multistart.", show_default=False)]
-Seconds = Annotated[float | None, typer.Option(metavar="S", help="Time that multistart may take.", show_default=False)]
-PosteriorForm = Annotated[
-    str | None, typer.Option(metavar="NAME", help="Of the posterior: samples, or laplace, faster.", show_default=False)
+Starts = Annotated[
+    int | None, typer.Option(metavar="N", min=1, help="Number of searches of multistart.", show_default=False)
 ]
-Samples = Annotated[int | None, typer.Option(metavar="N", min=1, help="Samples of the posterior.", show_default=False)]
+Seconds = Annotated[float | None, typer.Option(metavar="S", help="Time limit of multistart.", show_default=False)]
+PosteriorForm = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="Form of the posterior: samples, or laplace (faster).", show_default=False),
+]
+Samples = Annotated[
+    int | None, typer.Option(metavar="N", min=1, help="Number of samples of the posterior.", show_default=False)
+]
 AllowedError = Annotated[
     float | None,
     typer.Option(
@@ -89,7 +94,7 @@ CauseSeconds = Annotated[
     ),
 ]
 ObjectiveName = Annotated[
-    str | None, typer.Option(metavar="NAME", help="Of multistart: frf or weighted.", show_default=False)
+    str | None, typer.Option(metavar="NAME", help="Residuals of multistart: frf or weighted.", show_default=False)
 ]
 LineWeights = Annotated[
     str | None,
@@ -99,14 +104,14 @@ LineWeights = Annotated[
         help="Lines count by their coherence, or by amplitude (relative errors); by their random error by default.",
     ),
 ]
-AmplitudeOnly = Annotated[bool, typer.Option("--amplitude-only", help="Take no notice of the phase.")]
+AmplitudeOnly = Annotated[bool, typer.Option("--amplitude-only", help="Ignore the phase.")]
 TruthFile = Annotated[
-    Path | None, typer.Option(metavar="FILE", help="JSON with the true values of a synthetic measurement.")
+    Path | None, typer.Option(metavar="FILE", help="JSON file with the true values of a synthetic measurement.")
 ]
 OutputFolder = Annotated[
-    Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the report and all files.")
+    Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the report and all other files.")
 ]
-Retrain = Annotated[bool, typer.Option("--retrain", help="Train even if there is a model already.")]
+Retrain = Annotated[bool, typer.Option("--retrain", help="Train a new network even if one is cached.")]
 
 
 _FIT: dict[str, tuple[Any, Any]] = {
@@ -167,20 +172,21 @@ def identify(
 ) -> None:
     """Identify a joint from a measured FRF.
 
-    A description with several responses takes one FRF for each, in its order: several files, or one file with --index,
-    or --response and --force, once for each. Several files of an assembly with one response, or a folder of files, are
-    identified one by one, side by side, with one table of all of them; what fails is reported at the end.
+    A description with several responses takes one FRF for each, in the same order: several files, or one file with
+    --index, or --response and --force, given once per response. For an assembly with one response, several files or a
+    folder are a batch: they are identified independently and in parallel, and summarised in one table; failures are
+    reported at the end.
 
-    A table of natural frequencies and damping ratios (CSV) is a measurement too, for the method posterior.
+    A table of natural frequencies and damping ratios (CSV) can be used instead of FRFs, with the method posterior.
 
-    By default the answer is the fit with intervals and verdicts, for which nothing is trained. Where there is a
-    trained network (a model in place of the description, or one kept from an earlier run), the fit starts from its
-    estimate, which is listed next to it. --network trains one if there is none, and --method network is the network's
-    estimate alone, the method of the publication. Networks are kept in the user's cache folder (or where
-    DOVETAIL_CACHE_DIR says). Files of an earlier run in the output folder are replaced.
+    By default the parameters are fitted, with intervals and verdicts, and nothing is trained. If there is a trained
+    network (a model instead of the description, or one that is cached from an earlier run), the fit starts from its
+    estimate, which is listed next to the result. --network trains one if there is none. --method network returns the
+    network's estimate alone, as in the publication. Networks are cached in the user's cache folder, or in
+    DOVETAIL_CACHE_DIR. Files of an earlier run in the output folder are replaced.
 
-    The exit code is 3 where the model does not fit the measurement: the result is shown and written all the same,
-    and says so.
+    The exit code is 3 if the model does not fit the measurement; the result is printed and written nevertheless, with
+    a warning.
     """
     from dovetail.measurement import is_modal_table
 

@@ -12,11 +12,13 @@ from dovetail.cli.terminal import say
 
 def merge(
     shards: Annotated[list[Path], typer.Argument(metavar="SHARD...", help="Folders that 'generate --shard' wrote.")],
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="The dataset, such as data.zarr.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder of the dataset, such as data.zarr.")
+    ],
 ) -> None:
-    """Join the shards of a dataset, which were generated on several machines.
+    """Join the shards of a dataset that were generated on several machines.
 
-    The result is bit for bit the dataset that is generated in one go. On one file system nothing is copied.
+    The result is bit for bit the dataset of a single run. Within one file system nothing is copied.
     """
     import dovetail
 

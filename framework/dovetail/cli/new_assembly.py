@@ -17,31 +17,34 @@ from dovetail.cli.terminal import room, say
 
 
 def new_assembly(
-    file: Annotated[Path, typer.Argument(metavar="NAME.yaml", help="The description to write.")],
+    file: Annotated[Path, typer.Argument(metavar="NAME.yaml", help="Name of the new file.")],
     joint: Annotated[
-        str | None, typer.Option(metavar="MODEL", help="Of the joint, such as bolted.", autocompletion=complete_models)
+        str | None,
+        typer.Option(metavar="MODEL", help="Model of the joint, such as bolted.", autocompletion=complete_models),
     ] = None,
     part: Annotated[
         list[str] | None,
         typer.Option(
             "--part",
             metavar="PART",
-            help="Length, outer and inner diameter, such as 'hub: 80 mm x 50 mm x 20 mm of steel'. Twice.",
+            help="Twice: name, length, outer and inner diameter, such as 'hub: 80 mm x 50 mm x 20 mm of steel'.",
         ),
     ] = None,
-    band: Annotated[str | None, typer.Option("--band", metavar="BAND", help="Such as '100 Hz to 5 kHz'.")] = None,
+    band: Annotated[
+        str | None, typer.Option("--band", metavar="BAND", help="Frequency band, such as '100 Hz to 5 kHz'.")
+    ] = None,
     response: Annotated[
-        str | None, typer.Option(metavar="LENGTH", help="Where on the first part the motion is measured.")
+        str | None, typer.Option(metavar="LENGTH", help="Position on the first part where the motion is measured.")
     ] = None,
     quantity: Annotated[
-        str | None, typer.Option(metavar="NAME", help="receptance, mobility or accelerance, as measured.")
+        str | None, typer.Option(metavar="NAME", help="Measured quantity: receptance, mobility or accelerance.")
     ] = None,
     plugin: PluginFiles = None,
 ) -> None:
     """Write a description of two parts and a joint, with comments.
 
-    What no option says is asked on a terminal, and is an example elsewhere. The description passes 'dovetail check' as
-    it is; then make it yours. Materials: steel, aluminium, titanium, carbide.
+    On a terminal you are asked for what no option gives; elsewhere examples are used. The file passes 'dovetail check'
+    as it is and is meant to be edited. Materials: steel, aluminium, titanium, carbide.
     """
     import dovetail
     from dovetail.atomic_files import write_whole

@@ -15,14 +15,15 @@ def new_plugin(
     kind: Annotated[
         str, typer.Argument(metavar="KIND", help="substructure, joint, reducer, regressor, reader or method.")
     ],
-    name: Annotated[str, typer.Argument(metavar="NAME", help="The word after 'model:' in a description.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the model, as after 'model:' in a description.")],
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="By default dovetail-NAME.")
+        Path | None,
+        typer.Option("--output", "-o", metavar="FOLDER", help="Folder to create; dovetail-NAME by default."),
     ] = None,
 ) -> None:
-    """Make a package with a new model: code, entry point, tests, an example.
+    """Create a package for a new model: code, entry point, tests and an example.
 
-    It can be installed and passes its own tests as it is; then make it yours.
+    It can be installed and passes its own tests as it is; edit it from there.
     """
     from dovetail.interfaces import KINDS
     from dovetail.registry.new_plugin import write_plugin_package

@@ -31,7 +31,7 @@ PluginFiles = Annotated[
         "--plugin",
         metavar="FILE.py",
         callback=_with_global,
-        help="Take in a plugin file; it runs with your rights. May be repeated.",
+        help="Load a plugin file; its code runs with your rights. May be repeated.",
     ),
 ]
 
@@ -41,22 +41,25 @@ AssemblyFile = Annotated[
 
 ModelName = Annotated[
     str,
-    typer.Argument(metavar="MODEL", help="The word after 'model:' in a description.", autocompletion=complete_models),
+    typer.Argument(
+        metavar="MODEL", help="Name of the model, as after 'model:' in a description.", autocompletion=complete_models
+    ),
 ]
 
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, for a program.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for other programs.")]
 
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace existing files.")]
 
 PointNumber = Annotated[
-    int, typer.Option("--point", metavar="N", min=1, help="Which response, from 1, if the description has several.")
+    int,
+    typer.Option("--point", metavar="N", min=1, help="Number of the response, from 1, if the description has several."),
 ]
 
 Scheduler = Annotated[
     str | None,
     typer.Option(
         metavar="ADDRESS",
-        help="Let the workers of a Dask scheduler do the work, such as tcp://host:8786.",
+        help="Run on the workers of a Dask scheduler, such as tcp://host:8786.",
         show_default=False,
     ),
 ]

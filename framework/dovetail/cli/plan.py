@@ -20,12 +20,14 @@ def plan(
     assembly: AssemblyFile,
     at: Annotated[
         list[str] | None,
-        typer.Option("--at", metavar="SUBSTRUCTURE", help="Whose nodes may be struck. May be repeated."),
+        typer.Option("--at", metavar="SUBSTRUCTURE", help="Substructure whose nodes are considered. May be repeated."),
     ] = None,
     noise: Annotated[
         float,
         typer.Option(
-            metavar="PART", parser=part, help="Noise of every line over the described FRF's standard deviation."
+            metavar="PART",
+            parser=part,
+            help="Noise of every line relative to the standard deviation of the described FRF.",
         ),
     ] = 0.01,
     beside_described: Annotated[
@@ -37,10 +39,10 @@ def plan(
     plugin: PluginFiles = None,
     as_json: AsJson = False,
 ) -> None:
-    """Rank measurement points by how much they reveal.
+    """Rank measurement points by how much they would reveal.
 
-    For each node: which part of what is unknown of each parameter the FRF at that point would take away, averaged
-    over the ranges; modes with a node of vibration there; and what a second point would add to the best one.
+    For each node: by how much an FRF there would reduce the uncertainty of each parameter, averaged over the ranges;
+    the modes that have a node of vibration there; and what a second point would add to the best one.
     """
     import dovetail
 

@@ -34,9 +34,9 @@ def plot(
     overwrite: Overwrite = False,
     as_json: AsJson = False,
 ) -> None:
-    """Look at measured FRFs: what files hold, resonances, figures.
+    """Show what measured FRFs contain: band, resonances, figures.
 
-    A figure draws amplitude, phase and coherence of all files over each other.
+    A figure shows amplitude, phase and coherence of all files in the same axes.
     """
     from dovetail.report.frf_files import frf_summary, write_figures
     from dovetail.report.svg import FIGURE_SUFFIXES

@@ -16,16 +16,14 @@ from dovetail.cli.terminal import heading, note, print_json, quantity_text, tabl
 
 def predict(
     assembly: AssemblyFile,
-    result: Annotated[
-        Path, typer.Argument(metavar="RESULT", help="The folder that 'identify' wrote, or its result.json.")
-    ],
+    result: Annotated[Path, typer.Argument(metavar="RESULT", help="Folder that 'identify' wrote, or its result.json.")],
     point: PointNumber = 1,
     output: FrfFiles = None,
     band: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE.csv",
-            help="Between which amplitudes the FRF lies, if the joint was identified by 'posterior'.",
+            help="CSV file for the band in which the amplitude lies, if the joint was identified by 'posterior'.",
         ),
     ] = None,
     overwrite: Overwrite = False,
@@ -34,8 +32,8 @@ def predict(
 ) -> None:
     """Predict the FRF of another assembly.
 
-    It has the joint that was identified: another tool in the same holder, say. The exit code is 3 where the result is
-    not trustworthy: the FRF is written all the same, and its files say so.
+    The other assembly contains the identified joint: another tool in the same holder, for example. The exit code is 3
+    if the result is not trustworthy; the FRF is written nevertheless, with a warning in its files.
     """
     import dovetail
     from dovetail.assembly.summary import natural_frequencies

@@ -24,51 +24,54 @@ _HEAVY = 0.1
 
 QuantityOfFile = Annotated[
     str | None,
-    typer.Option("--quantity", metavar="QUANTITY", help="receptance, mobility or accelerance, if the file is silent."),
+    typer.Option(
+        "--quantity", metavar="QUANTITY", help="receptance, mobility or accelerance, if the file does not say."
+    ),
 ]
 UnitOfFile = Annotated[
-    str | None, typer.Option("--unit", metavar="UNIT", help="Unit of the values, such as um/N or g/N, if it is silent.")
+    str | None,
+    typer.Option("--unit", metavar="UNIT", help="Unit of the values, such as um/N or g/N, if the file does not say."),
 ]
 Index = Annotated[
-    int | None, typer.Option("--index", metavar="N", min=1, help="Which FRF of a file with several, from 1.")
+    int | None, typer.Option("--index", metavar="N", min=1, help="Number of the FRF in a file with several, from 1.")
 ]
 ResponseDof = Annotated[
-    str | None, typer.Option("--response", metavar="DOF", help="Response DOF of the FRF that is wanted, such as 5+x.")
+    str | None, typer.Option("--response", metavar="DOF", help="Response DOF of the FRF to read, such as 5+x.")
 ]
 ForceDof = Annotated[
-    str | None, typer.Option("--force", metavar="DOF", help="Force DOF of the FRF that is wanted, such as 1+x.")
+    str | None, typer.Option("--force", metavar="DOF", help="Force DOF of the FRF to read, such as 1+x.")
 ]
 Indices = Annotated[
     list[int] | None,
     typer.Option(
-        "--index", metavar="N", min=1, help="Which FRF of a file with several, from 1; for each response in turn."
+        "--index", metavar="N", min=1, help="Number of the FRF in a file with several, from 1; one per response."
     ),
 ]
 ResponseDofs = Annotated[
     list[str] | None,
-    typer.Option("--response", metavar="DOF", help="Response DOF of the FRF that is wanted, such as 5+x; as --index."),
+    typer.Option("--response", metavar="DOF", help="Response DOF of the FRF to read, such as 5+x; one per response."),
 ]
 ForceDofs = Annotated[
     list[str] | None,
-    typer.Option("--force", metavar="DOF", help="Force DOF of the FRF that is wanted, such as 1+x; as --index."),
+    typer.Option("--force", metavar="DOF", help="Force DOF of the FRF to read, such as 1+x; one per response."),
 ]
 Names = Annotated[
     list[str] | None,
-    typer.Option("--name", metavar="PART=NAME", help="What the file calls a part, as in values=H1. May be repeated."),
+    typer.Option("--name", metavar="PART=NAME", help="Name of a field in the file, as in values=H1. May be repeated."),
 ]
 Columns = Annotated[
     str | None,
     typer.Option(
         "--columns",
         metavar="NAMES",
-        help="What each column of a table holds, such as frequency,real,imag,skip; in place of its header.",
+        help="Contents of the columns of a table, such as frequency,real,imag,skip; replaces its header.",
     ),
 ]
 IgnoreDofs = Annotated[
-    bool, typer.Option("--ignore-dofs", help="Take the DOFs in the file for wrong, and do not compare them.")
+    bool, typer.Option("--ignore-dofs", help="Ignore the DOFs in the file; they are not compared with the description.")
 ]
 Reader = Annotated[
-    str | None, typer.Option("--reader", metavar="NAME", help="The reader of a plugin that is to read the file.")
+    str | None, typer.Option("--reader", metavar="NAME", help="Reader for the file, where several readers accept it.")
 ]
 
 
@@ -87,7 +90,7 @@ AccelerometerMass = Annotated[
         metavar="MASS",
         parser=_accelerometer_mass,
         show_default=False,
-        help="Of the accelerometer, such as '1.2 g'; its effect is removed from the FRF.",
+        help="Mass of the accelerometer, such as '1.2 g'; its effect is removed from the FRF.",
     ),
 ]
 

@@ -14,15 +14,16 @@ from dovetail.cli.terminal import note, print_json
 
 def schema(
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FILE.json", help="Where to write it.")
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE.json", help="File for the schema; standard output by default."),
     ] = None,
     overwrite: Overwrite = False,
     plugin: PluginFiles = None,
 ) -> None:
-    """Write the JSON Schema of a description, for completion in an editor.
+    """Write the JSON Schema of descriptions, for completion in an editor.
 
-    It knows the options of every model at hand. The first line of a description, "# yaml-language-server:
-    $schema=dovetail.schema.json", makes editors use it.
+    It includes the options of every available model. Editors use it if the first line of a description is
+    "# yaml-language-server: $schema=dovetail.schema.json".
     """
     from dovetail.atomic_files import write_whole
     from dovetail.description import description_schema

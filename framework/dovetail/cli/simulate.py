@@ -45,13 +45,15 @@ def simulate(
             metavar="PART",
             parser=part,
             show_default=False,
-            help="Standard deviation of complex noise over that of the FRF, such as 1%.",
+            help="Standard deviation of complex noise relative to that of the FRF, such as 1%.",
         ),
     ] = 0.0,
-    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Of the noise.")] = 0,
+    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of the noise.")] = 0,
     truth_output: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="JSON with values and natural frequencies, for 'identify --truth'."),
+        typer.Option(
+            metavar="FILE", help="JSON file for the values and natural frequencies, as 'identify --truth' reads it."
+        ),
     ] = None,
     point: PointNumber = 1,
     output: FrfFiles = None,
@@ -61,8 +63,8 @@ def simulate(
 ) -> None:
     """Compute the FRF for chosen parameters.
 
-    A parameter that is not set stands in the middle of its range. The suffix of a file names its format. With noise,
-    the file takes the place of a measurement, whose truth is known.
+    Parameters that are not set are in the middle of their ranges. The suffix of a file determines its format. With
+    noise, the file can be used as a measurement whose parameters are known.
     """
     import dovetail
     from dovetail.assembly.summary import natural_frequencies

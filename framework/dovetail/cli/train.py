@@ -23,20 +23,19 @@ def train(
         typer.Option("--data", metavar="FOLDER", help="A dataset; by default one is generated and discarded."),
     ] = None,
     robust: Annotated[
-        bool, typer.Option("--robust", help="Train with noise, as the description's 'augmentation' says or by default.")
+        bool,
+        typer.Option("--robust", help="Train on noisy FRFs, with the description's 'augmentation' or its defaults."),
     ] = False,
-    fresh: Annotated[
-        bool, typer.Option("--fresh", help="Train robustly on new FRFs in every epoch: none is seen twice.")
-    ] = False,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Train on noisy FRFs that are new in every epoch.")] = False,
     minutes: Annotated[
-        float | None, typer.Option(metavar="M", help="Time for the regressor, at most.", show_default=False)
+        float | None, typer.Option(metavar="M", help="Longest time for the regressor, in minutes.", show_default=False)
     ] = None,
     plugin: PluginFiles = None,
     as_json: AsJson = False,
 ) -> None:
-    """Train a network and show how well it does.
+    """Train a network and print its test errors.
 
-    The errors are those on the test part of the dataset, which the network has not seen.
+    They are computed on the test part of the dataset, which is not used in training.
     """
     import dovetail
     from dovetail.atomic_files import check_target

@@ -44,14 +44,14 @@ def calibrate(
         Path,
         typer.Argument(metavar="MODEL_OR_ASSEMBLY", help="A description (YAML), or a model for --method network."),
     ],
-    cases: Annotated[int, typer.Option(metavar="N", min=1, help="Random joints from the ranges.")] = 100,
+    cases: Annotated[int, typer.Option(metavar="N", min=1, help="Number of random joints.")] = 100,
     noise: Annotated[
         float,
         typer.Option(
-            metavar="PART", parser=part, show_default=False, help="Noise, such as 2%; --noise-kind says of what."
+            metavar="PART", parser=part, show_default=False, help="Noise level, such as 2%; see --noise-kind."
         ),
     ] = 0.01,
-    samples: Annotated[int, typer.Option(metavar="N", min=1, help="Of each posterior.")] = 400,
+    samples: Annotated[int, typer.Option(metavar="N", min=1, help="Samples of each posterior.")] = 400,
     model_error: Annotated[
         float,
         typer.Option(
@@ -62,22 +62,24 @@ def calibrate(
         ),
     ] = 0.0,
     finer_mesh: Annotated[
-        int, typer.Option(metavar="N", min=1, help="Measurements come from a mesh so many times finer.")
+        int, typer.Option(metavar="N", min=1, help="Simulate the measurements with a mesh N times finer.")
     ] = 1,
     seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of joints and noise.")] = 0,
     method: Annotated[
         str,
-        typer.Option("--method", metavar="METHOD", help="posterior, network (with intervals), or that of a plugin."),
+        typer.Option(
+            "--method", metavar="METHOD", help="posterior, network (with intervals), or a method of a plugin."
+        ),
     ] = "posterior",
     noise_kind: Annotated[
-        str, typer.Option(metavar="KIND", help="uniform (over all lines), or proportional to each line.")
+        str, typer.Option(metavar="KIND", help="uniform over all lines, or proportional to each line.")
     ] = "uniform",
     workers: Annotated[
         int | None,
         typer.Option(
             metavar="N",
             min=1,
-            help="Cases that run at the same time; one per processor by default.",
+            help="Cases to run at the same time; one per processor by default.",
             show_default=False,
         ),
     ] = None,
@@ -88,11 +90,11 @@ def calibrate(
     plugin: PluginFiles = None,
     as_json: AsJson = False,
 ) -> None:
-    """Check the posterior where the truth is known.
+    """Check intervals against simulated joints whose parameters are known.
 
-    Joints are drawn from the ranges, each is measured with noise and identified. If the posterior is
-    right, 90 % of its 90 % intervals hold the truth, and the truth's rank among the samples is uniform. Ctrl-C ends it
-    with the cases that are done. A case that fails does not end the others; the exit code is then 1. Files of an
+    Joints are drawn from the ranges; each is measured with noise and identified. For a correct posterior, 90 % of the
+    90 % intervals contain the true value, and the rank of the true value among the samples is uniform. After Ctrl-C
+    the finished cases are reported. A case that fails does not end the others; the exit code is then 1. Files of an
     earlier run in the output folder are replaced.
     """
     import dovetail_bench

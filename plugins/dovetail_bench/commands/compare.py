@@ -38,7 +38,10 @@ def compare(
     cases: Annotated[Path, typer.Argument(metavar="CASES", help="Measurements of one assembly's joint (YAML).")],
     methods: Annotated[
         str | None,
-        typer.Option(metavar="NAMES", help="With commas: refined, posterior, multistart, rigid; umap, pca+robust, ..."),
+        typer.Option(
+            metavar="NAMES",
+            help="Methods, separated by commas: refined, posterior, multistart, rigid, umap, pca+robust, ...",
+        ),
     ] = None,
     samples: Annotated[
         int | None, typer.Option(metavar="N", min=1, help="FRFs to train networks on.", show_default=False)
@@ -47,7 +50,7 @@ def compare(
         Path | None, typer.Option("--data", metavar="FOLDER", help="A dataset to train networks on.")
     ] = None,
     truth: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="JSON with the true values of synthetic measurements.")
+        Path | None, typer.Option(metavar="FILE", help="JSON file with the true values of synthetic measurements.")
     ] = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the report and the tables.")
@@ -57,9 +60,10 @@ def compare(
 ) -> None:
     """Compare methods of identification.
 
-    Each identifies the joint from each measurement. Shown are the agreement of the reconstructed FRFs with the
-    measured ones, resonances, parameters and times. Files of an earlier run in the output folder are replaced. A case
-    that fails does not end the others; the exit code is then 1. It is 3 where a result is not trustworthy.
+    Each method identifies the joint from each measurement. The result lists the agreement of the reconstructed FRFs
+    with the measured ones, resonances, parameters and times. Files of an earlier run in the output folder are
+    replaced. A case that fails does not end the others; the exit code is then 1. It is 3 if a result is not
+    trustworthy.
     """
     import dovetail_bench
     from dovetail.commands import prepare_folder, writing

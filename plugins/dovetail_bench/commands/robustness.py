@@ -36,7 +36,8 @@ def _levels(text: str) -> tuple[float, ...]:
 def robustness(
     assembly: AssemblyFile,
     models: Annotated[
-        str | None, typer.Option(metavar="NAMES", help="Reducers, with commas; 'pca+robust' is trained with noise.")
+        str | None,
+        typer.Option(metavar="NAMES", help="Reducers, separated by commas; 'pca+robust' is trained with noise."),
     ] = None,
     levels: Annotated[
         Any,
@@ -44,7 +45,7 @@ def robustness(
             "--levels",
             metavar="LEVELS",
             parser=_levels,
-            help="Noise over the data's standard deviation, with commas, such as 0,1%.",
+            help="Noise relative to the standard deviation of the data, separated by commas, such as 0,1%.",
         ),
     ] = "0,0.01,0.02,0.05,0.1,0.15,0.2",
     seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of the noise.")] = 0,
@@ -58,10 +59,10 @@ def robustness(
     plugin: PluginFiles = None,
     as_json: AsJson = False,
 ) -> None:
-    """Show how accuracy falls with noise.
+    """Show how the accuracy of networks falls with noise.
 
-    One network for each model is trained, on clean FRFs or ('+robust') on noisy ones, and evaluated on noisy ones.
-    R2 is the mean over the parameters, RMSE a part of their ranges. Files of an earlier run in the output folder are
+    One network per reducer is trained, on clean FRFs or ("+robust") on noisy ones, and evaluated on noisy FRFs. R2 is
+    the mean over the parameters, RMSE is relative to their ranges. Files of an earlier run in the output folder are
     replaced.
     """
     import dovetail

@@ -41,11 +41,12 @@ def study(
     scheduler: Scheduler = None,
     as_json: AsJson = False,
 ) -> None:
-    """Try settings of the training.
+    """Try out training settings.
 
-    The section 'study:' of the description lists them: options one by one, options together, or both. The best on a
-    validation part are evaluated once on a test part, and written as a description that extends the old one. The same
-    command continues a study that was interrupted or killed. Run it several times at once to share the trials.
+    The section 'study:' of the description lists them: options to vary one by one, a search over several options, or
+    both. The settings that are best on a validation part are evaluated once on a test part, and written as a
+    description that extends the original one. The same command continues an interrupted study; run it several times
+    at once to share the trials.
     """
     import dovetail_bench
     from dovetail.commands import prepare_folder

@@ -37,7 +37,9 @@ def validate(
     cases: Annotated[
         Path, typer.Argument(metavar="CASES", help="Measurements and the models that predict them (YAML).")
     ],
-    method: Annotated[str, typer.Option("--method", metavar="METHOD", help="How joints are identified.")] = "refined",
+    method: Annotated[
+        str, typer.Option("--method", metavar="METHOD", help="Method by which joints are identified.")
+    ] = "refined",
     output: Annotated[
         Path | None,
         typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the report, the table and the figures."),
@@ -45,11 +47,11 @@ def validate(
     reading: Reading = NOTHING_SET,
     as_json: AsJson = False,
 ) -> None:
-    """Hold models against measurements.
+    """Compare predictions of models with measurements.
 
-    For each case: the resonances as measured, without the accelerometer, and as predicted by the model, with the joint
-    that was identified elsewhere. Files of an earlier run in the output folder are replaced. A case that fails does not
-    end the others; the exit code is then 1. It is 3 where a joint is not trustworthy.
+    For each case: the measured resonances, corrected for the accelerometer, and those that the model predicts with a
+    joint that was identified elsewhere. Files of an earlier run in the output folder are replaced. A case that fails
+    does not end the others; the exit code is then 1. It is 3 if a joint is not trustworthy.
     """
     import dovetail_bench
     from dovetail.commands import prepare_folder, writing
