@@ -56,7 +56,7 @@ def test_ctrl_c_writes_what_is_there(interruptible, bench, tmp_path):
     ("arguments", "code", "found"),
     [
         (["--cases", "0"], 2, "--cases"),
-        (["--noise", "0"], 1, "is no noise"),
+        (["--noise", "0"], 1, "is not positive"),
         (["--finer-mesh", "4"], 1, "none of its parts has a mesh"),
         (["--model-error", "2"], 2, "'2' may mean 2 % or 200 %"),
         (["--model-error", "200%"], 1, "no relative error"),

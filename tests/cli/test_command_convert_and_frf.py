@@ -76,7 +76,7 @@ def test_one_of_several_by_its_dofs(run, tmp_path):
         kinds = {"abscissa_spec_data_type": 18, "ordinate_spec_data_type": 12, "orddenom_spec_data_type": 13}
         pyuff.UFF(str(path)).write_sets({**one, **kinds, "data": node * accelerance(AXIS)}, mode="add")
     fault = run("convert", path, tmp_path / "a.csv", code=1).stderr
-    assert "the file holds 2 FRFs, and one is wanted" in fault
+    assert "the file holds 2 FRFs; choose one" in fault
     assert not (tmp_path / "a.csv").exists()
     shown = run("convert", path, tmp_path / "a.csv", "--response", "2+x", "--force", "1").stdout
     assert "from 1+x to 2+x" in shown
@@ -283,8 +283,8 @@ def test_a_time_of_too_few_digits_is_left_out_as_the_error_says(run, tmp_path):
 
 def test_faults_of_frf(run, tmp_path, hits):
     table = "time,force,response\n" + "".join(f"{n / 100},{n % 7},{n % 5}\n" for n in range(50))
-    assert "'speed' is no unit of a motion" in fault_of(run, tmp_path, "a.csv", table, "--response-unit", "speed")
-    assert "'m' is no unit of a force" in fault_of(run, tmp_path, "a.csv", table, "--force-unit", "m")
+    assert "'speed' is not a unit of motion" in fault_of(run, tmp_path, "a.csv", table, "--response-unit", "speed")
+    assert "'m' is not a unit of force" in fault_of(run, tmp_path, "a.csv", table, "--force-unit", "m")
     assert "not one of H1, H2" in fault_of(run, tmp_path, "a.csv", table, "--estimator", "H9", code=2)
     assert "does not increase in even steps" in fault_of(run, tmp_path, "a.csv", table.replace("0.25,", "0.29,"))
     assert "the force is nan at impact 1, sample 4" in fault_of(

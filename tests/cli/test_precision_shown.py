@@ -141,7 +141,9 @@ def test_a_best_fit_at_a_bound_or_outside_its_interval_is_said_to_be(shown):
     assert (row.best_fit_at, row.best_fit_outside) == ("upper" if at_end else "", outside)
     assert (shown.csv[0]["best_fit_at"], shown.csv[0]["best_fit_outside"]) == (row.best_fit_at, str(outside))
     where = ", ".join(["at the upper end of its range"] * at_end + ["outside its interval"] * outside)
-    assert (where in shown.terminal.split("best fit lies")[-1]) if where else "best fit lies" not in shown.terminal
+    assert (
+        (where in shown.terminal.split("best fit position")[-1]) if where else "best fit position" not in shown.terminal
+    )
     assert (f"The best fit lies {where}." in shown.page) == bool(where)
     explained = "The best fit of k lies outside its 90 % interval: where many sets fit nearly equally well"
     for text in (shown.terminal, shown.page):

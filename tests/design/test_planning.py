@@ -131,7 +131,7 @@ def test_the_command_prints_the_ranking(assemblies):
 def test_what_cannot_be_planned(collet, assemblies):
     with pytest.raises(ParameterError, match="no substructure 'tol'"):
         plan_measurements(collet, ["tol"])
-    with pytest.raises(ParameterError, match="is no noise"):
+    with pytest.raises(ParameterError, match="is not positive"):
         plan_measurements(collet, noise=0.0)
     with pytest.raises(ParameterError, match="nothing to measure for"):
         plan_measurements(dovetail.load(assemblies / "campaign" / "t0.yaml"))

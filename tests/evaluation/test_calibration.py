@@ -145,10 +145,10 @@ def test_ctrl_c_before_any_case_is_done_ends_it(sdof):
     ("options", "message"),
     [
         ({"cases": 0}, "0 cases are none"),
-        ({"noise": 0.0}, "is no noise"),
-        ({"noise": float("nan")}, "is no noise"),
+        ({"noise": 0.0}, "is not positive"),
+        ({"noise": float("nan")}, "is not positive"),
         ({"workers": 0}, "0 are none"),
-        ({"finer_mesh": 0}, "no number of elements"),
+        ({"finer_mesh": 0}, "not a number of elements"),
         ({"finer_mesh": 2}, "none of its parts has a mesh"),
         ({"samples": 0}, "0 must be at least 20"),
         ({"model_error": -1.0}, "no relative error"),

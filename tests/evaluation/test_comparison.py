@@ -97,7 +97,7 @@ def test_the_command_writes_report_and_tables(cases):
     assert float(stiff["truth"]) == 4e6
     assert stiff["verdict"] == "identified"
     page = (cases / "out" / "comparison.html").read_text(encoding="utf-8")
-    for words in ("Mean coherence", "Resonances", "What each measurement tells", "amplitude, phase and coherence", "✓"):
+    for words in ("Mean coherence", "Resonances", "What each measurement shows", "amplitude, phase and coherence", "✓"):
         assert words in page
     assert page.count('data-chart="chart-') == 2
     assert 'src="' not in page

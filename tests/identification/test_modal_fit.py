@@ -224,7 +224,7 @@ def test_what_modal_parameters_cannot_have_is_one_error(chain, tmp_path):
         with pytest.raises(dovetail.ParameterError, match=problem):
             dovetail.identify(chain, dovetail.ModalParameters(table.frequency[:2]), **options)
     (tmp_path / "modes.csv").write_text("frequency_Hz,damping_percent\n100,1\n150,1\n")
-    with pytest.raises(dovetail.MeasurementError, match="a table of modal parameters, no FRF"):
+    with pytest.raises(dovetail.MeasurementError, match="a table of modal parameters, not an FRF"):
         dovetail.identify(chain, tmp_path / "modes.csv")
     result = dovetail.identify(chain, dovetail.ModalParameters(table.frequency[:2]), form="laplace")
     with pytest.raises(dovetail.DovetailError, match="has no FRF, and no report"):

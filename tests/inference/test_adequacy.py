@@ -160,7 +160,7 @@ def test_what_lies_between_the_end_and_the_response_stays_as_it_is(collet, node)
 
 @pytest.mark.parametrize(("node", "part"), [(0, None), (7, 0.05 + 0.95 * 70 / 80)])
 def test_overhangs_are_shortened_to_no_less_than_a_twentieth_beyond_the_response(collet, node, part):
-    """Of 80 mm that stand out of the collet, those up to the response stay; else the logarithm is -0.5 at least."""
+    """Of 80 mm that protrude from the collet, those up to the response stay; else the logarithm is -0.5 at least."""
     (response,) = collet.description.responses
     assembly = Assembly(replace(collet.description, responses=(replace(response, node=node),)))
     lower = perturbation(assembly, "tool: overhang at 0 mm").lower
@@ -392,6 +392,6 @@ def test_a_gain_that_nothing_of_the_structure_tells_is_mentioned(sdof, mass, siz
     ripple = 1.0 + size * np.sin(np.arange(len(assembly.frequency)) / 9.0)
     measured = noisy(assembly, assembly.frf(truth) * ripple, 0.005, 3)
     result = dovetail.identify(assembly, measured, "refined", cause_seconds=0)
-    said = [reason for reason in result.adequacy.reasons if "does not tell its own gain" in reason]
+    said = [reason for reason in result.adequacy.reasons if "does not reveal its own gain" in reason]
     assert bool(said) == (mass == "sought")
     assert not said or "k, c, mass.masses.0.mass are wrong by as much" in said[0]

@@ -55,7 +55,7 @@ WORDS = {
     "conjugate": "the phase conjugated",
     "quantity": "the values read as mobility, not as accelerance.*",
     "mass": r"a mass of .* g added to the model at the response \(an accelerometer\?\)",
-    "overhang": r"the tool standing out of the collet by \S+ mm in place of 80 mm",
+    "overhang": r"the tool protruding \S+ mm from the collet instead of 80 mm",
 }
 
 

@@ -221,7 +221,7 @@ RECORD = np.sin(np.arange(64.0))
         (0 * RECORD, RECORD, 1e3, {}, "the force of impact 1 is zero throughout"),
         (RECORD, RECORD, 1e3, {"estimator": "H3"}, "'H3' is none"),
         (RECORD, RECORD, 1e3, {"quantity": "speed"}, "'speed' is not a quantity"),
-        (RECORD, RECORD, 1e3, {"exponential_window": 0.0}, r"0\.0 is no value at the end"),
+        (RECORD, RECORD, 1e3, {"exponential_window": 0.0}, r"0\.0 is not a final value of the window"),
     ],
 )
 def test_faults(force, response, rate: float, options: dict, message: str) -> None:

@@ -81,11 +81,11 @@ def test_amplitude_phase_and_coherence(tmp_path: Path) -> None:
 def test_one_of_several_segments_and_columns_by_their_names(tmp_path: Path, refused) -> None:
     twice = HEADER + SEGMENT.replace("3.0", "7.0") + "\n" + SEGMENT
     assert refused("a.lvm", twice) == (
-        "a.lvm\n  the file holds 2 segments, and one is wanted:\n    1: FRF (Real), FRF (Imag)\n"
+        "a.lvm\n  the file holds 2 segments; choose one:\n    1: FRF (Real), FRF (Imag)\n"
         "    2: FRF (Real), FRF (Imag)\n  Choose it by its number, for example `index=1`."
     )
     check(read_frf(tmp_path / "a.lvm", index=2))
-    assert "and one is wanted" in refused("a.lvm", twice, index=3)
+    assert "choose one" in refused("a.lvm", twice, index=3)
     assert refused("a.lvm", HEADER + SEGMENT.replace("FRF (Real)", "FRF A")).startswith(
         "a.lvm: segment 1\n  the values are not to be found by their name; the file holds:\n    frequency: Hz\n"
     )

@@ -76,11 +76,11 @@ def test_one_of_a_matrix_of_frfs(tmp_path: Path, axes: tuple) -> None:
     path = saved(tmp_path / "a.mat", f=FREQUENCY, H=np.transpose(frfs, axes), quantity="mobility")
     np.testing.assert_array_equal(read_frf(path, response="2", force="3").values, frfs[:, 1, 2])
     assert fault_of(path) == (
-        "a.mat\n  'H' holds 2 x 3 FRFs, and one is wanted.\n"
+        "a.mat\n  'H' holds 2 x 3 FRFs; choose one.\n"
         "  Choose it by response and force, counted from 1.  Accepted: numbers of 1 to 2, 1 to 3"
     )
     for wrong in ({"response": "3", "force": "1"}, {"response": "0", "force": "1"}, {"response": "tip", "force": "1"}):
-        assert "holds 2 x 3 FRFs, and one is wanted" in fault_of(path, **wrong)
+        assert "holds 2 x 3 FRFs; choose one" in fault_of(path, **wrong)
 
 
 @pytest.mark.usefixtures("unguarded")

@@ -70,7 +70,7 @@ def test_faults(tmp_path: Path, text: str) -> None:
 
 
 def test_what_is_no_table(tmp_path: Path) -> None:
-    with pytest.raises(MeasurementError, match="this is no table of modal parameters"):
+    with pytest.raises(MeasurementError, match="this is not a table of modal parameters"):
         read_modal_parameters(tmp_path / "a.uff")
     with pytest.raises(MeasurementError, match=r"damping_ratio has the shape \(1,\), not \(n_modes,\)"):
         ModalParameters(np.array([1.0, 2.0]), np.array([0.1]))

@@ -101,7 +101,7 @@ def test_arrays_of_other_types(tmp_path: Path) -> None:
         ),
         (
             saved(frequency=AXIS, amplitude=np.ones((3, 2))),
-            "a.npz\n  'amplitude' holds 2 FRFs, and one is wanted.\n"
+            "a.npz\n  'amplitude' holds 2 FRFs; choose one.\n"
             "  Choose it by one of index, response, force, counted from 1.  Accepted: numbers of 1 to 2",
         ),
         (

@@ -60,7 +60,7 @@ def test_one_of_several_has_to_be_chosen(tmp_path, measured):
     with pytest.raises(MeasurementError) as error:
         dovetail.read_frf(measured, plugins=plugin(tmp_path, TWO))
     fault = error.value.faults[0]
-    assert fault.problem == ("the file holds 2 FRFs, and one is wanted:\n    1: 3+x over 1-x\n    2: 2+x over 1+x")
+    assert fault.problem == ("the file holds 2 FRFs; choose one:\n    1: 3+x over 1-x\n    2: 2+x over 1+x")
 
 
 def test_a_file_of_another_format_is_left_to_dovetail(tmp_path):

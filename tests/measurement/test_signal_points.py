@@ -37,7 +37,7 @@ def test_a_roving_hammer_is_refused_with_a_choice_of_nodes(file):
     with pytest.raises(MeasurementError) as refusal:
         read_signals(file)
     text = str(refusal.value)
-    assert "impacts at 3 pairs of points, and one pair is wanted" in text
+    assert "impacts at 3 pairs of points; choose one pair" in text
     assert "response 1+z, force 2+z: 1 impacts" in text
     assert "`response='1+z'` `force='1+z'`" in text
     for node, wanted in ((1, "1"), (2, "2+z"), (3, "3z")):

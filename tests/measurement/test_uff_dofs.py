@@ -55,9 +55,7 @@ def test_the_dofs_come_along(several: Path) -> None:
 
 def test_what_is_ambiguous_or_missing_is_listed(several: Path) -> None:
     message = fault_of(several, response="2", force="1")
-    assert message.startswith(
-        "a.uff\n  the file holds 2 FRFs that fit, and one is wanted:\n    set 1: FRF, response 1 +x"
-    )
+    assert message.startswith("a.uff\n  the file holds 2 FRFs that fit; choose one:\n    set 1: FRF, response 1 +x")
     assert message.endswith("for example index=2.")
     for wrong in ({"response": "3"}, {"response": "2+z"}, {"response": "1-x"}, {"force": "nut"}):
         assert fault_of(several, **wrong).startswith("a.uff\n  no FRF from ")
@@ -154,7 +152,7 @@ def test_dofs_that_contradict_the_file_or_are_none(several: Path) -> None:
         "the file says that it holds the DOF 2-y, the argument says 2+y.\n"
         "  Leave the argument out, or correct the file."
     )
-    assert fault_of(several, index=3, dofs=("2+q", "1+x")).startswith("the argument dofs\n  '2+q' is no DOF.\n")
+    assert fault_of(several, index=3, dofs=("2+q", "1+x")).startswith("the argument dofs\n  '2+q' is not a DOF.\n")
 
 
 @pytest.mark.parametrize(("response", "force"), [("5x", "5+x"), ("5X", "5x"), ("5-x", "5+x")])

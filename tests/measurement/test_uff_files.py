@@ -245,7 +245,7 @@ def test_several_frfs_are_listed_and_chosen_by_number(tmp_path: Path) -> None:
         "\n    set 4: coherence, response 1 +x, reference 1 +x, 'trust'"
     )
     assert fault_of(path) == (
-        f"a.uff\n  the file holds 2 FRFs, and one is wanted:{table}\n"
+        f"a.uff\n  the file holds 2 FRFs; choose one:{table}\n"
         "  Choose one by its DOFs (response, force) or its number, for example index=2."
     )
     first, second = read_frf(path, index=2), read_frf(path, index=3)
@@ -272,7 +272,7 @@ def test_a_coherence_of_other_frequencies_stays_out(tmp_path: Path) -> None:
 
 def test_a_long_listing_is_cut(tmp_path: Path) -> None:
     message = fault_of(file_of(tmp_path, *[set_58(FREQUENCY, VALUES)] * 23))
-    assert message.startswith("a.uff\n  the file holds 23 FRFs, and one is wanted:\n    set 1: FRF")
+    assert message.startswith("a.uff\n  the file holds 23 FRFs; choose one:\n    set 1: FRF")
     assert "\n    set 20: FRF, response 1 +x, reference 1 +x, 'hammer'\n    and 3 more\n" in message
 
 

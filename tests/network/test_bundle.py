@@ -276,7 +276,7 @@ def test_a_model_of_the_first_format_loads_without_novelty(
     older = dovetail.load_model(bundle)
     result = older.identify(measured, "network")
     assert result.adequacy is None
-    assert any("cannot tell whether the measurement" in warning for warning in result.warnings)
+    assert any("cannot judge whether the measurement" in warning for warning in result.warnings)
     np.testing.assert_array_equal(result.theta, model.identify(measured, "network").theta)
     assert older.save(bundle) == bundle
     assert dovetail.load_model(bundle).novelty is None

@@ -203,9 +203,9 @@ def test_the_network_is_evaluated_if_the_provenance_says_how_well_it_does(
 ) -> None:
     text = written(result, tmp_path).text
     assert "Over 1200 simulated joints" in text
-    assert "0.97 0.420 mm 3.0" in " ".join(text[text.index("What the network can tell") :].split())
+    assert "0.97 0.420 mm 3.0" in " ".join(text[text.index("What the network can estimate") :].split())
     bare = {key: value for key, value in result.provenance.items() if key != "evaluation"}
-    assert "What the network can tell" not in written(replace(result, provenance=bare), tmp_path).text
+    assert "What the network can estimate" not in written(replace(result, provenance=bare), tmp_path).text
 
 
 def test_provenance_and_the_collapsed_description(result: Identification, tmp_path: Path) -> None:

@@ -109,7 +109,7 @@ def test_numbers_of_averages(averages, tmp_path):
     if averages.endswith("5") and averages.startswith("0"):
         assert dovetail.read_frf(file).averages == 5
     else:
-        with pytest.raises(DovetailError, match=r"m.csv:2\n.* is no number of averages") as caught:
+        with pytest.raises(DovetailError, match=r"m.csv:2\n.* is not a number of averages") as caught:
             dovetail.read_frf(file)
         assert len(str(caught.value)) < 300
 
@@ -311,7 +311,7 @@ def test_the_commands_name_the_file_and_the_cause(small, frf, result, tmp_path, 
             *command, "codes.npz"
         )
         assert "huge.csv:3\n  the value is 1.41e+300, which no structure has" in run(*command, "huge.csv")
-        assert "is no number of averages" in run(*command, "averages.csv")
+        assert "is not a number of averages" in run(*command, "averages.csv")
     for command in ("check", "simulate"):
         assert "far.yaml" in run(command, "far.yaml")
         assert "1e+300 Hz is far above the frequencies of any structure" in run(command, "far.yaml")

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from dovetail.interfaces import IdentificationMethod
     from dovetail.report.content import ParameterRow
 
-_WORDS = ("unit", "precision", "verdict", "best fit lies", "range")
+_WORDS = ("unit", "precision", "verdict", "best fit position", "range")
 """Columns of the table of parameters, in addition to the first, that are not numbers."""
 
 ModelOrAssembly = Annotated[
@@ -373,7 +373,7 @@ def _print_parameters(result: Identification | ModalIdentification, truth: Truth
         "network": lambda row: row.network,
         "its error [%]": lambda row: row.network_error if with_truth else "",
         "best fit": lambda row: row.best_fit,
-        "best fit lies": lambda row: row.best_fit_lies,
+        "best fit position": lambda row: row.best_fit_place,
         "range": lambda row: f"{row.lower} to {row.upper}",
     }
     texts = []

@@ -1,4 +1,4 @@
-"""Messages of the library on the command line, which name options in place of arguments."""
+"""Messages of the library on the command line, with options instead of arguments."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _OPTIONS = {
 
 
 def with_options(text: str) -> str:
-    """Return a message with options in place of arguments: ``"`columns='a,b'`"`` becomes ``"--columns a,b"``."""
+    """Return a message with options instead of arguments: ``"`columns='a,b'`"`` becomes ``"--columns a,b"``."""
     return _ARGUMENT.sub(_option, text)
 
 

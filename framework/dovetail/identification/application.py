@@ -37,9 +37,9 @@ _LEAST_PART = 0.5
 """The same in parts of the better fit's sum of squares, which errors of the model make large for any fit."""
 _SAME_FRACTION = 1e-6
 """Rounding that fractions of ranges and sums of weights may have."""
-_CANNOT_TELL = (
-    "This model cannot tell whether the measurement is like what it was trained on, since it is of an earlier version "
-    "or takes several responses: use the method 'refined' to be sure."
+_CANNOT_JUDGE = (
+    "This model cannot judge whether the measurement resembles its training data, since it is from an earlier version "
+    "or has several responses: use the method 'refined' to be sure."
 )
 
 
@@ -160,7 +160,7 @@ class Application:
             posterior = _posterior_of(problem, estimate.samples, time.monotonic() - began)
         theta = estimate.theta if posterior is None else posterior.estimate
         verdict: Adequacy | None = None
-        unsure: tuple[str, ...] = (_CANNOT_TELL,)
+        unsure: tuple[str, ...] = (_CANNOT_JUDGE,)
         if trained is not None:
             if trained.novelty is not None:
                 amplitude = trained.assembly.accelerance_amplitude(estimate.theta).astype(np.float64)

@@ -71,7 +71,7 @@ def measured_noises(assembly: Assembly) -> list[MeasuredNoise | None]:
         noises = [MeasuredNoise.of(frf, assembly.frequency) for frf in frfs]
     except (MeasurementError, FileError) as error:
         fault = error.faults[0]
-        remedy = "Choose one with 'like_index', from 1." if "one is wanted" in fault.problem else fault.remedy
+        remedy = "Choose one with 'like_index', from 1." if "choose one" in fault.problem else fault.remedy
         raise type(error)(Fault(f"{_LIKE}  {fault.where}", fault.problem, fault.accepted, remedy)) from None
     return [*noises] if len(noises) == count else [noises[0]] * count
 

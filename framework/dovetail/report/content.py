@@ -77,7 +77,7 @@ class ParameterRow:
     interval: str
     unit: str
     best_fit: str
-    best_fit_lies: str
+    best_fit_place: str
     """Whether the best fit is at an end of the range, or outside the interval; empty if neither."""
     groups: tuple[GroupRow, ...]
     reason: str
@@ -311,7 +311,7 @@ def _parameter_row(row: TableRow, withheld: bool, true: float | None) -> Paramet
         interval="withheld" if withheld else interval(low, high),
         unit=shown.text,
         best_fit=text(row.best_fit),
-        best_fit_lies=_place_of_best_fit(row),
+        best_fit_place=_place_of_best_fit(row),
         groups=tuple(
             GroupRow(
                 f"{group.weight:.0%}".replace("%", " %"),

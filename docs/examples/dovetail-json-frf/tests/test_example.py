@@ -19,7 +19,7 @@ def test_an_frf_is_chosen_and_converted():
 
 
 def test_one_of_several_has_to_be_chosen():
-    with pytest.raises(dovetail.MeasurementError, match="holds 2 FRFs, and one is wanted"):
+    with pytest.raises(dovetail.MeasurementError, match="holds 2 FRFs; choose one"):
         dovetail.read_frf(FOLDER / "block.json")
 
 

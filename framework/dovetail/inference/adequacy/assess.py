@@ -284,8 +284,8 @@ def _remarks(problem: Problem, fit: Fit, in_intervals: ModelError | None) -> Ite
         if in_intervals is not None:
             shown = f"the intervals allow for {100.0 * in_intervals.magnitude:.2g} % of it (a standard deviation)"
         yield (
-            f"The measurement does not tell its own gain: if that is wrong, {listing(followers)} are wrong by as much, "
-            f"and {shown}. State a mass or a stiffness that is known, or measure with a known mass added."
+            f"The measurement does not reveal its own gain: if that is wrong, {listing(followers)} are wrong by as "
+            f"much, and {shown}. State a mass or a stiffness that is known, or measure with a known mass added."
         )
 
 

@@ -63,7 +63,7 @@ class Perturbation:
     apply : callable
         From an amount to the perturbed assembly.
     describe : callable
-        From an amount to words that follow "with": "the tool standing out of the collet by 31 mm in place of 30 mm".
+        From an amount to words that follow "with": "the tool protruding 31 mm from the collet instead of 30 mm".
     lower, upper : float
         Bounds of the amount.
     negligible : float
@@ -148,14 +148,14 @@ def _with_overhang(assembly: Assembly, overhang: Overhang, amount: float) -> Ass
 def _describe_overhang(overhang: Overhang, amount: float) -> str:
     described = 1e3 * overhang.length
     actual = described * np.exp(amount)
-    lengths = f"{actual:.3g} mm in place of {described:.4g} mm"
-    return f"the {overhang.substructure} standing out of the {overhang.joint} by {lengths}"
+    protruding = f"the {overhang.substructure} protruding {actual:.3g} mm from the {overhang.joint}"
+    return f"{protruding} instead of {described:.4g} mm"
 
 
 def _describe(substructure: str, quantity: ConfigQuantity, amount: float) -> str:
     value = quantity.value
     actual, described = (format_quantity(size, quantity.unit, 4) for size in (value * np.exp(amount), value))
-    return f"'{quantity.name}' of the {substructure} at {actual} in place of {described}"
+    return f"'{quantity.name}' of the {substructure} at {actual} instead of {described}"
 
 
 class PerturbedResiduals(SumOfSquares):

@@ -57,6 +57,6 @@ def _choose(path: Path, segments: Sequence[RecordedChannels], index: int | None)
         return segments[0]
     if index is None or not 1 <= index <= len(segments):
         rows = "".join(f"\n    {number}: {listing(s.names, 6)}" for number, s in enumerate(segments[:20], start=1))
-        problem = f"the file holds {len(segments)} segments, and one is wanted:{rows}"
+        problem = f"the file holds {len(segments)} segments; choose one:{rows}"
         raise MeasurementError(Fault(str(path), problem, remedy="Choose it by its number, for example `index=1`."))
     return segments[index - 1]

@@ -184,7 +184,7 @@ def _select_column(archive: RecordedArrays, name: str, shape: tuple[int, ...], o
     if len(numbers) != len(shape) or any(not 1 <= n <= length for n, length in zip(numbers, shape, strict=True)):
         say = " and ".join(selectors) if len(shape) > 1 else "one of " + ", ".join(selectors)
         ranges = ", ".join(f"1 to {length}" for length in shape)
-        problem = f"'{name}' holds {' x '.join(map(str, shape))} FRFs, and one is wanted."
+        problem = f"'{name}' holds {' x '.join(map(str, shape))} FRFs; choose one."
         raise MeasurementError(
             Fault(str(archive.path), problem, f"numbers of {ranges}", f"Choose it by {say}, counted from 1.")
         )

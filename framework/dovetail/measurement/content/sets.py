@@ -165,7 +165,7 @@ def select_set(path: Path, sets: Sequence[RecordedSet], options: ReadOptions) ->
         wanted = f"from {options.force or 'any force'} to {options.response or 'any response'}"
         raise MeasurementError(Fault(str(path), f"no FRF {wanted} is in the file; it holds:{inventory}"))
     which = " that fit" if options.chooses else ""
-    problem = f"the file holds {len(fitting)} FRFs{which}, and one is wanted:{inventory}"
+    problem = f"the file holds {len(fitting)} FRFs{which}; choose one:{inventory}"
     remedy = f"Choose one by its DOFs (response, force) or its number, for example index={fitting[0].number}."
     raise MeasurementError(Fault(str(path), problem, remedy=remedy))
 

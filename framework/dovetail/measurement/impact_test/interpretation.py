@@ -244,9 +244,7 @@ def choose_points(
     which = f"impacts at {len(points)} pairs of points" if fitting else "no impact at these points"
     first = next(iter(held), ("", ""))
     remedy = f"Choose one: {argument('response', first[0] or 'POINT')} {argument('force', first[1] or 'POINT')}."
-    raise MeasurementError(
-        Fault(path, f"the file holds {which}, and one pair is wanted:{''.join(counts)}", remedy=remedy)
-    )
+    raise MeasurementError(Fault(path, f"the file holds {which}; choose one pair:{''.join(counts)}", remedy=remedy))
 
 
 def sampling_rate(pairs: Sequence[Pair], rate: float | None, rate_of: Callable[[Array], float]) -> float | None:
