@@ -170,8 +170,9 @@ class _Worker:
         try:
             answer: tuple[bool, Any] | Fault = ForkingPickler.loads(content)
         except Exception as error:
+            answer = _unsendable(error)
+        if isinstance(answer, Fault):
             self.end()
-            return _unsendable(error)
         return answer
 
     def end(self) -> None:
