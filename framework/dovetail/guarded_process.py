@@ -11,7 +11,9 @@ from __future__ import annotations
 import importlib.util
 import io
 import json
+import math
 import os
+import signal
 import subprocess
 import sys
 import warnings
@@ -30,6 +32,8 @@ _START = "import sys; sys.path[:0] = sys.argv[5:]; from dovetail.guarded_process
 _ENVIRONMENT = ("HOME", "LANG", "LC_ALL", "LC_CTYPE", "LD_LIBRARY_PATH", "PATH", "SYSTEMROOT", "TEMP", "TMPDIR")
 _SET = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "HDF5_PLUGIN_PRELOAD": "::"}
 """No threads, whose stacks take memory; no filters of HDF5 that would be loaded from folders."""
+_WAIT = 10.0
+"""Most seconds for each second of processor time that is allowed."""
 _WORDS = "words of the answer"
 
 
@@ -60,7 +64,8 @@ def call_guarded(
     memory : int
         Bytes of address space, half a gigabyte or more of it for the libraries themselves; not bounded on Windows.
     seconds : float
-        After which the file is given up.
+        Processor time after which the file is given up; a machine that is busy with other work may take ten times as
+        long.
 
     Returns
     -------
@@ -73,17 +78,19 @@ def call_guarded(
         Of the class `error`: what the function raised, or that it took more memory or time or ended the process.
     """
     module = sys.modules[function.__module__].__file__ or ""
-    question = json.dumps([str(path), memory, os.getpid(), arguments])
+    question = json.dumps([str(path), memory, seconds, os.getpid(), arguments])
     homes = str(Path(__file__).parents[1]), str(Path(np.__file__).parents[1])
     command = [sys.executable, "-I", "-c", _START, module, function.__module__, function.__name__, question, *homes]
     environment = {name: os.environ[name] for name in _ENVIRONMENT if name in os.environ}
+    too_long = f"the file is damaged: reading it took more than {seconds:g} seconds."
     try:
         done = subprocess.run(
-            command, input=content, capture_output=True, timeout=seconds, env=environment | _SET, check=False
+            command, input=content, capture_output=True, timeout=_WAIT * seconds, env=environment | _SET, check=False
         )
     except subprocess.TimeoutExpired:
-        problem = f"the file is damaged: reading it took more than {seconds:g} seconds."
-        raise error(Fault(str(path), problem)) from None
+        raise error(Fault(str(path), too_long)) from None
+    if done.returncode == -getattr(signal, "SIGXCPU", 0) != 0:
+        raise error(Fault(str(path), too_long))
     if done.returncode != 0:
         problem = "the file is damaged: the library that reads it gave up, or wanted more memory than is allowed."
         raise error(Fault(str(path), problem))
@@ -101,10 +108,10 @@ def call_guarded(
 def main() -> None:
     """Answer the call in the arguments, about the file on the standard input."""
     file, name, function, question = sys.argv[1:5]
-    path, memory, parent, arguments = json.loads(question)
+    path, memory, seconds, parent, arguments = json.loads(question)
     end_with_parent(parent)
     content = sys.stdin.buffer.read()
-    _bound_memory(memory)
+    _bound(memory, seconds)
     try:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", UserWarning)
@@ -136,11 +143,14 @@ def _module(name: str, file: str) -> Any:
     return module
 
 
-def _bound_memory(memory: int) -> None:
+def _bound(memory: int, seconds: float) -> None:
+    """Bound the memory and the processor time of this process."""
     try:
         import resource
     except ImportError:  # no such limits on this system; the time is bounded still
         return
-    allowed = resource.getrlimit(resource.RLIMIT_AS)[1]
-    most = memory if allowed == resource.RLIM_INFINITY else min(allowed, memory)
-    resource.setrlimit(resource.RLIMIT_AS, (most, most))
+    for kind, wanted in ((resource.RLIMIT_AS, memory), (resource.RLIMIT_CPU, math.ceil(seconds))):
+        allowed = resource.getrlimit(kind)[1]
+        most = wanted if allowed == resource.RLIM_INFINITY else min(allowed, wanted)
+        # A process that passes the soft limit of the time ends by SIGXCPU, which says why.
+        resource.setrlimit(kind, (most, most if kind == resource.RLIMIT_AS else allowed))
