@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import platform
 import sys
@@ -168,16 +169,10 @@ def require_cluster(scheduler: str) -> None:
 def _client(address: str) -> Iterator[Any]:
     """Connect with a scheduler whose workers are those of this program."""
     require_package("distributed", "dask", _WHERE)
-    from distributed import Client, KilledWorker
+    from distributed import KilledWorker
     from distributed.comm import CommClosedError
 
-    try:
-        client = Client(address, timeout=_REACHED)
-    except (OSError, ValueError, TypeError) as error:
-        problem = f"no Dask scheduler answers at '{address}' ({type(error).__name__})."
-        remedy = "Start one by 'dask scheduler', which prints its address."
-        raise DovetailError(Fault(_WHERE, problem, "an address such as tcp://host:8786", remedy)) from None
-    with client:
+    with _connect(address) as client:
         try:
             client.wait_for_workers(1, timeout=_PATIENCE)
             _require_same_versions(client.run(_versions, on_error="return"))
@@ -189,6 +184,22 @@ def _client(address: str) -> Iterator[Any]:
         except (CommClosedError, CancelledError):
             problem = "the connection with the scheduler was lost."
             raise DovetailError(Fault(_WHERE, problem, remedy="Restart it and its workers.")) from None
+
+
+def _connect(address: str) -> Any:
+    """Return a client of the scheduler at an address, at which any other program may answer, in any way."""
+    from distributed import Client
+
+    try:
+        return Client(address, timeout=_REACHED)
+    except Exception as error:
+        reason = type(error).__name__
+    # The client that failed is removed now. If Python did so while the next one starts, that start would fail: it waits
+    # for a thread with a lock held, and the removal in that thread waits for the lock.
+    gc.collect()
+    problem = f"no Dask scheduler answers at '{address}' ({reason})."
+    remedy = "Start one by 'dask scheduler', which prints its address."
+    raise DovetailError(Fault(_WHERE, problem, "an address such as tcp://host:8786", remedy))
 
 
 def _require_workers(workers: dict[str, int]) -> None:
