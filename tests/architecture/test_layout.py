@@ -9,6 +9,8 @@ from collections import Counter
 import pytest
 from house import PACKAGES, ROOT
 
+from support.waiting import PATIENCE
+
 TESTS = ROOT / "tests"
 FILES = sorted(TESTS.rglob("test_*.py"))
 SCRIPTS = {file.stem for folder in ("architecture", "benchmarks", "browser") for file in (TESTS / folder).glob("*.py")}
@@ -33,3 +35,11 @@ def test_what_modules_share_is_imported_from_support(file):
     shared = {other.stem for other in TESTS.rglob("*.py")} - SCRIPTS
     assert {module for module in imported if module in shared} == set()
     assert re.findall(r"sys\.path\.(?:insert|append)\(", text) == []
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
+def test_no_test_fails_because_the_machine_stood_still(file):
+    """A wait is given up after minutes only; no clock that goes on meanwhile is compared with a number of seconds."""
+    text = file.read_text(encoding="utf-8")
+    assert [limit for limit in re.findall(r"\btimeout=([\d.]+)", text) if float(limit) < PATIENCE] == []
+    assert re.findall(r"assert .*(?:monotonic|perf_counter|time\.time)\(\).*<=? *[\d.]+", text) == []

@@ -16,7 +16,7 @@ from pathlib import Path
 from queue import Empty, Queue
 from typing import Any
 
-PATIENCE = 30.0
+PATIENCE = 300.0
 """Seconds for an answer."""
 FLAGS = (
     "--headless",

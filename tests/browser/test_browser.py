@@ -22,6 +22,7 @@ from dovetail.report.page_server import PageServer
 from dovetail_bench.pages.calibration import write_calibration
 from dovetail_bench.pages.comparison import write_comparison
 from dovetail_bench.pages.validation import write_validation
+from support.waiting import PATIENCE
 
 pytest.importorskip("fcntl", reason="the browser is reached over pipes, as POSIX has them")
 from chromium import Browser, Page, find_chromium
@@ -281,6 +282,6 @@ def test_the_page_says_when_the_program_has_ended(browser: Browser, assemblies: 
     with browser.page(serving.address) as page:
         page.wait_for(READY)
         assert page.evaluate("document.getElementById('fit').disabled")
-    thread.join(timeout=10)  # the page was closed
+    thread.join(timeout=PATIENCE)  # the page was closed
     assert not thread.is_alive()
     serving.server_close()

@@ -16,6 +16,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from dovetail.cli.app import app
+from support.waiting import PATIENCE
 
 SMALL = """\
 extends: {parent}
@@ -130,7 +131,7 @@ def on_a_terminal(environment: dict[str, str]) -> Callable[..., Shown]:
         if until_bar:
             os.killpg(process.pid, signal.SIGKILL)
         os.close(own)
-        return Shown(written.decode(errors="replace"), first, seconds, process.wait(timeout=60))
+        return Shown(written.decode(errors="replace"), first, seconds, process.wait(timeout=PATIENCE))
 
     return call
 
@@ -141,7 +142,7 @@ def shell(command: str, environment: dict[str, str]) -> Callable[..., subprocess
 
     def call(*arguments: object) -> subprocess.CompletedProcess[str]:
         words = [command, *(str(argument) for argument in arguments)]
-        return subprocess.run(words, capture_output=True, text=True, timeout=300, env=environment)
+        return subprocess.run(words, capture_output=True, text=True, timeout=PATIENCE, env=environment)
 
     return call
 

@@ -7,6 +7,8 @@ import time
 
 import pytest
 
+from support.waiting import PATIENCE
+
 pytestmark = pytest.mark.usefixtures("few_mode_searches")
 FILES = {f"calibration.{suffix}" for suffix in ("html", "json", "md")}
 FILES |= {"parameters.csv", "cases.csv", "ranks.png", "coverage.png", "SHA256SUMS"}
@@ -44,7 +46,7 @@ def test_ctrl_c_writes_what_is_there(interruptible, bench, tmp_path):
         process = interruptible("calibrate", bench.description, "--cases", 5000, "--samples", 50, "-o", folder)
         time.sleep(seconds)
         process.send_signal(signal.SIGINT)
-        _, errors = process.communicate(timeout=120)
+        _, errors = process.communicate(timeout=PATIENCE)
         assert process.returncode == 130, errors
         if "of 5000 cases" in errors:
             break

@@ -5,21 +5,22 @@ from __future__ import annotations
 import signal
 import socket
 import sys
-import time
 import urllib.request
 from pathlib import Path
 
 import pytest
+
+from support.waiting import PATIENCE, wait_until
 
 
 def test_it_serves_a_page_until_ctrl_c(interruptible, assemblies, bench):
     process = interruptible("explore", bench.description, bench.measured, "--no-browser")
     address = process.stdout.readline().strip()
     assert address.startswith("http://127.0.0.1:")
-    with urllib.request.urlopen(address, timeout=20) as answer:
+    with urllib.request.urlopen(address, timeout=PATIENCE) as answer:
         assert "small: explorer" in answer.read().decode()
     process.send_signal(signal.SIGINT)
-    _, notes = process.communicate(timeout=20)
+    _, notes = process.communicate(timeout=PATIENCE)
     assert process.returncode == 0
     assert notes.splitlines()[-1] == "Ended."
 
@@ -35,12 +36,9 @@ def test_the_command_line_of_the_browser_does_not_hold_the_secret(interruptible,
     environment["BROWSER"] = str(browser)
     process = interruptible("explore", bench.description)
     address = process.stdout.readline().strip()
-    end = time.monotonic() + 60
-    while not (tmp_path / "line").exists():
-        assert time.monotonic() < end
-        time.sleep(0.05)
+    wait_until((tmp_path / "line").exists, process)
     process.send_signal(signal.SIGINT)
-    process.communicate(timeout=20)
+    process.communicate(timeout=PATIENCE)
     assert address in (tmp_path / "page").read_text()
     secret = address.rstrip("/").rpartition("/")[2]
     assert secret not in (tmp_path / "line").read_text()

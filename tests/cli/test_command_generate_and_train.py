@@ -4,12 +4,12 @@ import json
 import shlex
 import signal
 import subprocess
-import time
 
 import numpy as np
 import pytest
 
 import dovetail
+from support.waiting import PATIENCE, wait_until
 
 
 def test_generate_takes_number_and_seed_from_the_command_line(run, bench, tmp_path):
@@ -100,13 +100,9 @@ def test_ctrl_c_leaves_a_dataset_to_go_on_with(command, interruptible, environme
     arguments = ["generate", str(description), "-o", str(folder), "--samples", "6000"]
     arguments += ["--storage", "complex", "--interpolation", "1e-09", "--plugin", str(plugin)]
     process = interruptible(*arguments)
-    deadline = time.monotonic() + 120
-    while not (folder / "written" / "c" / "0").exists():
-        assert process.poll() is None, process.communicate()
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
+    wait_until((folder / "written" / "c" / "0").exists, process)
     process.send_signal(signal.SIGINT)
-    printed, said = process.communicate(timeout=60)
+    printed, said = process.communicate(timeout=PATIENCE)
     assert process.returncode == 130, said
     assert printed == ""
     assert "Traceback" not in said
@@ -114,7 +110,7 @@ def test_ctrl_c_leaves_a_dataset_to_go_on_with(command, interruptible, environme
     resumed = said.splitlines()[-1].strip()
     assert resumed == f"dovetail {shlex.join(arguments)} --resume"
     done = subprocess.run(
-        [command, *shlex.split(resumed)[1:]], capture_output=True, text=True, env=environment, timeout=300
+        [command, *shlex.split(resumed)[1:]], capture_output=True, text=True, env=environment, timeout=PATIENCE
     )
     assert done.returncode == 0, done.stderr
     dataset = dovetail.Dataset(folder)

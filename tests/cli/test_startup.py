@@ -9,6 +9,8 @@ import sys
 
 import pytest
 
+from support.waiting import PATIENCE
+
 HEAVY = ("torch", "umap", "numba", "matplotlib")
 
 LOADED_AFTER = f"""
@@ -39,7 +41,7 @@ except SystemExit as exit:
 )
 def test_heavy_packages_stay_unloaded(code):
     script = LOADED_AFTER.format(code=code)
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120)
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=PATIENCE)
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1] == "[]"
 
@@ -54,7 +56,7 @@ def test_heavy_packages_stay_unloaded(code):
 )
 def test_what_many_short_processes_import_loads_little(module, unloaded):
     script = f"import sys, {module}; print([name for name in {unloaded} if name in sys.modules])"
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120, check=True)
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=PATIENCE, check=True)
     assert done.stdout == "[]\n"
 
 
@@ -63,7 +65,7 @@ def least(command: list[str]) -> float:
     seconds = []
     for _ in range(5):
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        subprocess.run(command, capture_output=True, check=True, timeout=60)
+        subprocess.run(command, capture_output=True, check=True, timeout=PATIENCE)
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         seconds.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
     return min(seconds)

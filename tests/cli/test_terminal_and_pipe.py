@@ -7,13 +7,13 @@ import re
 import signal
 import subprocess
 import sys
-import time
 import tomllib
 from pathlib import Path
 
 import pytest
 
 from dovetail.cli.app import app
+from support.waiting import PATIENCE, wait_until
 
 CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f]")
 
@@ -79,13 +79,9 @@ def test_ctrl_c_in_training_ends_without_a_traceback(interruptible, bench, tmp_p
     small = bench.description.read_text()
     description.write_text(small[: small.index("  regressor:")] + "  regressor: {model: endless}\n")
     process = interruptible("identify", description, bench.measured, "--method", "network", "--plugin", plugin)
-    deadline = time.monotonic() + 60
-    while not (tmp_path / "begun").exists():
-        assert process.poll() is None, process.communicate()
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
+    wait_until((tmp_path / "begun").exists, process)
     process.send_signal(signal.SIGINT)
-    printed, said = process.communicate(timeout=60)
+    printed, said = process.communicate(timeout=PATIENCE)
     assert process.returncode == 130
     assert printed == ""
     assert said.splitlines()[1:] == ["", "Interrupted."]
@@ -96,7 +92,12 @@ def test_a_pipe_that_closes_early_is_no_fault(command, environment):
     reader, writer = os.pipe()
     os.close(reader)
     done = subprocess.run(
-        [command, "describe", "collet"], stdout=writer, stderr=subprocess.PIPE, text=True, env=environment, timeout=60
+        [command, "describe", "collet"],
+        stdout=writer,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment,
+        timeout=PATIENCE,
     )
     os.close(writer)
     assert done.stderr == ""

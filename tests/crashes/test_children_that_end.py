@@ -6,10 +6,11 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
+
+from support.waiting import PATIENCE, wait_until
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals are of POSIX")
 
@@ -78,15 +79,9 @@ def test_no_process_outlives_the_one_that_started_it(kind, sign, tmp_path):
     )
     parent = subprocess.Popen([sys.executable, "-c", listening], cwd=tmp_path, env=environment, stderr=subprocess.PIPE)
     try:
-        end = time.monotonic() + 60
-        while len(children := [int(file.stem) for file in tmp_path.glob("*.child")]) < count:
-            assert parent.poll() is None, parent.communicate()[1].decode()
-            assert time.monotonic() < end
-            time.sleep(0.05)
+        wait_until(lambda: len(list(tmp_path.glob("*.child"))) >= count, parent)
+        children = [int(file.stem) for file in tmp_path.glob("*.child")]
     finally:
         parent.send_signal(sign)
-    parent.communicate(timeout=30)
-    end = time.monotonic() + 5
-    while any(map(is_alive, children)):
-        assert time.monotonic() < end
-        time.sleep(0.05)
+    parent.communicate(timeout=PATIENCE)
+    wait_until(lambda: not any(map(is_alive, children)))  # each would sleep for ten minutes

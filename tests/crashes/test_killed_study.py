@@ -16,6 +16,8 @@ from pathlib import Path
 
 import pytest
 
+from support.waiting import PATIENCE, wait_until
+
 pytest.importorskip("optuna")
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGKILL")
 FEW, MANY = 5, 25
@@ -85,7 +87,7 @@ def answers(place: Path) -> dict[str, str]:
     )
     with suppress(sqlite3.OperationalError):  # there are no tables yet
         if file.exists():
-            with closing(sqlite3.connect(file, timeout=60.0)) as opened:
+            with closing(sqlite3.connect(file, timeout=PATIENCE)) as opened:
                 rows = opened.execute(query).fetchall()
             assert len(rows) == len(dict(rows))
             return dict(rows)
@@ -94,10 +96,7 @@ def answers(place: Path) -> dict[str, str]:
 
 def wait_for(place: Path, number: int, workers: list[subprocess.Popen[bytes]]) -> None:
     """Wait until so many trials have an answer, or a process has ended."""
-    deadline = time.monotonic() + 200
-    while len(answers(place)) < number and all(worker.poll() is None for worker in workers):
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
+    wait_until(lambda: len(answers(place)) >= number or any(worker.poll() is not None for worker in workers))
 
 
 def trainings(place: Path) -> Counter[str]:
@@ -107,10 +106,8 @@ def trainings(place: Path) -> Counter[str]:
 
 def wait_for_training(place: Path) -> None:
     """Wait until a training begins."""
-    before, deadline = trainings(place)["b"], time.monotonic() + 200
-    while trainings(place)["b"] == before:
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
+    before = trainings(place)["b"]
+    wait_until(lambda: trainings(place)["b"] > before)
 
 
 def assert_same_as_undisturbed(place: Path) -> None:

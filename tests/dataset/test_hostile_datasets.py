@@ -13,6 +13,7 @@ import pytest
 
 import dovetail
 from dovetail.errors import DatasetError
+from support.waiting import PATIENCE
 
 
 @pytest.fixture(scope="module")
@@ -122,7 +123,11 @@ except dovetail.DatasetError as error:
 
 def test_format_2_whose_codec_unpickles_is_refused_unread(tmp_path):
     done = subprocess.run(
-        [sys.executable, "-c", PICKLE, tmp_path / "data.zarr"], capture_output=True, text=True, timeout=60, check=True
+        [sys.executable, "-c", PICKLE, tmp_path / "data.zarr"],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=True,
     )
     assert "CODE RAN" not in done.stdout
     assert done.stdout.startswith(f"{tmp_path / 'data.zarr'}\n  this is not a readable dovetail dataset (zarr.json: ")

@@ -22,6 +22,7 @@ from dovetail.cli.app import app
 from dovetail.dataset import generation
 from dovetail.errors import DatasetError
 from support.mass_on_mount import mass_on_mount
+from support.waiting import PATIENCE
 
 SAMPLES = 300
 
@@ -144,7 +145,7 @@ generation._CHUNK_BYTES = 4e4
 end = lambda stage, done, total, *_: done and os.kill(os.getpid(), signal.SIGKILL)
 dovetail.generate({str(description)!r}, {str(path)!r}, samples={SAMPLES}, shard=(1, {count}), progress=end)
 """
-    assert subprocess.run([sys.executable, "-c", script], timeout=60).returncode == -signal.SIGKILL
+    assert subprocess.run([sys.executable, "-c", script], timeout=PATIENCE).returncode == -signal.SIGKILL
     assert dovetail.Dataset(path).amplitude.complete_chunks().sum() <= 1
     with pytest.raises(DatasetError, match="are in none of the"):
         dovetail.merge_datasets([path], tmp_path / "data.zarr")
@@ -211,7 +212,9 @@ def test_the_commands_of_the_page_run_as_they_stand(tmp_path, monkeypatch):
     program.write_text('#!/bin/bash\nprintf "%s\\n" "$(printf "%q " "$@")" >> words\n')
     program.chmod(0o755)
     environment = {**os.environ, "PATH": f"{program.parent}{os.pathsep}{os.environ['PATH']}"}
-    subprocess.run(["bash", "-euo", "pipefail", "-c", first], cwd=tmp_path, env=environment, check=True, timeout=120)
+    subprocess.run(
+        ["bash", "-euo", "pipefail", "-c", first], cwd=tmp_path, env=environment, check=True, timeout=PATIENCE
+    )
     monkeypatch.chdir(tmp_path)
     for words in (tmp_path / "words").read_text().splitlines():  # in this process, which spares their starts
         done = CliRunner().invoke(app, shlex.split(words))

@@ -9,7 +9,6 @@ import signal
 import sqlite3
 import sys
 import threading
-import time
 from collections.abc import Sequence
 from contextlib import closing, suppress
 from pathlib import Path
@@ -23,6 +22,7 @@ from dovetail.description import SearchRange
 from dovetail.description.study_section import SearchSection
 from dovetail.errors import DovetailError
 from dovetail_bench.evaluation.study_plan import StudyTrial
+from support.waiting import wait_until
 
 pytest.importorskip("optuna")
 from dovetail_bench.evaluation import study_trials
@@ -36,14 +36,21 @@ def propose_one(trials: Sequence[StudyTrial]) -> StudyTrial | None:
     return None if trials else StudyTrial(0, "described", {})
 
 
-def open_store(folder: Path, lease: float = 4.0) -> TrialStore:
+def open_store(folder: Path, lease: float = 3600.0) -> TrialStore:
     return TrialStore(folder, {"study": 1}, lease)
 
 
 def let_leases_run_out(folder: Path) -> None:
-    """Make all heartbeats an hour old."""
+    """Make all heartbeats a day old."""
     with closing(sqlite3.connect(folder / "trials.db")) as file, file:
-        file.execute("UPDATE trial_heartbeats SET heartbeat = datetime('now', '-1 hour')")
+        file.execute("UPDATE trial_heartbeats SET heartbeat = datetime('now', '-1 day')")
+
+
+def has_leases(folder: Path) -> bool:
+    """Return whether there was a heartbeat within the last hour."""
+    with closing(sqlite3.connect(folder / "trials.db")) as file:
+        query = "SELECT count(*) FROM trial_heartbeats WHERE heartbeat > datetime('now', '-1 hour')"
+        return file.execute(query).fetchone()[0] > 0
 
 
 def test_a_trial_whose_process_was_interrupted_is_begun_again_at_once(tmp_path):
@@ -77,11 +84,12 @@ def test_a_trial_without_heartbeats_is_begun_again_and_its_late_result_is_refuse
 
 def test_heartbeats_are_sent_while_a_trial_runs(tmp_path):
     first, second = open_store(tmp_path), open_store(tmp_path)
+    first._storage.heartbeat_interval = 1
     attempt = first.begin(propose_one)
     assert attempt is not None
     with attempt.heartbeats():
         let_leases_run_out(tmp_path)
-        time.sleep(1.5)  # one heartbeat each second
+        wait_until(lambda: has_leases(tmp_path))  # by the next heartbeat
         assert second.begin(propose_one) is None
         attempt.succeed(ANSWER)
     assert second.trials()[0].attempts == 1

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ from dovetail.measurement import read_frf
 from support.labview_files import HEADER, SEGMENT
 from support.matlab_files import matlab_7_3
 from support.measured_files import set_58, write_sets
+from support.waiting import processor_time
 
 FREQUENCY = 10.0 + 2.5 * np.arange(60)
 VALUES = (1 + 2j) / FREQUENCY
@@ -126,10 +126,10 @@ WORDS = {
 
 
 def refusal(path: Path) -> str:
-    start = time.perf_counter()
+    start = processor_time()
     with pytest.raises((FileError, MeasurementError)) as caught:
         read_frf(path)
-    assert time.perf_counter() - start < 10
+    assert processor_time() - start < 10
     assert len(caught.value.faults) == 1
     assert str(path) in caught.value.faults[0].where
     return str(caught.value)

@@ -20,6 +20,7 @@ from dovetail.frf import Frf
 from dovetail.measurement import read_frf, write_frf
 from support.labview_files import HEADER, SEGMENT
 from support.measured_files import damaged, set_58, write_sets
+from support.waiting import PATIENCE
 
 ACCEPTED = "  Accepted: .uff, .unv, .csv, .tsv, .txt, .txf, .asc, .dat, .lvm, .npz, .npy, .mat, .h5, .hdf5, .frf"
 UNKNOWN_SUFFIX = f"  For the format of a plugin file, add `plugins=`.{ACCEPTED}"
@@ -246,7 +247,7 @@ def test_the_worst_files_take_bounded_time_and_memory(tmp_path: Path, size: int,
         [sys.executable, "-c", REFUSAL_AND_PEAK, str(seconds), str(memory), *(str(tmp_path / name) for name in worst)],
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=PATIENCE,
         check=True,
     )
     answers = {line.split()[0]: line.split(maxsplit=2)[1:] for line in result.stdout.splitlines()}

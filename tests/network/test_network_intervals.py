@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ import dovetail_bench
 from dovetail.errors import ParameterError
 from dovetail.network.augmentation import FreshEpochs
 from support.mass_on_mount import GAUSSIAN_NETWORK, mass_on_mount
+from support.waiting import PATIENCE
 
 DESCRIPTION = mass_on_mount(
     {"start": 150, "stop": 600, "step": 2},
@@ -32,14 +34,16 @@ def model():
 @pytest.fixture(scope="module")
 def result(model):
     measured = dovetail.noisy_frf(model.assembly.simulate({"k": 4e6, "c": 80.0}), 0.02, 1, kind="proportional")
-    return model.identify(measured, "network")
+    began = time.perf_counter()
+    result = model.identify(measured, "network")
+    assert 0.0 < result.posterior.seconds < time.perf_counter() - began  # not those of the training
+    return result
 
 
 def test_the_table_of_a_network_has_intervals_and_verdicts(result):
     assert (result.table[0].name, result.table[0].verdict) == ("k", "identified")
     low, high = result.interval["k"]
     assert low < 4e6 < high < 1.2 * low
-    assert result.posterior.seconds < 1.0
     assert result.parameters["k"].value == pytest.approx(result.posterior.estimate[0])
 
 
@@ -121,7 +125,7 @@ def test_a_time_ends_the_training_and_the_learning_rate_with_it():
     regressor = {"model": "mlp", "hidden": [8], "max_epochs": 100_000, "patience": 100_000}
     model = dovetail.train(small(regressor=regressor), minutes=0.02, progress=listen)
     assert 1 <= epochs[-1] < 100_000
-    assert 1.0 < model.evaluation.seconds["regressor"] < 30.0
+    assert 1.0 < model.evaluation.seconds["regressor"] < PATIENCE
 
 
 @pytest.mark.parametrize(("minutes", "regressor"), [(0.0, "mlp"), (float("nan"), "mlp"), (1.0, "sklearn")])

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from support.waiting import PATIENCE
+
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -26,7 +28,9 @@ class Environment:
     def install(self, *packages: Path) -> None:
         command = [sys.executable, "-m", "pip", "--python", str(self.scripts / "python"), "install", "-q", "--no-index"]
         options = ["--no-deps", "--no-build-isolation", "--force-reinstall", "--disable-pip-version-check"]
-        done = subprocess.run([*command, *options, *map(str, packages)], capture_output=True, text=True, timeout=300)
+        done = subprocess.run(
+            [*command, *options, *map(str, packages)], capture_output=True, text=True, timeout=PATIENCE
+        )
         assert done.returncode == 0, done.stderr
 
     def run(self, *words: object, code: int = 0, folder: Path | None = None) -> str:
@@ -41,7 +45,7 @@ class Environment:
         for name in ("PYTHONPATH", "COLUMNS"):
             variables.pop(name, None)
         done = subprocess.run(
-            [program, *map(str, words[1:])], capture_output=True, text=True, timeout=300, cwd=folder, env=variables
+            [program, *map(str, words[1:])], capture_output=True, text=True, timeout=PATIENCE, cwd=folder, env=variables
         )
         assert done.returncode == code, f"{words}\n{done.stdout}\n{done.stderr}"
         return done.stdout + done.stderr
@@ -52,7 +56,7 @@ def wheel(tmp_path_factory) -> Path:
     """Dovetail's own wheel."""
     folder = tmp_path_factory.mktemp("wheel")
     command = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation", "--no-index"]
-    subprocess.run([*command, "-w", str(folder), str(ROOT)], check=True, timeout=300)
+    subprocess.run([*command, "-w", str(folder), str(ROOT)], check=True, timeout=PATIENCE)
     (made,) = folder.glob("*.whl")
     return made
 

@@ -230,14 +230,14 @@ def placed(matrix, start, size):
 
 
 def test_the_check_of_many_dofs_takes_a_moment(tmp_path):
-    """Thirty thousand DOFs of a chain; the limit leaves room for a busy machine."""
+    """Thirty thousand DOFs of a chain."""
     _, M, K = fine_beam(1000)
     count, size = 15, M.shape[0] - 2  # the last two DOFs of a beam are the first two of the next
     starts = size * np.arange(count)
     M, K = (sum(placed(matrix, start, count * size + 2) for start in starts) for matrix in (M, K))
-    began = time.perf_counter()
+    began = time.process_time()
     load_large(tmp_path, M, K)
-    assert time.perf_counter() - began < 20
+    assert time.process_time() - began < 20
     K = K.tolil()
     K[20_000, 20_002] = K[20_002, 20_000] = -K[20_000, 20_002]
     with pytest.raises(DescriptionError, match="the stiffness matrix K is not positive"):

@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
+from support.waiting import PATIENCE
+
 MATRIX_MARKET = b"%%MatrixMarket matrix coordinate real general\n"
 READ = """
 import sys
@@ -84,7 +86,7 @@ def test_hostile_matrices_are_refused_in_bounded_memory(tmp_path: Path) -> None:
         (tmp_path / name).write_bytes(content)
     done = subprocess.run(
         [sys.executable, "-c", READ, *(str(tmp_path / name) for name in files)],
-        capture_output=True, text=True, timeout=100, check=False,
+        capture_output=True, text=True, timeout=PATIENCE, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     *lines, last = done.stdout.splitlines()

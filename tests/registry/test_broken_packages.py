@@ -15,6 +15,7 @@ import pytest
 from dovetail.errors import PluginError
 from dovetail.interfaces import KINDS
 from dovetail.registry import Registry
+from support.waiting import PATIENCE
 
 JOINT = """
 import numpy as np
@@ -120,7 +121,7 @@ def installed(tmp_path_factory) -> SimpleNamespace:
         command = [sys.executable, "-c", "from dovetail.cli import main; main()", *map(str, words)]
         path = os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")])])
         environment = {**os.environ, "PYTHONPATH": path}
-        done = subprocess.run(command, capture_output=True, text=True, timeout=120, env=environment)
+        done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, env=environment)
         assert done.returncode == code, done.stderr
         assert "Traceback" not in done.stderr
         return done

@@ -12,6 +12,7 @@ from types import SimpleNamespace
 import pytest
 
 import dovetail
+from support.waiting import PATIENCE
 
 HOOK = """
 import dovetail
@@ -102,7 +103,7 @@ def runner(folder: Path):
         path = os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")])])
         environment = {**os.environ, "PYTHONPATH": path, "IMPORTED": str(folder / "imported"), "COLUMNS": "80"}
         program = [sys.executable, "-m", "dovetail", *map(str, words)]
-        done = subprocess.run(program, capture_output=True, text=True, timeout=120, env=environment)
+        done = subprocess.run(program, capture_output=True, text=True, timeout=PATIENCE, env=environment)
         assert done.returncode == code, done.stderr
         return done
 

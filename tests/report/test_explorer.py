@@ -22,6 +22,7 @@ from dovetail.errors import DovetailError
 from dovetail.inference.fitting import refine
 from dovetail.report.explorer import Explorer
 from dovetail.report.page_server import PageServer
+from support.waiting import PATIENCE
 
 TRUE = {"k": 3e6, "c": 40.0}
 
@@ -39,13 +40,13 @@ def server(explorer: Explorer) -> Iterator[PageServer]:
         thread.start()
         yield serving
         serving.shutdown()
-        thread.join(timeout=10)
+        thread.join(timeout=PATIENCE)
 
 
 def ask(server: PageServer, path: str, body: Any = None, /, **headers: str) -> tuple[int, bytes, dict[str, str]]:
     """Ask as the page does, but for what the headers say; None leaves a header out."""
     host, port = server.server_address[:2]
-    connection = http.client.HTTPConnection(str(host), int(port), timeout=20)
+    connection = http.client.HTTPConnection(str(host), int(port), timeout=PATIENCE)
     usual: dict[str, str | None] = {"Host": server.hosts[0]}
     if body is not None:
         usual |= {"Origin": f"http://{server.hosts[0]}", "Content-Type": "application/json"}
@@ -265,7 +266,7 @@ def test_it_ends_when_the_last_page_is_closed(explorer: Explorer, monkeypatch: p
     with PageServer(explorer) as serving:
         thread = threading.Thread(target=serving.serve_forever, kwargs={"poll_interval": 0.05}, daemon=True)
         thread.start()
-        connection = http.client.HTTPConnection(*serving.server_address[:2], timeout=10)
+        connection = http.client.HTTPConnection(*serving.server_address[:2], timeout=PATIENCE)
         connection.request("GET", f"/{serving.token}/alive", headers={"Host": serving.hosts[0]})
         line = connection.getresponse()
         assert line.readline() == b'data: ""\n'
@@ -273,7 +274,7 @@ def test_it_ends_when_the_last_page_is_closed(explorer: Explorer, monkeypatch: p
         assert thread.is_alive()
         line.close()
         connection.close()
-        thread.join(timeout=10)
+        thread.join(timeout=PATIENCE)
         assert not thread.is_alive()
 
 

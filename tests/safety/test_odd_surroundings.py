@@ -6,7 +6,6 @@ import os
 import shutil
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from dovetail.errors import DovetailError
 from dovetail.identification.result_file import load_result
 from dovetail_plugins.readers import uff_data, uff_sets
 from dovetail_plugins.readers.uff_sets import parse_set
+from support.waiting import PATIENCE, processor_time
 
 FRF = dovetail.Frf(np.arange(1.0, 5.0), np.arange(4) + 1j, "accelerance")
 RUN = "from dovetail.cli import main; main()"
@@ -31,7 +31,7 @@ def dovetail_command(folder: Path, *words: object, **environment: str) -> subpro
     plugins = str(Path(__file__).parents[2] / "plugins")
     return subprocess.run(
         [sys.executable, "-P", "-c", RUN, *map(str, words)],
-        cwd=folder, capture_output=True, text=True, errors="surrogateescape", timeout=60, check=False,
+        cwd=folder, capture_output=True, text=True, errors="surrogateescape", timeout=PATIENCE, check=False,
         env={**os.environ, "PYTHONPATH": os.pathsep.join([path, plugins]), **environment},
     )  # fmt: skip
 
@@ -96,10 +96,10 @@ def part(**options: str) -> None:
 def test_a_pipe_or_a_device_as_an_input(name: str, kind: str, tmp_path: Path) -> None:
     path = tmp_path / "input"
     os.mkfifo(path) if kind == "pipe" else os.symlink("/dev/zero", path)
-    start = time.monotonic()
+    start = processor_time()
     with pytest.raises(DovetailError):
         INPUTS[name](path)
-    assert time.monotonic() - start < 5
+    assert processor_time() - start < 5
 
 
 def test_a_file_of_thousands_of_sets(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
