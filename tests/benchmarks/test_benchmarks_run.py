@@ -107,7 +107,7 @@ def test_genuine_measurements_of_random_structures_reach_the_noise():
     assert [row[0] for row in alone] == ["additive, variance given", "all"]
 
 
-def test_two_resonances_that_lie_close_together_are_told_apart():
+def test_two_close_resonances_are_distinguished():
     """1 % apart, with a narrow way between a minimum in which both are one and the right one."""
     rows = cells(run("genuine_measurements.py", "--only", 59, "--seed", 79, "--lines", "4451,4451"))[2:]
     assert rows[-1][:4] == ["all", "1 of 1", "1 of 1", "1 of 1"]

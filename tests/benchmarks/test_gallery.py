@@ -74,7 +74,7 @@ def test_the_columns_of_the_beam_are_reciprocal_and_move_with_the_first_sensor()
     assert np.abs(moved[0] / there[0] - 1).max() > 0.1
 
 
-def test_the_hammers_only_resonance_tells_its_stiffness():
+def test_the_hammers_only_resonance_determines_its_stiffness():
     """Errors of a model that has one resonance are told small enough that its interval means something."""
     table = gallery.PAGES["hammer"](Path())["hammer_parts"]
     row = next(line for line in table.splitlines() if line.startswith("| k |"))

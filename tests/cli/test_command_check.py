@@ -48,7 +48,7 @@ def test_without_natural_frequencies_in_the_range_it_says_so(run, tmp_path, asse
     assert "What looks wrong\nfrequency: the band, 1 to 20 Hz, lies below all natural frequencies" in printed
 
 
-def test_an_assembly_without_parameters_is_told_from_one_whose_parameters_are_known(run, assemblies, tmp_path):
+def test_no_parameters_and_only_known_parameters_are_reported_differently(run, assemblies, tmp_path):
     file = tmp_path / "known.yaml"
     file.write_text(f"extends: {assemblies / 'sdof.yaml'}\njoints: {{mount: {{parameters: {{k: 1e6, c: 10}}}}}}\n")
     assert "none: every parameter is fixed" in run("check", file).stdout

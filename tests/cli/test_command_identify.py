@@ -36,7 +36,7 @@ def test_identify_with_a_model(run, bench):
     assert "truth" not in printed
 
 
-def test_the_truth_stands_beside_what_was_identified(run, bench):
+def test_the_truth_is_listed_next_to_the_estimates(run, bench):
     printed = run("identify", bench.model, bench.measured, "--method", "network", "--truth", bench.truth).stdout
     lines = printed.splitlines()
     first = next(number for number, line in enumerate(lines) if line.startswith("parameter"))
@@ -95,7 +95,7 @@ def test_by_default_the_answer_has_intervals_and_nothing_is_trained(run, bench, 
     assert [float(row["truth"]) for row in rows] == [3e6, 40.0]
 
 
-def test_a_trained_network_is_a_start_and_stands_beside(run, bench, trains_nothing):
+def test_a_cached_network_gives_a_start_and_is_listed_in_its_own_column(run, bench, trains_nothing):
     fast = (bench.description, bench.measured, "--method", "refined", "--json")
     assert json.loads(run("identify", *fast).stdout)["network"] is None
     with_one = run("identify", *fast, "--network")
@@ -477,7 +477,7 @@ def test_what_a_batch_does_not_take(run, bench, tmp_path, monkeypatch, arguments
     assert found in run("identify", bench.description, "a.csv", "b.csv", *arguments, code=code).stderr
 
 
-def test_a_batch_tells_the_warnings_of_its_results(run, bench, tmp_path):
+def test_a_batch_prints_the_warnings_of_its_results(run, bench, tmp_path):
     frf, files, out = dovetail.read_frf(bench.measured), [tmp_path / "a.csv", tmp_path / "b.csv"], tmp_path / "results"
     for file, rows in zip(files, (slice(None), slice(len(frf.frequency) // 2)), strict=True):
         dovetail.write_frf(dovetail.Frf(frf.frequency[rows], frf.values[rows], frf.quantity), file)

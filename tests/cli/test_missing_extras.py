@@ -169,7 +169,7 @@ def test_all_else_works_without_any_extra(without, folder):
     assert (folder / "report.html").exists()
 
 
-def test_a_notebook_without_ipywidgets_is_told_once_what_bars_need(without):
+def test_a_notebook_without_ipywidgets_warns_once(without):
     notebook = (
         "import rich.console, warnings; rich.console._is_jupyter = lambda: True; warnings.simplefilter('always'); "
         "dovetail.identify('sdof.yaml', 'measured.csv', 'refined', progress=True)"

@@ -51,7 +51,7 @@ def test_each_command_line_begins_anew(simulate, tmp_path):
     assert simulate(tmp_path, "--overwrite").stderr.startswith("Written")
 
 
-def test_python_m_dovetail_tells_its_version():
+def test_python_m_dovetail_prints_its_version():
     done = subprocess.run([sys.executable, "-m", "dovetail", "--version"], capture_output=True, text=True, check=True)
     assert done.stdout == f"dovetail {dovetail.__version__}\n"
 

@@ -118,7 +118,7 @@ def test_plan_says_the_lines_of_a_description_with_both_points(run, two, tmp_pat
     assert all(0 < share < 1.05 for share in planned["narrowing"].values())
 
 
-def test_predict_lists_the_sign_that_the_measurement_told(run, assemblies, sdof, tmp_path):
+def test_predict_lists_the_determined_sign(run, assemblies, sdof, tmp_path):
     file, measured = tmp_path / "either.yaml", tmp_path / "measured.csv"
     file.write_text(f"extends: {assemblies / 'sdof.yaml'}\nresponse: {{calibration: {{sign: unknown}}}}\n")
     dovetail.write_frf(dovetail.Frf(sdof.frequency, -sdof.frf({"k": 3e6, "c": 40.0}), "accelerance"), measured)

@@ -48,7 +48,7 @@ def fill(monkeypatch, free: int) -> None:
 
 @pytest.mark.usefixtures("untouched")
 @pytest.mark.parametrize("command", STUDIES)
-def test_a_target_that_cannot_be_written_is_told_before_any_work(run, arguments, tmp_path, command):
+def test_a_target_that_cannot_be_written_is_refused_before_any_work(run, arguments, tmp_path, command):
     (tmp_path / "file").write_text("mine")
     message = run(*arguments[command], "-o", tmp_path / "file" / "results", code=1).stderr
     assert (
@@ -58,7 +58,7 @@ def test_a_target_that_cannot_be_written_is_told_before_any_work(run, arguments,
 
 @pytest.mark.usefixtures("untouched")
 @pytest.mark.parametrize("command", STUDIES)
-def test_a_disk_without_room_is_told_before_any_work(run, arguments, tmp_path, command, monkeypatch):
+def test_a_full_disk_is_reported_before_any_work(run, arguments, tmp_path, command, monkeypatch):
     fill(monkeypatch, free=10_000)
     message = run(*arguments[command], "-o", tmp_path / "results", code=1).stderr
     assert "its disk has 0.0 MB left, and " in message
@@ -109,7 +109,7 @@ def test_what_a_manifest_of_others_lists_is_not_removed(run, arguments, tmp_path
     assert (folder / "measured.txt").read_text() == "mine"
 
 
-def test_a_file_is_told_before_any_work_too(run, bench, tmp_path, monkeypatch):
+def test_a_full_disk_is_reported_before_a_file_is_written(run, bench, tmp_path, monkeypatch):
     fill(monkeypatch, free=10)
     message = run("simulate", bench.description, "-o", tmp_path / "a.csv", code=1).stderr
     assert "its disk has 0.0 MB left" in message

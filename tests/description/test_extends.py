@@ -153,7 +153,7 @@ def test_a_base_that_is_no_yaml(message):
     )
 
 
-def test_what_a_section_lacks_is_told_where_it_is_overridden(message, sound):
+def test_a_missing_key_is_reported_in_the_overriding_file(message, sound):
     base = sound.replace("position: 10 mm", "quantity: mobility")
     assert message("extends: base.yaml\nresponse:\n  at: holder\n", base=base) == (
         "test.yaml:2:1  response.position\n  'response' lacks 'position'.\n  Accepted: a quantity in m"

@@ -102,7 +102,7 @@ def test_place_and_problem(fault):
     assert len(raised.value.faults) == 1
 
 
-def test_owners_of_one_name_cannot_be_told_apart():
+def test_owners_of_parameters_must_have_different_names():
     changed = with_value(YOUNG, {"range": [1e11, 2e11]})
     changed["joints"]["arm"] = changed["joints"].pop("foot")
     with pytest.raises(dovetail.DescriptionError, match="a joint has the name 'arm' too"):

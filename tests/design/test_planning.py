@@ -21,7 +21,7 @@ from dovetail.problem import Problem
 from support.mass_on_mount import mass_on_mount
 
 
-def test_the_best_point_of_the_collet_tells_more_than_the_described_one(collet):
+def test_the_best_point_of_the_collet_reveals_more_than_the_described_one(collet):
     found = plan_measurements(collet, ["tool"], samples=10)
     assert len(found.points) == 8  # the last three of eleven nodes are inside the collet
     means = [point.mean_gain for point in found.points]
@@ -109,7 +109,7 @@ def test_a_second_point_narrows_every_interval(collet):
     assert found.responses.count("- {at: tool, position: ") == 2
 
 
-def test_a_second_point_beside_the_one_that_is_measured_already(collet):
+def test_second_points_are_ranked_given_the_described_response(collet):
     found = plan_measurements(collet, ["tool"], samples=6, beside_described=True)
     assert found.first == found.current != 0
     described, best = found.points[found.first], found.seconds[0]
@@ -168,7 +168,7 @@ def test_a_plan_over_no_samples_is_refused(sdof):
         dovetail.plan_measurements(sdof, samples=0)
 
 
-def test_nodes_in_one_place_are_told_apart_by_their_labels(tmp_path):
+def test_nodes_at_one_position_are_distinguished_by_their_labels(tmp_path):
     springs = 1e6 * np.array([[1.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
     table = {"nodes": ["end", "front", "back"], "directions": ["x"] * 3, "positions": [0.0, 0.1, 0.1]}
     np.savez(tmp_path / "chain.npz", M=np.diag([0.2, 0.4, 0.2]), K=springs, **table)

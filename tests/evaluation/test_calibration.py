@@ -97,10 +97,10 @@ def test_one_that_is_too_sure_or_too_unsure_or_to_one_side_is_seen(sdof, spoilt,
         assert not low <= one.coverage <= high
 
 
-def test_every_case_is_the_same_whatever_goes_on_beside_it(sdof, right):
-    beside = calibrate(sdof, cases=3, samples=200, noise=0.1, workers=2)
-    np.testing.assert_array_equal(beside.rank, right.rank[:3])
-    assert (beside.workers, right.workers) == (2, 1)
+def test_a_case_gives_the_same_result_with_any_number_of_workers(sdof, right):
+    parallel = calibrate(sdof, cases=3, samples=200, noise=0.1, workers=2)
+    np.testing.assert_array_equal(parallel.rank, right.rank[:3])
+    assert (parallel.workers, right.workers) == (2, 1)
     other = calibrate(sdof, cases=3, samples=200, noise=0.1, workers=1, seed=1)
     assert not np.any(other.truth == right.truth[:3])
 

@@ -207,7 +207,7 @@ def test_an_identified_part_is_predicted_with():
     assert np.abs(predicted.values - expected).max() < 0.05 * np.abs(expected).max()
 
 
-def test_an_unknown_sign_is_told_by_phases_however_small_the_model_is_on_some_lines(sdof):
+def test_an_unknown_sign_is_determined_from_phases_of_weak_lines_too(sdof):
     """Far below the resonance an accelerance is a ten-thousandth of its peak, and all noise."""
     plain = json.loads(sdof.description.text)
     plain["response"]["calibration"] = {"sign": "unknown"}

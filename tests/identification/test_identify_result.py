@@ -107,7 +107,7 @@ def test_a_measurement_the_model_cannot_follow_gives_a_warning(
     assert any("mean coherence" in warning for warning in result.warnings)
 
 
-def test_the_mode_stands_beside_the_peaks_of_both_frfs(
+def test_a_mode_is_listed_with_the_peaks_of_both_frfs(
     model: dovetail.Identifier, measured: dovetail.Frf, truth: np.ndarray
 ) -> None:
     result = model.identify(measured, "network")

@@ -130,7 +130,7 @@ def test_part_of_the_band_is_compared_with_a_warning(sdof, model):
         model.identify(frf, "network")
 
 
-def test_a_natural_frequency_beyond_the_measured_part_is_listed_beside_the_truth(sdof, tmp_path):
+def test_a_natural_frequency_outside_the_measured_lines_is_compared_with_the_truth(sdof, tmp_path):
     theta = np.array([4e6, 60.0])
     (natural,) = sdof.natural_frequencies(theta, 1)
     frequency = np.arange(1.0, 0.9 * natural, 0.25)

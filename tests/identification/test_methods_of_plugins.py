@@ -115,7 +115,7 @@ def test_options_may_be_given_with_the_call(assembly, measured):
         (Given(Given.Config(c=1e-9)), "it gave c = 1e-09 N s/m."),
     ],
 )
-def test_what_is_no_estimate_is_refused(assembly, measured, method, problem):
+def test_a_wrong_type_or_value_in_place_of_an_estimate_is_refused(assembly, measured, method, problem):
     with pytest.raises(PluginError) as error:
         dovetail.identify(assembly, measured, method)
     assert error.value.faults[0].problem == problem

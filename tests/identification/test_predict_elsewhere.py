@@ -52,7 +52,7 @@ def test_a_joint_of_another_name_is_matched_by_its_parameters(
     np.testing.assert_allclose(dovetail.predict(other, result).values, exact(other, *result.theta), rtol=1e-9)
 
 
-def test_beside_a_joint_that_is_known(sdof: dovetail.Assembly, result: dovetail.Identification) -> None:
+def test_an_assembly_with_another_known_joint(sdof: dovetail.Assembly, result: dovetail.Identification) -> None:
     other = another(sdof, {"mount": {}, "side": {"k": {"value": 1e6}, "c": {"value": 5.0}}})
     assert [parameter.name for parameter in other.parameters] == ["mount.k", "mount.c"]
     expected = exact(other, result.theta[0] + 1e6, result.theta[1] + 5.0)
@@ -139,7 +139,7 @@ def test_values_by_name_do_as_well(sdof: dovetail.Assembly) -> None:
             dovetail.predict(other, {"k": wrong, "c": 5.0})
 
 
-def test_the_sign_that_the_measurement_told_is_predicted(sdof: dovetail.Assembly) -> None:
+def test_the_determined_sign_is_used_in_predictions(sdof: dovetail.Assembly) -> None:
     description = json.loads(sdof.description.text)
     description["response"]["calibration"] = {"sign": "unknown"}
     assembly = dovetail.load(description)

@@ -25,7 +25,7 @@ FUNCTIONS = [
 ]
 
 
-def test_every_public_function_takes_progress_alike():
+def test_every_public_function_accepts_the_same_progress_values():
     taking = {f.__name__: inspect.signature(f).parameters["progress"] for f in FUNCTIONS if _takes_progress(f)}
     assert len(taking) == 6
     assert {str(parameter.annotation) for parameter in taking.values()} == {"Progress | bool | None"}
@@ -117,7 +117,7 @@ def run(sdof, wrong):
     return SimpleNamespace(told=told, searched=searched)
 
 
-def test_identification_tells_every_stage(run):
+def test_identification_reports_every_stage(run):
     stages = heard(run.told)
     assert list(stages)[:5] == ["fit", "model error", "causes", "modes", "exploration"]
     assert "samples" in stages
@@ -143,7 +143,7 @@ def test_causes_are_tried_as_long_as_is_wanted(run, sdof, wrong):
         dovetail.identify(sdof, wrong, cause_seconds=-1)
 
 
-def test_the_log_tells_what_was_done_and_how_long_it_took(sdof, assemblies, caplog, capfd):
+def test_the_log_has_each_step_with_its_duration(sdof, assemblies, caplog, capfd):
     clean = sdof.simulate({"k": "3 MN/m", "c": 40})
     with caplog.at_level(logging.DEBUG, "dovetail"):
         dovetail.load(assemblies / "sdof.yaml")

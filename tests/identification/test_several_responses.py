@@ -298,7 +298,7 @@ def test_resonances_are_common_to_responses_with_different_frequencies(chain, cl
     np.testing.assert_allclose(errors[:, :LINES], common[:, :LINES], atol=1e-3 * np.abs(common).max())
 
 
-def test_the_model_errs_in_its_poles_alike_and_in_magnitude_on_its_own(chain, clean):
+def test_responses_share_pole_errors_and_have_their_own_magnitude_errors(chain, clean):
     values = [frf.values for frf in clean]
     each = [error_shapes([frf], [frf.values], typical_model_error(1e-3)) for frf in clean]
     joint = error_shapes(clean, values, typical_model_error(1e-3))
@@ -344,7 +344,7 @@ def test_a_misspelt_weight_of_one_response_is_refused(chain, clean):
         dovetail.identify(chain, clean, "refined", weights=["amplitude", "coherense"])
 
 
-def test_bands_are_told_of_the_second_response_too(chain, clean):
+def test_poor_bands_of_the_second_response_are_reported_too(chain, clean):
     measured = [noisy(chain.at(index), frf.values, 0.01, index) for index, frf in enumerate(clean)]
     wrong = (chain.frequency > 450.0) & (chain.frequency < 550.0)
     measured[1] = replace(measured[1], values=measured[1].values * np.where(wrong, 5.0, 1.0))

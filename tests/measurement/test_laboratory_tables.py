@@ -149,7 +149,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("text", FAULTS)
-def test_what_is_not_told_is_asked(refused, text: str) -> None:
+def test_a_missing_quantity_or_unit_is_asked_for(refused, text: str) -> None:
     assert refused("a.txt", text).startswith(FAULTS[text])
 
 

@@ -335,7 +335,7 @@ def test_dimensions_that_are_a_lie(tmp_path: Path, kind: int) -> None:
     )
 
 
-def test_a_negative_length_is_not_told_from_the_data(tmp_path: Path) -> None:
+def test_a_negative_length_in_a_damaged_file_is_refused(tmp_path: Path) -> None:
     savemat(tmp_path / "a.mat", {"f": FREQUENCY, "mobility": VALUES})
     shape = struct.pack("<2i", 1, FREQUENCY.size)
     content = (tmp_path / "a.mat").read_bytes()

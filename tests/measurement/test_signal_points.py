@@ -424,7 +424,7 @@ def test_lines_above_a_table_count(tmp_path, line):
             read_signals(tmp_path / "a.tsv")
 
 
-def test_a_sensitivity_beside_a_stated_unit_is_passed_over(tmp_path):
+def test_a_sensitivity_is_ignored_if_the_unit_is_given(tmp_path):
     table(tmp_path / "a.tsv", "Sensitivity: 10.2 mV/g\ntime\tforce [N]\tresponse [g]", TIME, FORCE, RESPONSE)
     assert read_signals(tmp_path / "a.tsv").quantity == "accelerance"
 

@@ -127,7 +127,7 @@ def test_a_rotation_per_force(tmp_path: Path) -> None:
     assert (frf.kind, frf.unit, frf.response, frf.force) == ("rotation per force", "rad/(N s^2)", "1+rz", "1+x")
 
 
-def test_half_a_rotation_beside_a_direction_that_is_not_known_is_refused(tmp_path: Path) -> None:
+def test_a_rotation_with_an_unknown_direction_of_the_force_is_refused(tmp_path: Path) -> None:
     for directions in ((4, 0), (0, -5)):
         path = write_sets(tmp_path / "a.uff", set_58(FREQUENCY, VALUES, rsp_dir=directions[0], ref_dir=directions[1]))
         assert "either the response or the reference is a rotation" in fault_of(path)

@@ -112,7 +112,7 @@ def test_searches_end_where_the_slow_version_ends(lap, starts):
     np.testing.assert_allclose(together.cost, costs, atol=1e-2)
 
 
-def test_more_searches_than_fit_into_memory_are_divided_and_end_alike(lap, starts, monkeypatch):
+def test_more_searches_than_fit_into_memory_are_divided_with_the_same_result(lap, starts, monkeypatch):
     together = minimise(lap, starts, tolerance=1e-2, most_steps=40)
     monkeypatch.setattr("dovetail.problem.least_squares._MOST_BYTES", 1.0)
     divided = minimise(lap, starts, tolerance=1e-2, most_steps=40)

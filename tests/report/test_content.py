@@ -155,7 +155,7 @@ def test_what_was_not_judged_is_not_reported(result):
         (10, "estimated from the scatter"),
     ],
 )
-def test_a_random_error_that_is_assumed_is_not_called_told(sdof: dovetail.Assembly, lines: int, said: str) -> None:
+def test_an_assumed_random_error_is_reported_as_assumed(sdof: dovetail.Assembly, lines: int, said: str) -> None:
     oscillator = sdof.on(np.linspace(100.0, 300.0, lines))
     measured = dovetail.Frf(oscillator.frequency, -3.0 * oscillator.frf(), "accelerance")
     assert said in fit_sentence(refine(Problem.of(oscillator, measured)))

@@ -209,7 +209,7 @@ def test_strangers_are_refused(server: PageServer, path: str, body: Any, headers
 
 
 @pytest.mark.parametrize("path", ["/", "/start", "//start", "/wrong/start", "/%00/start"])
-def test_without_the_token_nothing_is_told(server: PageServer, path: str) -> None:
+def test_a_request_without_the_token_is_refused(server: PageServer, path: str) -> None:
     assert ask(server, path)[0] == 403
     assert ask(server, path, {"values": [3e6, 40.0]})[0] == 403
 

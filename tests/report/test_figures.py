@@ -57,7 +57,7 @@ def lab(colour: str, seen: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("eye", SEEN)
 @pytest.mark.parametrize("scheme", [0, 1])
-def test_curves_are_told_apart_by_every_eye(scheme: int, eye: str) -> None:
+def test_curves_differ_in_colour_blind_vision_too(scheme: int, eye: str) -> None:
     colours = palettes()[scheme]
     methods = [lab(colours[f"method-{index}"], SEEN[eye]) for index in range(len(figures.LINES))]
     roles = [lab(colours[role], SEEN[eye]) for role in ("measured", "model", "before")]

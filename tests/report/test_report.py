@@ -170,7 +170,7 @@ def test_a_measurement_is_not_called_synthetic_without_reason(result: Identifica
     assert "synthetic" not in written(result, tmp_path, Truth({"Dc": 35e-3})).text
 
 
-def test_truth_and_error_stand_beside_the_values(result: Identification, truth: Truth, tmp_path: Path) -> None:
+def test_truth_and_error_are_listed_next_to_the_values(result: Identification, truth: Truth, tmp_path: Path) -> None:
     text = written(result, tmp_path, truth).text
     assert after(text, "equivalent outer diameter of the collet")[:6] == ["35.18", "mm", "34.90", "+0.80", "%", "26"]
     assert truth.note in text

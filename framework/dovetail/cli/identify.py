@@ -64,16 +64,14 @@ WithNetwork = Annotated[
         help="Also train a network and list its estimates; --no-network ignores one that was trained before.",
     ),
 ]
-Starts = Annotated[
-    int | None, typer.Option(metavar="N", min=1, help="Number of searches of multistart.", show_default=False)
-]
+Starts = Annotated[int | None, typer.Option(metavar="N", min=1, help="Searches by multistart.", show_default=False)]
 Seconds = Annotated[float | None, typer.Option(metavar="S", help="Time limit of multistart.", show_default=False)]
 PosteriorForm = Annotated[
     str | None,
     typer.Option(metavar="NAME", help="Form of the posterior: samples, or laplace (faster).", show_default=False),
 ]
 Samples = Annotated[
-    int | None, typer.Option(metavar="N", min=1, help="Number of samples of the posterior.", show_default=False)
+    int | None, typer.Option(metavar="N", min=1, help="Number of posterior samples.", show_default=False)
 ]
 AllowedError = Annotated[
     float | None,
@@ -94,7 +92,7 @@ CauseSeconds = Annotated[
     ),
 ]
 ObjectiveName = Annotated[
-    str | None, typer.Option(metavar="NAME", help="Residuals of multistart: frf or weighted.", show_default=False)
+    str | None, typer.Option(metavar="NAME", help="Residuals in multistart: frf or weighted.", show_default=False)
 ]
 LineWeights = Annotated[
     str | None,
@@ -105,11 +103,9 @@ LineWeights = Annotated[
     ),
 ]
 AmplitudeOnly = Annotated[bool, typer.Option("--amplitude-only", help="Ignore the phase.")]
-TruthFile = Annotated[
-    Path | None, typer.Option(metavar="FILE", help="JSON file with the true values of a synthetic measurement.")
-]
+TruthFile = Annotated[Path | None, typer.Option(metavar="FILE", help="True values of a synthetic measurement (JSON).")]
 OutputFolder = Annotated[
-    Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the report and all other files.")
+    Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the report and other files.")
 ]
 Retrain = Annotated[bool, typer.Option("--retrain", help="Train a new network even if one is cached.")]
 
@@ -185,8 +181,7 @@ def identify(
     network's estimate alone, as in the publication. Networks are cached in the user's cache folder, or in
     DOVETAIL_CACHE_DIR. Files of an earlier run in the output folder are replaced.
 
-    The exit code is 3 if the model does not fit the measurement; the result is printed and written nevertheless, with
-    a warning.
+    The exit code is 3 if the model does not fit the measurement; the result is still printed and written, marked so.
     """
     from dovetail.measurement import is_modal_table
 

@@ -15,30 +15,24 @@ from dovetail.cli.option_names import with_options
 from dovetail.cli.options import PluginFiles
 from dovetail.cli.terminal import room, say
 
+_Model = typer.Option(metavar="MODEL", help="Model of the joint, such as bolted.", autocompletion=complete_models)
+_Part = typer.Option(
+    "--part",
+    metavar="PART",
+    help="Twice: name, length, outer and inner diameter, such as 'hub: 80 mm x 50 mm x 20 mm of steel'.",
+)
+_Band = typer.Option("--band", metavar="BAND", help="Frequency band, such as '100 Hz to 5 kHz'.")
+_Response = typer.Option(metavar="LENGTH", help="Position on the first part where the motion is measured.")
+_Quantity = typer.Option(metavar="NAME", help="Measured quantity: receptance, mobility or accelerance.")
+
 
 def new_assembly(
     file: Annotated[Path, typer.Argument(metavar="NAME.yaml", help="Name of the new file.")],
-    joint: Annotated[
-        str | None,
-        typer.Option(metavar="MODEL", help="Model of the joint, such as bolted.", autocompletion=complete_models),
-    ] = None,
-    part: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--part",
-            metavar="PART",
-            help="Twice: name, length, outer and inner diameter, such as 'hub: 80 mm x 50 mm x 20 mm of steel'.",
-        ),
-    ] = None,
-    band: Annotated[
-        str | None, typer.Option("--band", metavar="BAND", help="Frequency band, such as '100 Hz to 5 kHz'.")
-    ] = None,
-    response: Annotated[
-        str | None, typer.Option(metavar="LENGTH", help="Position on the first part where the motion is measured.")
-    ] = None,
-    quantity: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Measured quantity: receptance, mobility or accelerance.")
-    ] = None,
+    joint: Annotated[str | None, _Model] = None,
+    part: Annotated[list[str] | None, _Part] = None,
+    band: Annotated[str | None, _Band] = None,
+    response: Annotated[str | None, _Response] = None,
+    quantity: Annotated[str | None, _Quantity] = None,
     plugin: PluginFiles = None,
 ) -> None:
     """Write a description of two parts and a joint, with comments.
@@ -78,13 +72,22 @@ def new_assembly(
             quantity=quantity or _ask("Quantity", "accelerance"),
         )
     write_whole(file, text.encode(), overwrite=False)
-    try:
+    with _removed_on_error(file):
         dovetail.load(file, plugins=plugin or ())
+    say(f"{file}: '{first.name}' and '{second.name}', joined by '{model}'.")
+    say(f"Look at it with 'dovetail check {file}', and what you can change with 'dovetail describe {model}'.")
+
+
+@contextmanager
+def _removed_on_error(file: Path) -> Iterator[None]:
+    """Remove a file that cannot be read again."""
+    from dovetail.errors import DovetailError
+
+    try:
+        yield
     except DovetailError:
         file.unlink(missing_ok=True)
         raise
-    say(f"{file}: '{first.name}' and '{second.name}', joined by '{model}'.")
-    say(f"Look at it with 'dovetail check {file}', and what you can change with 'dovetail describe {model}'.")
 
 
 @contextmanager

@@ -39,54 +39,57 @@ _FILES = (
 )
 
 
+_Subject = Annotated[
+    Path, typer.Argument(metavar="MODEL_OR_ASSEMBLY", help="A description (YAML), or a model for --method network.")
+]
+_Cases = Annotated[int, typer.Option(metavar="N", min=1, help="Number of random joints.")]
+_Noise = Annotated[
+    float,
+    typer.Option(metavar="PART", parser=part, show_default=False, help="Noise level, such as 2%; see --noise-kind."),
+]
+_Samples = Annotated[int, typer.Option(metavar="N", min=1, help="Samples of each posterior.")]
+_ModelError = Annotated[
+    float,
+    typer.Option(
+        metavar="PART",
+        parser=part,
+        show_default=False,
+        help="Relative error of natural frequencies allowed to the model.",
+    ),
+]
+_FinerMesh = Annotated[
+    int, typer.Option(metavar="N", min=1, help="Simulate the measurements with a mesh N times finer.")
+]
+_Seed = Annotated[int, typer.Option(metavar="N", min=0, help="Seed of joints and noise.")]
+_Method = Annotated[
+    str,
+    typer.Option("--method", metavar="METHOD", help="posterior, network (with intervals), or a method of a plugin."),
+]
+_NoiseKind = Annotated[str, typer.Option(metavar="KIND", help="uniform over all lines, or proportional to each line.")]
+_Workers = Annotated[
+    int | None,
+    typer.Option(
+        metavar="N", min=1, help="Cases to run at the same time; one per processor by default.", show_default=False
+    ),
+]
+_Output = Annotated[
+    Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for tables and figures.")
+]
+
+
 def calibrate(
-    assembly: Annotated[
-        Path,
-        typer.Argument(metavar="MODEL_OR_ASSEMBLY", help="A description (YAML), or a model for --method network."),
-    ],
-    cases: Annotated[int, typer.Option(metavar="N", min=1, help="Number of random joints.")] = 100,
-    noise: Annotated[
-        float,
-        typer.Option(
-            metavar="PART", parser=part, show_default=False, help="Noise level, such as 2%; see --noise-kind."
-        ),
-    ] = 0.01,
-    samples: Annotated[int, typer.Option(metavar="N", min=1, help="Samples of each posterior.")] = 400,
-    model_error: Annotated[
-        float,
-        typer.Option(
-            metavar="PART",
-            parser=part,
-            show_default=False,
-            help="Relative error of natural frequencies allowed to the model.",
-        ),
-    ] = 0.0,
-    finer_mesh: Annotated[
-        int, typer.Option(metavar="N", min=1, help="Simulate the measurements with a mesh N times finer.")
-    ] = 1,
-    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of joints and noise.")] = 0,
-    method: Annotated[
-        str,
-        typer.Option(
-            "--method", metavar="METHOD", help="posterior, network (with intervals), or a method of a plugin."
-        ),
-    ] = "posterior",
-    noise_kind: Annotated[
-        str, typer.Option(metavar="KIND", help="uniform over all lines, or proportional to each line.")
-    ] = "uniform",
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N",
-            min=1,
-            help="Cases to run at the same time; one per processor by default.",
-            show_default=False,
-        ),
-    ] = None,
+    assembly: _Subject,
+    cases: _Cases = 100,
+    noise: _Noise = 0.01,
+    samples: _Samples = 400,
+    model_error: _ModelError = 0.0,
+    finer_mesh: _FinerMesh = 1,
+    seed: _Seed = 0,
+    method: _Method = "posterior",
+    noise_kind: _NoiseKind = "uniform",
+    workers: _Workers = None,
     scheduler: Scheduler = None,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for tables and figures.")
-    ] = None,
+    output: _Output = None,
     plugin: PluginFiles = None,
     as_json: AsJson = False,
 ) -> None:

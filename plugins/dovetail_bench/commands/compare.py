@@ -50,7 +50,7 @@ def compare(
         Path | None, typer.Option("--data", metavar="FOLDER", help="A dataset to train networks on.")
     ] = None,
     truth: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="JSON file with the true values of synthetic measurements.")
+        Path | None, typer.Option(metavar="FILE", help="True values of synthetic measurements (JSON).")
     ] = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the report and the tables.")
