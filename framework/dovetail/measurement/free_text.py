@@ -67,7 +67,7 @@ class FreeText:
     statements : list of Statement
         What counts like any other statement of the file.
     mentions : list of Statement
-        Units and quantities in running text, which count only if nothing else states one, and units that are not
+        Units and quantities in running text, which count only if nothing else gives one, and units that are not
         understood.
     """
 

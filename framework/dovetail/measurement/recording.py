@@ -46,7 +46,7 @@ class Recording:
     has_phase : bool
         False for an amplitude only.
     quantity : Quantity or None
-        As stated in the file.
+        As given in the file.
     is_stated : bool
         False if the file is ambiguous, so that the caller must confirm or state `quantity`.
     coherence : (n_freq,) array or None
@@ -159,12 +159,12 @@ class Recording:
         MeasurementError
             The names are not those of DOFs, or differ from those in the file.
         """
-        for name, stated in ((response, self.response), (force, self.force)):
+        for name, in_file in ((response, self.response), (force, self.force)):
             if not DOF.fullmatch(name):
                 accepted = "a node with its direction, such as 3+x, tool:5-y or 7rz"
                 raise MeasurementError(Fault("the argument dofs", f"'{name[:40]}' is not a DOF.", accepted))
-            if stated and stated.lower().replace("+", "") != name.lower().replace("+", ""):
-                raise self._contradiction(f"the DOF {stated}", name)
+            if in_file and in_file.lower().replace("+", "") != name.lower().replace("+", ""):
+                raise self._contradiction(f"the DOF {in_file}", name)
         is_new = not (self.response and self.force) and are_opposite(response, force)
         return replace(self, response=response, force=force, factor=-self.factor if is_new else self.factor)
 
@@ -226,8 +226,8 @@ class Recording:
             raise self._contradiction(f"unit {self.unit}", unit)
         return self
 
-    def _contradiction(self, stated: str, argument: str) -> MeasurementError:
-        problem = f"the file says that it holds {stated}, the argument says {argument}."
+    def _contradiction(self, contents: str, argument: str) -> MeasurementError:
+        problem = f"the file says that it holds {contents}, the argument says {argument}."
         return MeasurementError(Fault(self.where, problem, remedy="Leave the argument out, or correct the file."))
 
     def _resolve_quantity(self, argument: str | None) -> Quantity:

@@ -42,7 +42,7 @@ class Meaning(NamedTuple):
     Parameters
     ----------
     quantity : Quantity or None
-        None if it is not stated.
+        None if it is not given.
     per_load : bool
         Whether the values are stated to be a motion per load, so that `quantity` is that of an FRF.
     factor : float
@@ -54,7 +54,7 @@ class Meaning(NamedTuple):
     axis_factor : float or None
         Converts the abscissa to Hz or s; None without a unit.
     unit : str
-        The unit of the values, for messages; empty if none is stated.
+        The unit of the values, for messages; empty if none is given.
     is_half : bool
         Whether the unit is that of a motion alone or of a load alone; the other half is taken to be in SI.
     """
@@ -215,9 +215,9 @@ def _agreed_quantity(claims: Sequence[_Claim]) -> _Claim | None:
 
 
 def _whole(ratio: _Claim | None, motion: _Claim | None, load: _Claim | None) -> _Claim | None:
-    """Return the unit of a motion per load: as it is stated, or from that of the motion and that of the load.
+    """Return the unit of a motion per load: as it is given, or from that of the motion and that of the load.
 
-    What is not stated is in SI; the caller asks for it where the file need not mean SI.
+    What is not given is in SI; the caller asks for it where the file need not mean SI.
     """
     if ratio is not None:
         above, _, below = ratio.said.strip("'").rpartition("/")

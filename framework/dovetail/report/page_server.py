@@ -63,7 +63,7 @@ class PageServer(ThreadingHTTPServer):
     Notes
     -----
     A request is answered only if its Host is this server (which prevents DNS rebinding), its path begins with the
-    token, and its Origin, if stated, is this server; requests that compute must state it. The page may load only this
+    token, and its Origin, if sent, is this server; requests that compute must send it. The page may load only this
     server's scripts and styles, and no inline ones.
 
     The command line of a browser can be read by every user of the machine. A browser is therefore started with the path

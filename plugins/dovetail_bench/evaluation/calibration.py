@@ -221,7 +221,7 @@ def calibrate(
         Or its description; with parameters to identify.
     cases : int
     noise : float
-        Standard deviation of the complex noise over that of the FRF. It is stated to methods that ask.
+        Standard deviation of the complex noise over that of the FRF. Methods may use it.
     samples : int
         Of each posterior.
     model_error : float

@@ -20,7 +20,7 @@ _HERTZ = {
     "khz": "kHz",
     **dict.fromkeys(("rad/s", "rad/sec", "rad/second"), "rad/s"),
 }
-"""Accepted units of the frequency; ``TimeUnit`` is a second unless another one is stated."""
+"""Accepted units of the frequency; ``TimeUnit`` is a second unless another one is given."""
 _SECONDS = ("", "s", "second", "seconds")
 
 

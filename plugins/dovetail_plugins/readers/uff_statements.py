@@ -14,7 +14,7 @@ _OWN_LINE = re.compile(r"\s*(averages|response|force)\s*[:=]", re.IGNORECASE)
 """Keys of id lines that the reader uses."""
 _TIME_TYPES = (*UNKNOWN, 17)
 _COUNTS = ("sample", "samples", "point", "points", "index", "n", "#")
-"""Units of an abscissa that counts samples, so that the rate is not stated."""
+"""Units of an abscissa that counts samples, so that the rate is not given."""
 
 
 def id_lines(uff_set: UffSet) -> Iterator[Statement]:

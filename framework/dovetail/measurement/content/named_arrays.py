@@ -108,9 +108,9 @@ def _statements(archive: RecordedArrays, names: Mapping[str, str]) -> list[State
 def _check_quantities(archive: RecordedArrays, names: Mapping[str, str], statements: Sequence[Statement]) -> None:
     """Refuse a word, a unit and a name of the values that state different quantities."""
     meanings = {"quantity": "its word", "unit": "its unit"}
-    stated = {meanings[one.about]: interpret([one]).quantity for one in statements}
-    stated["the name of the values"] = quantity_of_name(names.get("values", ""))
-    known = {source: quantity for source, quantity in stated.items() if quantity is not None}
+    quantities = {meanings[one.about]: interpret([one]).quantity for one in statements}
+    quantities["the name of the values"] = quantity_of_name(names.get("values", ""))
+    known = {source: quantity for source, quantity in quantities.items() if quantity is not None}
     if len(set(known.values())) > 1:
         each = ", ".join(f"{quantity} by {source}" for source, quantity in known.items())
         raise MeasurementError(Fault(str(archive.path), f"the file contradicts itself: {each}."))

@@ -131,9 +131,11 @@ def _check_kind(frf: RecordedFrf, meaning: Meaning, where: str) -> None:
     """
     kinds = (("response", ("displacement", "rotation"), frf.rotation, meaning.rotation),
              ("excitation", ("force", "moment"), frf.moment, meaning.moment))  # fmt: skip
-    for part, words, given, stated in kinds:
-        if given is not None and stated is not None and given != stated:
-            problem = f"the {part} is a {words[stated]} by its label or unit, and a {words[given]} by its direction."
+    for part, words, by_direction, by_label in kinds:
+        if by_direction is not None and by_label is not None and by_direction != by_label:
+            problem = (
+                f"the {part} is a {words[by_label]} by its label or unit, and a {words[by_direction]} by its direction."
+            )
             raise MeasurementError(Fault(where, problem, remedy="Correct the file, or export it again."))
 
 

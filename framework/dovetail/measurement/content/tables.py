@@ -70,7 +70,7 @@ class Header(NamedTuple):
     names : tuple of str
         Of the columns, without their units.
     unit : str
-        Of the values; empty if none is stated.
+        Of the values; empty if none is given.
     comments : mapping of str to str
         Statements in the lines above: quantity, averages, note, response, force.
     taken : sequence of str
@@ -217,15 +217,15 @@ def _check_quantities(path: Path, header: Header) -> None:
     """Refuse comments, units and column names that state several quantities."""
     word = header.comments.get("quantity", "")
     named = [header.names[column] for field, column in header.columns.items() if field in VALUE_FIELDS]
-    stated: list[Quantity] = []
+    quantities: list[Quantity] = []
     if word:
-        stated.append(parse_quantity(word.lower(), header.comments["quantity stands in"]))
+        quantities.append(parse_quantity(word.lower(), header.comments["quantity stands in"]))
     if header.unit and (reading := read_unit(header.unit)) is not None and reading.quantity is not None:
-        stated.append(reading.quantity)
-    stated += [
+        quantities.append(reading.quantity)
+    quantities += [
         quantity for motions in (False, True) for name in named for quantity in quantities_in(name, motions=motions)
     ]
-    if len(each := list(dict.fromkeys(stated))) > 1:
+    if len(each := list(dict.fromkeys(quantities))) > 1:
         problem = f"the file contradicts itself: {' and '.join(each)}."
         remedy = f"{SAY_COLUMNS} And what they are: `quantity=` or `unit=`."
         raise MeasurementError(Fault(str(path), problem, remedy=remedy))
@@ -306,12 +306,12 @@ def _statements(
     """Return what the header and the comments above it state."""
     name = names[columns["frequency"]]
     in_name = "" if plain_name(name) in FIELD_NAMES["frequency"] else axis_unit_in_name(name)
-    statements = [Statement("axis unit", stated, where) for stated in dict.fromkeys((axis, in_name)) if stated]
+    statements = [Statement("axis unit", unit, where) for unit in dict.fromkeys((axis, in_name)) if unit]
     statements += [Statement("unit", unit, where)] if unit else []
     labels = [names[columns[field]] for field in VALUE_FIELDS if field in columns]
     labels = [label for label in labels if label not in _PLAIN]
     statements += [Statement("label", label, where) for label in labels]
-    statements += [Statement("unit", stated, where) for label in labels if (stated := unit_in_name(label))]
+    statements += [Statement("unit", unit, where) for label in labels if (unit := unit_in_name(label))]
     if word := comments.get("quantity", ""):
         statements.append(Statement("quantity", word, comments["quantity stands in"]))
     return statements
@@ -369,10 +369,10 @@ def _field_columns(
     return {field: list(names).index(name) for field, name in fields.items()}
 
 
-def _unit(where: str, units: Sequence[str], columns: Mapping[str, int], stated: str) -> str:
+def _unit(where: str, units: Sequence[str], columns: Mapping[str, int], comment_unit: str) -> str:
     """Return the unit of the values that columns and comments state; they must agree."""
     named = {units[columns[part]] for part in ("values", "real", "imag", "amplitude", "db") if part in columns}
-    bare = {match[1] or "" if (match := _DECIBEL.fullmatch(label)) else label for label in (*named, stated)}
+    bare = {match[1] or "" if (match := _DECIBEL.fullmatch(label)) else label for label in (*named, comment_unit)}
     labels = {label.strip() for label in bare if label.strip().lower() not in _PURE}
     meanings = {_meaning(label, where): label for label in sorted(labels)}
     if len(meanings) > 1:

@@ -90,8 +90,8 @@ def scale_of(record: TimeRecord, signal: str, choice: Choice) -> Scale:
             or (own is not None and not np.isclose(own, chosen.factor, rtol=1e-6))
             or (quantity is not None and quantity != chosen.quantity)
         ):
-            stated = _said(others)
-            problem = f"the file states {stated}, and the argument {signal}_unit '{choice.unit}'."
+            file_units = _said(others)
+            problem = f"the file states {file_units}, and the argument {signal}_unit '{choice.unit}'."
             raise MeasurementError(Fault(record.where, problem, remedy="Leave out the option, or correct the file."))
         factor, quantity = chosen.factor, chosen.quantity if signal == "response" else None
     if factor is None and record.is_counts:
@@ -188,13 +188,13 @@ def _scale_of_voltage(
     units = [*(unit for unit, _ in voltages), *([choice.unit] if choice.unit is not None else [])]
     factors = {volts(unit) for unit in units} or {1.0}
     meaning = interpret(others, axis="s")
-    stated = meaning.load_factor if signal == "force" else meaning.motion_factor
+    unit_factor = meaning.load_factor if signal == "force" else meaning.motion_factor
     disagrees = signal == "response" and meaning.quantity not in (None, sensitivity.quantity)
     factor = factors.pop()
-    if factor is None or factors or stated is not None or disagrees:
+    if factor is None or factors or unit_factor is not None or disagrees:
         texts = _said(others)
         said = ", ".join((*(f"'{unit}'" for unit in units), *([texts] if texts else [])))
-        problem = f"the {signal} has the sensitivity '{choice.sensitivity}', and it is stated as {said}."
+        problem = f"the {signal} has the sensitivity '{choice.sensitivity}', and its unit is given as {said}."
         raise MeasurementError(
             Fault(record.where, problem, "a voltage, and the motion or the force of the sensitivity")
         )
@@ -282,8 +282,8 @@ def sampling_rate(pairs: Sequence[Pair], rate: float | None, rate_of: Callable[[
         if abs(other / rates[0][0] - 1.0) > _SAME_RATE:
             problem = f"the sampling rate is {other:.6g} Hz here, and {rates[0][0]:.6g} Hz at {rates[0][1]}."
             raise MeasurementError(Fault(where, problem, "one sampling rate for all records"))
-    stated = [one for one in rates if one[1] != "the argument rate"] or rates
-    return stated[0][0] if stated else None
+    from_file = [one for one in rates if one[1] != "the argument rate"] or rates
+    return from_file[0][0] if from_file else None
 
 
 def _rate_and_start(fact: AxisFact, rate_of: Callable[[Array], float]) -> tuple[float, float | None]:

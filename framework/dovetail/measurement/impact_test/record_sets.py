@@ -87,7 +87,7 @@ def _is_force(signal: RecordedSignal) -> bool:
 
 def _record(signal: RecordedSignal, is_force: bool, remarks: Remarks) -> TimeRecord:
     about: dict[Any, Any] = {"unit": "load unit", "label": "load label"} if is_force else {"unit": "motion unit"}
-    stated = [
+    declared = [
         statement._replace(about=about.get(statement.about, statement.about))
         for statement in signal.statements
         if statement.about not in ("text", "axis unit", "axis label")
@@ -99,7 +99,7 @@ def _record(signal: RecordedSignal, is_force: bool, remarks: Remarks) -> TimeRec
         else:
             said.read_line(text.text, text.where)
     remarks.numbers += said.numbers
-    statements = said.of("force" if is_force else "response", stated)
+    statements = said.of("force" if is_force else "response", declared)
     samples = np.asarray(signal.samples, dtype=np.float64)
     axis = (*_axis(signal), *said.facts())
     return TimeRecord(signal.where, samples, statements, axis, is_si_file=signal.is_si_file)

@@ -179,8 +179,8 @@ def _check_pairs(where: str, columns: Sequence[_Column]) -> None:
     for column in times:
         reading = read_unit(column.unit) if column.unit else None
         if column.unit and (reading is None or reading.kind not in ("time", "none")):
-            stated = ", ".join(column.unit for column in columns if column.unit)
-            raise MeasurementError(Fault(where, f"the columns are in {stated}.", "s, N, g"))
+            units = ", ".join(column.unit for column in columns if column.unit)
+            raise MeasurementError(Fault(where, f"the columns are in {units}.", "s, N, g"))
 
 
 def _pairs(where: str, columns: Sequence[_Column], rows: Array, remarks: Remarks) -> list[Pair]:

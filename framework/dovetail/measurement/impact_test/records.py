@@ -72,7 +72,7 @@ class TimeRecord(NamedTuple):
     is_acceleration : bool
         Whether a response without any statement is an acceleration, by the documented name of its column.
     is_counts : bool
-        Whether the samples are short integers, which are counts of a converter if no unit is stated.
+        Whether the samples are short integers, which are counts of a converter if no unit is given.
     is_si_file : bool
         Whether the file as a whole states that it is in SI units, so that another unit of a record is in doubt.
     """

@@ -43,7 +43,7 @@ class Remarks:
     statements : dict of str to list of Statement
         On units and quantities of force and response.
     mentions : dict of str to list of Statement
-        Units in running text, which count only if nothing else states one.
+        Units in running text, which count only if nothing else gives one.
     points : dict of str to Point
         Of force and response.
     axis : list of AxisFact
@@ -106,15 +106,17 @@ class Remarks:
         """Return a fact in the unit that another key states."""
         unit = self.axis_units.get(fact.kind, "")
         if unit and fact.unit and unit != fact.unit:
-            problem = f"the unit of the {fact.kind} is stated as '{fact.unit}' and as '{unit}'."
+            problem = f"the unit of the {fact.kind} is given as '{fact.unit}' and as '{unit}'."
             raise MeasurementError(Fault(fact.where, problem, "one unit"))
         return fact._replace(unit=fact.unit or unit)
 
     def of(self, role: str, own: Sequence[Statement]) -> tuple[Statement, ...]:
         """Return the statements on a signal: its own, those on all of its kind, or else what text mentions."""
-        stated = (*own, *self.statements[role])
-        has_unit = any("unit" in one.about or ("label" in one.about and read_label(one.text).units) for one in stated)
-        return stated if has_unit else (*stated, *self.mentions[role])
+        statements = (*own, *self.statements[role])
+        has_unit = any(
+            "unit" in one.about or ("label" in one.about and read_label(one.text).units) for one in statements
+        )
+        return statements if has_unit else (*statements, *self.mentions[role])
 
     def point(self, role: str, own: Point) -> Point:
         """Return the point of a signal: its own, or that of all signals of its kind."""
@@ -122,7 +124,7 @@ class Remarks:
         return own if own.name else shared._replace(sign=shared.sign * own.sign)
 
     def check_numbers(self, has_units: bool) -> None:
-        """Refuse numbers that may act on the samples, such as a gain; a sensitivity only if no unit is stated.
+        """Refuse numbers that may act on the samples, such as a gain; a sensitivity only if no unit is given.
 
         Raises
         ------

@@ -184,8 +184,8 @@ def _origin(units: Sequence[Sequence[str]], shape: tuple[int, ...], rate: float,
     for name, each, usual in zip(
         ("force", "response"), units, ("N", motion_unit(quantity, rotation=False)), strict=True
     ):
-        stated = listing(dict.fromkeys(unit or f"{usual}, since no unit is stated" for unit in each))
-        said.append(f"{name} in {stated}")
+        unit_text = listing(dict.fromkeys(unit or f"{usual}, since no unit is given" for unit in each))
+        said.append(f"{name} in {unit_text}")
     count = f"{shape[0]} impact{'s' * (shape[0] != 1)} of {shape[1]} samples"
     return f"{count} at {rate:.6g} Hz; {'; '.join(said)}."
 

@@ -34,7 +34,7 @@ _NO_SIGNAL = word_set(
     " direction channel channels id number spectrum spectra psd frf fft freq frequency frequencies coherence name"
     " serial type quantity dimension coupling filter scaling title description comment"
 )
-"""Words of what is stated about a signal."""
+"""Words that describe a signal."""
 _POINTS = word_set("node point position location pt dof p n x y z xx yy zz rx ry rz")
 """Words in front of the number of a point, and of its axis; other numbers are those of impacts."""
 _RAW = word_set("raw counts count adc lsb digit digits bits rms mean average peak envelope abs absolute")
@@ -101,14 +101,14 @@ def read_name(text: str, chosen: Role = "") -> SignalName:
     chosen : str
         The role that the caller gives it; empty if its words decide.
     """
-    stated = read_label(text)
+    contents = read_label(text)
     plain = text
-    for unit in stated.units:
+    for unit in contents.units:
         plain = plain.replace(unit, " ", 1)
     words = words_of(plain)
     if (axis := _axis_name(plain)) is not None and chosen in ("", axis.role):
         return axis
-    forces, responses = _FORCES & set(words) or stated.moments, _RESPONSES & set(words) or stated.motions
+    forces, responses = _FORCES & set(words) or contents.moments, _RESPONSES & set(words) or contents.motions
     other_sensor = bool(_OTHER_SENSORS & set(words))
     if not chosen and (_NO_SIGNAL & set(words) or not (forces or responses)):
         return SignalName("", is_acceleration=not other_sensor)
@@ -125,7 +125,7 @@ def read_name(text: str, chosen: Role = "") -> SignalName:
     impact, point = _impact_and_point(rest)
     others = " ".join(word for word in words_of(" ".join(rest)) if word not in _POINTS)
     sign = -1.0 if _AXIS_SIGN.search(plain) else 1.0
-    units = (*stated.units, *([unit] if unit else []))
+    units = (*contents.units, *([unit] if unit else []))
     return SignalName(role, "", impact, point, sign, others, raw, label, units, not other_sensor)
 
 
