@@ -8,7 +8,7 @@ import platform
 import sys
 import threading
 from collections.abc import Callable, Generator, Iterable, Iterator
-from concurrent.futures import CancelledError
+from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import AbstractContextManager, closing, contextmanager
 from functools import lru_cache
 from importlib.metadata import version
@@ -43,6 +43,19 @@ def cores() -> int:
     """Return how many cores this process may use."""
     affinity = getattr(os, "sched_getaffinity", None)
     return len(affinity(0)) if affinity else os.cpu_count() or 1
+
+
+def threads(purpose: str, count: int) -> ThreadPoolExecutor:
+    """Return this process's threads for a purpose, which wait for the next work when they have finished.
+
+    Tasks of one purpose must not wait for others of the same purpose.
+    """
+    return _threads(os.getpid(), purpose, count)  # a forked process has none of its parent's threads
+
+
+@lru_cache(maxsize=8)
+def _threads(_process: int, purpose: str, count: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(count, f"dovetail-{purpose}")
 
 
 def side_by_side(

@@ -42,9 +42,9 @@ def test_known_parameters_alone_need_no_theta():
 
 
 def test_derivatives_by_some_values_are_summed_for_each_parameter():
-    derivatives = np.array([[[1.0, 10.0, 100.0]], [[2.0, 20.0, np.inf]]])
+    derivatives = np.array([[[1.0], [10.0], [100.0]], [[2.0], [20.0], [np.inf]]])
     slopes = np.array([[[1.0, 0.0], [2.0, 0.0], [0.0, 3.0]]] * 2)
-    assert chain_rule(derivatives, slopes).tolist() == [[[21.0, 300.0]], [[42.0, np.inf]]]
+    assert chain_rule(derivatives, slopes).tolist() == [[[21.0], [300.0]], [[42.0], [np.inf]]]
 
 
 class _StiffnessByTorque(ParameterMap):
@@ -99,4 +99,4 @@ def test_frfs_and_derivatives_of_a_law_are_those_of_the_values_that_it_gives(cou
         step[column] = 1e-6
         change = frfs.frfs(theta * (1 + step)) - frfs.frfs(theta * (1 - step))
         expected = change / (2e-6 * theta[:, column])[:, np.newaxis, np.newaxis]
-        np.testing.assert_allclose(jacobian[..., column], expected, rtol=1e-4, atol=1e-6 * np.abs(expected).max())
+        np.testing.assert_allclose(jacobian[:, :, column], expected, rtol=1e-4, atol=1e-6 * np.abs(expected).max())

@@ -249,7 +249,8 @@ class Assembly:
             Derivatives in the response's quantity per SI unit of each parameter.
         """
         batch, single = self._space.batch(theta)
-        values, jacobian = (array[:, 0] for array in self._first.jacobian(batch))
+        values, by_parameter = (array[:, 0] for array in self._first.jacobian(batch))
+        jacobian = np.swapaxes(by_parameter, 1, 2)
         return (values[0], jacobian[0]) if single else (values, jacobian)
 
     def accelerance_amplitude(self, theta: Theta = None) -> NDArray[np.float32]:

@@ -16,6 +16,7 @@ from dovetail.description.checked import ParameterEntry, Response, Tie, resolve
 from dovetail.errors import Fault, ParameterError, UnitError, did_you_mean, listing
 from dovetail.frf import conversion
 from dovetail.interfaces import Parameter
+from dovetail.interfaces.scales import ParameterScales
 from dovetail.synthesis import Engine, FrfSource, Point
 from dovetail.units import format_quantity, to_si
 
@@ -102,11 +103,11 @@ class AffineMap(ParameterMap):
 
 
 def chain_rule(derivatives: NDArray[Any], slopes: NDArray[np.float64]) -> NDArray[Any]:
-    """Return derivatives by theta (n, ..., n_params).
+    """Return derivatives by theta (n, ..., n_params, n_freq).
 
     Parameters
     ----------
-    derivatives : (n, ..., n_values) array
+    derivatives : (n, ..., n_values, n_freq) array
         By some values.
     slopes : (n, n_values, n_params) array
         Derivatives of these values by theta.
@@ -114,10 +115,10 @@ def chain_rule(derivatives: NDArray[Any], slopes: NDArray[np.float64]) -> NDArra
     _, count, parameters = slopes.shape
     if count == parameters and (slopes == np.eye(count)).all():
         return derivatives
-    total = np.zeros((*derivatives.shape[:-1], parameters), dtype=derivatives.dtype)
+    total = np.zeros((*derivatives.shape[:-2], parameters, derivatives.shape[-1]), dtype=derivatives.dtype)
     for value, column in np.argwhere(slopes.any(axis=0)):
         slope = slopes[:, value, column].reshape(-1, *(1,) * (derivatives.ndim - 2))
-        total[..., column] += slope * derivatives[..., value]
+        total[..., column, :] += slope * derivatives[..., value, :]
     return total
 
 
@@ -135,6 +136,7 @@ class ParameterSpace:
     ----------
     parameters : tuple of Parameter
         The identified ones.
+    scales : ParameterScales
 
     Notes
     -----
@@ -153,6 +155,7 @@ class ParameterSpace:
                 self._aliases[full_name] = parameter.name if owner == self._bare else full_name
                 parameters.append(replace(parameter, name=self._aliases[full_name]))
         self.parameters = tuple(parameters)
+        self.scales = ParameterScales(self.parameters)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -174,13 +177,11 @@ class ParameterSpace:
 
     def from_unit(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return SI values (..., n_params) for fractions of the ranges."""
-        columns = [p.from_unit(fraction[..., i]) for i, p in enumerate(self.parameters)]
-        return np.stack(columns, axis=-1) if columns else np.empty(fraction.shape)
+        return self.scales.from_unit(fraction)
 
     def to_unit(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return fractions of the ranges (..., n_params) for SI values."""
-        columns = [p.to_unit(theta[..., i]) for i, p in enumerate(self.parameters)]
-        return np.stack(columns, axis=-1) if columns else np.empty(theta.shape)
+        return self.scales.to_unit(theta)
 
     def batch(self, theta: Theta) -> tuple[NDArray[np.float64], bool]:
         """Return theta as (n, n_params), and whether it was a single vector.
@@ -299,17 +300,18 @@ class ResponseFrfs:
         return values
 
     def jacobian(self, batch: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        """Return FRFs (n, n_responses, n_freq) and their derivatives, with a last axis n_params."""
+        """Return FRFs (n, n_responses, n_freq) and their derivatives (n, n_responses, n_params, n_freq)."""
         by_owner = self._map.by_component(batch)
         values, derivatives = self.engine.frfs_jacobian(by_owner, self._to_quantity)
         values, slopes = _for_each(batch, values), self._map.jacobian(batch)
-        jacobian = chain_rule(_for_each(batch, derivatives), slopes[:, self._columns_of(self.engine.graph.connections)])
+        by_value = _for_each(batch, np.swapaxes(derivatives, 2, 3))
+        jacobian = chain_rule(by_value, slopes[:, self._columns_of(self.engine.graph.connections)])
         for index in self._chains:
             chain, name = self._chain(index, by_owner), self._responses[index].name
             by_chain = [values[:, index] * chain.derivative(c) for c in self._map.varying_columns(name)]
-            jacobian[:, index] *= chain.factor[..., np.newaxis]
+            jacobian[:, index] *= chain.factor[:, np.newaxis]
             if by_chain:
-                jacobian[:, index] += chain_rule(np.stack(by_chain, axis=-1), slopes[:, self._columns_of([name])])
+                jacobian[:, index] += chain_rule(np.stack(by_chain, axis=1), slopes[:, self._columns_of([name])])
             values[:, index] *= chain.factor
         return values, jacobian
 

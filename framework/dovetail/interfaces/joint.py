@@ -7,28 +7,21 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from numbers import Real
-from typing import ClassVar, Literal, get_args
+from typing import ClassVar, get_args
 
 import numpy as np
-import scipy  # loads a part of it when that is first used
 from numpy.typing import NDArray
 
 from dovetail.errors import Fault, PluginError, listing
 from dovetail.interfaces.component import Component, Kind
 from dovetail.interfaces.differentiation import Differentiation, differences
 from dovetail.interfaces.matrices import DIRECTIONS, ScaledMatrices, StructuralMatrices, describes_matrices
+from dovetail.interfaces.scales import DEVIATIONS, Prior, RangeMap, Scale, normal_residual
 from dovetail.interfaces.substructure import Omission, Port, SubstructureModel
 from dovetail.interfaces.superposition import Declaration, Superposition
 
-Scale = Literal["linear", "log"]
-Prior = Literal["uniform", "normal"]
-
 _SAMPLES = 4
 """Number of random parameter vectors at which declarations about the matrices are verified."""
-_DEVIATIONS = 4.0
-"""Standard deviations of a normal prior between the middle and each end of its range; 6e-5 of it lie outside."""
-_TAIL = 3.167124183311986e-05
-"""Share of the normal distribution below the range: scipy.special.ndtr(-4.0)."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +87,7 @@ class Parameter:
         name: str, unit: str, middle: float, deviation: float, scale: Scale, description: str
     ) -> Parameter:
         """Return a parameter with a normal prior from its mean and deviation in `unit`; log-normal on scale `log`."""
-        half = _DEVIATIONS * deviation
+        half = DEVIATIONS * deviation
         if scale == "log":
             factor = float(np.exp(half / middle))
             return Parameter(name, unit, middle / factor, middle * factor, scale, description, "normal")
@@ -102,44 +95,23 @@ class Parameter:
 
     def from_unit(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
         """Map fractions from 0 to 1, quantiles of the prior within the range, to values in `unit`."""
-        low, high = self._ends()
-        part = np.asarray(fraction, dtype=np.float64)
-        if self.prior == "normal":
-            part = (scipy.special.ndtri(_TAIL + part * (1.0 - 2.0 * _TAIL)) / _DEVIATIONS + 1.0) / 2.0
-        mapped = low + part * (high - low)
-        return np.exp(mapped) if self.scale == "log" else mapped
+        return self._range_map.from_unit(fraction)
 
     def to_unit(self, value: NDArray[np.float64]) -> NDArray[np.float64]:
         """Map values in `unit` to fractions from 0 to 1, quantiles of the prior within the range."""
-        low, high = self._ends()
-        position = np.asarray(value, dtype=np.float64)
-        part = ((np.log(position) if self.scale == "log" else position) - low) / (high - low)
-        if self.prior == "normal":
-            part = (scipy.special.ndtr((2.0 * part - 1.0) * _DEVIATIONS) - _TAIL) / (1.0 - 2.0 * _TAIL)
-        return part
-
-    def normal_residual(self, fraction: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the standard normal residual of fractions under a normal prior, and its derivative."""
-        deviations = scipy.special.ndtri(_TAIL + np.asarray(fraction, dtype=np.float64) * (1.0 - 2.0 * _TAIL))
-        density = np.exp(-(deviations**2) / 2.0) / np.sqrt(2.0 * np.pi)
-        return deviations, (1.0 - 2.0 * _TAIL) / density
+        return self._range_map.to_unit(value)
 
     def slope(self, value: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the derivative of `from_unit` by the fraction, at values in `unit`."""
-        low, high = self._ends()
-        at = np.asarray(value, dtype=np.float64)
-        width = at * (high - low) if self.scale == "log" else np.full(at.shape, high - low)
-        if self.prior == "normal":
-            part = ((np.log(at) if self.scale == "log" else at) - low) / (high - low)
-            quantile = (2.0 * part - 1.0) * _DEVIATIONS
-            density = np.exp(-(quantile**2) / 2.0) / np.sqrt(2.0 * np.pi)
-            width = width * (1.0 - 2.0 * _TAIL) / (2.0 * _DEVIATIONS * density)
-        return width
+        return self._range_map.slope(value)
 
-    def _ends(self) -> tuple[float, float]:
-        if self.scale == "log":
-            return float(np.log(self.lower)), float(np.log(self.upper))
-        return self.lower, self.upper
+    def normal_residual(self, fraction: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the standard normal residual of fractions under a normal prior, and its derivative."""
+        return normal_residual(fraction)
+
+    @property
+    def _range_map(self) -> RangeMap:
+        return RangeMap.of(self.lower, self.upper, self.scale, self.prior)
 
 
 class JointModel(Component):

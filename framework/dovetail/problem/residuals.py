@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -17,7 +16,8 @@ from dovetail.assembly import FrfModel, ResponseFrfs
 from dovetail.frf import Frf
 from dovetail.frf.rice import rice_mean
 from dovetail.interfaces import Parameter
-from dovetail.parallel import cores, one_blas_thread
+from dovetail.interfaces.scales import ParameterScales
+from dovetail.parallel import cores, one_blas_thread, threads
 from dovetail.problem.least_squares import Linearisation, SumOfSquares
 
 
@@ -73,15 +73,22 @@ class ModelFrfs:
         """Return FRFs (n, n_lines) and their derivatives (n, n_lines, n_params)."""
         if self._together is not None:
             values, derivatives = self._together.jacobian(theta)
-            return _end_to_end(values), _end_to_end(derivatives)
+            return _end_to_end(values), _end_to_end(np.swapaxes(derivatives, 2, 3))
         frfs, jacobians = zip(*(assembly.frf_jacobian(theta) for assembly in self.assemblies), strict=True)
         return _joined(frfs, axis=1), _joined(jacobians, axis=1)
 
     def linearise(self, theta: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         """Return FRFs (n, n_lines) and their derivatives (n, n_params, n_lines) by fractions of the ranges."""
         frf, jacobian = self.frf_jacobian(theta)
-        slopes = [p.slope(theta[:, column]) for column, p in enumerate(self.assemblies[0].parameters)]
-        return frf, np.swapaxes(jacobian, 1, 2) * np.stack(slopes, axis=1)[:, :, np.newaxis]
+        return frf, np.swapaxes(jacobian, 1, 2) * self.slopes(theta)[:, :, np.newaxis]
+
+    def slopes(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivatives (n, n_params) of theta by fractions of the ranges."""
+        return self._scales.slopes(theta)
+
+    @cached_property
+    def _scales(self) -> ParameterScales:
+        return ParameterScales(self.assemblies[0].parameters)
 
     @cached_property
     def _together(self) -> ResponseFrfs | None:
@@ -159,13 +166,15 @@ class FrfResiduals(SumOfSquares):
             part = self._linearised(theta[block])
             residuals[block], jacobian[block] = part.residuals, part.jacobian
 
-        with one_blas_thread(), ThreadPoolExecutor(cores()) as pool:
-            list(pool.map(fill, range(size, len(theta), size)))
+        with one_blas_thread():
+            list(threads("residuals", cores()).map(fill, range(size, len(theta), size)))
         return Linearisation(residuals, jacobian)
 
     def _linearised(self, theta: NDArray[np.float64]) -> Linearisation:
-        frf, jacobian = self._model.linearise(theta)
-        return Linearisation(self._residual.of(frf), self._residual.jacobian(frf, jacobian))
+        frf, jacobian = self._model.frf_jacobian(theta)
+        by_fraction = self._residual.jacobian(frf, np.swapaxes(jacobian, 1, 2))
+        by_fraction *= self._model.slopes(theta)[:, :, np.newaxis]
+        return Linearisation(self._residual.of(frf), by_fraction)
 
 
 class WithPrior(SumOfSquares):

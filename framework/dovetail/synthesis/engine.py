@@ -8,7 +8,7 @@ the inverse of the last pivot; for several points, receptances and motions follo
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future, wait
 from dataclasses import dataclass
 from threading import Lock
 from typing import Any
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.parallel import cores
+from dovetail.parallel import cores, threads
 from dovetail.synthesis.codegen.compiler import MachineKernel, aligned_empty
 from dovetail.synthesis.codegen.vector_ir import WIDTH
 from dovetail.synthesis.coupled_system import CoupledSystem, Point, condense
@@ -266,7 +266,8 @@ class Engine:
             run_block(0, theta, *_gather(plan, theta, count, derivatives=derivatives))
             return
         blocks: list[Future[None]] = []
-        with ThreadPoolExecutor(self.threads) as pool:
+        pool = threads("engine", self.threads)
+        try:
             for start in range(0, count, SETTINGS.gathered_samples):
                 number = min(SETTINGS.gathered_samples, count - start)
                 chunk = _samples(theta, start, number)
@@ -279,7 +280,9 @@ class Engine:
                     )
                     for i in range(0, number, size)
                 ]
-            _wait(blocks)
+        finally:
+            wait(blocks)
+        _wait(blocks)
 
     def _block_size(self, plan: Plan, count: int, *, derivatives: bool) -> int:
         """Return the number of samples in a block: enough to use the cache well, and some for every thread."""
