@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
+from typing import Literal, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 import scipy  # loads a part of it when that is first used
 from numpy.typing import NDArray
-
-if TYPE_CHECKING:
-    from dovetail.interfaces.joint import Parameter
 
 Scale = Literal["linear", "log"]
 Prior = Literal["uniform", "normal"]
@@ -36,8 +33,8 @@ class RangeMap(NamedTuple):
     @staticmethod
     def of(lower: _Ends, upper: _Ends, scale: Scale, prior: Prior) -> RangeMap:
         """Return the map of ranges in SI."""
-        ends = (np.log(lower), np.log(upper)) if scale == "log" else (lower, upper)
-        return RangeMap(*ends, scale, prior)
+        low, high = (np.log(lower), np.log(upper)) if scale == "log" else (lower, upper)
+        return RangeMap(low, high, scale, prior)
 
     def from_unit(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
         """Map fractions from 0 to 1, quantiles of the prior within the range, to values."""
@@ -76,6 +73,19 @@ def normal_residual(fraction: NDArray[np.float64]) -> tuple[NDArray[np.float64],
     return deviations, (1.0 - 2.0 * _TAIL) / density
 
 
+class Range(Protocol):
+    """A parameter's range, in SI, with its scale and prior."""
+
+    @property
+    def lower(self) -> float: ...  # noqa: D102
+    @property
+    def upper(self) -> float: ...  # noqa: D102
+    @property
+    def scale(self) -> Scale: ...  # noqa: D102
+    @property
+    def prior(self) -> Prior: ...  # noqa: D102
+
+
 class ParameterScales:
     """The maps of several parameters; those with the same scale and prior are computed together.
 
@@ -85,7 +95,7 @@ class ParameterScales:
         In the order of the last axis of all arrays.
     """
 
-    def __init__(self, parameters: Sequence[Parameter]) -> None:
+    def __init__(self, parameters: Sequence[Range]) -> None:
         alike: dict[tuple[Scale, Prior], list[int]] = {}
         for column, parameter in enumerate(parameters):
             alike.setdefault((parameter.scale, parameter.prior), []).append(column)
