@@ -249,9 +249,8 @@ class Assembly:
             Derivatives in the response's quantity per SI unit of each parameter.
         """
         batch, single = self._space.batch(theta)
-        values, by_parameter = (array[:, 0] for array in self._first.jacobian(batch))
-        jacobian = np.swapaxes(by_parameter, 1, 2)
-        return (values[0], jacobian[0]) if single else (values, jacobian)
+        values, jacobian = (array[:, 0] for array in self._first.jacobian(batch))
+        return (values[0], jacobian[0].T) if single else (values, np.swapaxes(jacobian, 1, 2))
 
     def accelerance_amplitude(self, theta: Theta = None) -> NDArray[np.float32]:
         """Amplitude of the accelerance in single precision, for all responses.

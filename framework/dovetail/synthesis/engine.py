@@ -44,7 +44,9 @@ class Settings:
     gathered_samples: int = 512
     """Number of samples whose joint matrices are computed at a time."""
     threaded_multiplications: float = 3e5
-    """Number of complex multiplications, about half a millisecond, from which threads are worth starting."""
+    """Number of complex multiplications, about half a millisecond, from which a second thread is worth its call."""
+    with_derivatives: int = 4
+    """Times as many multiplications as for an FRF alone."""
     spectral_bytes: float = 16e6
     """Memory in which a thread evaluates joints that depend on frequency."""
 
@@ -262,34 +264,35 @@ class Engine:
         if not count:
             return
         size = self._block_size(plan, count, derivatives=derivatives)
-        if count <= size:
-            run_block(0, theta, *_gather(plan, theta, count, derivatives=derivatives))
-            return
-        blocks: list[Future[None]] = []
-        pool = threads("engine", self.threads)
+        running: list[Future[None]] = []
         try:
             for start in range(0, count, SETTINGS.gathered_samples):
                 number = min(SETTINGS.gathered_samples, count - start)
                 chunk = _samples(theta, start, number)
                 terms, weights = _gather(plan, chunk, number, derivatives=derivatives)
-                _wait(blocks)
                 job.kernel_of(plan)  # compile it before several threads need it
                 blocks = [
-                    pool.submit(
-                        run_block, start + i, _samples(chunk, i, size), terms[i : i + size], weights[i : i + size]
-                    )
+                    (start + i, _samples(chunk, i, size), terms[i : i + size], weights[i : i + size])
                     for i in range(0, number, size)
                 ]
+                if len(blocks) == 1 or self.threads == 1:
+                    for block in blocks:
+                        run_block(*block)
+                else:
+                    _wait(running)
+                    running = [threads("engine", self.threads).submit(run_block, *block) for block in blocks]
         finally:
-            wait(blocks)
-        _wait(blocks)
+            wait(running)
+        _wait(running)
 
     def _block_size(self, plan: Plan, count: int, *, derivatives: bool) -> int:
         """Return the number of samples in a block: enough to use the cache well, and some for every thread."""
-        multiplications = count * len(self.system.frequency) * plan.program.multiplications
-        if not plan.spectral.joints and multiplications < SETTINGS.threaded_multiplications:
+        of_sample = len(self.system.frequency) * plan.program.multiplications
+        of_sample *= SETTINGS.with_derivatives if derivatives else 1
+        if not plan.spectral.joints and count * of_sample < SETTINGS.threaded_multiplications:
             return count
-        size = min(SETTINGS.most_samples, max(SETTINGS.fewest_samples, -(-count // self.threads)))
+        fewest = min(SETTINGS.fewest_samples, -(-SETTINGS.threaded_multiplications // of_sample))
+        size = min(SETTINGS.most_samples, max(int(fewest), -(-count // self.threads)))
         if plan.spectral.joints:
             size = min(size, int(SETTINGS.spectral_bytes / plan.spectral.bytes_per_sample(derivatives=derivatives)))
         return max(1, size)

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from scipy.linalg import qr
 from scipy.special import ndtr, ndtri
 
-from dovetail.assembly import Assembly
 from dovetail.inference.fitting import Fit
 from dovetail.inference.posterior.frequency_average import needs_average, unshaped_deviation, weigh
 from dovetail.inference.posterior.model_error import ModelError, error_shapes
@@ -276,7 +275,7 @@ def _few_lines(
     lines = by_line.lines_of(_pivots(basis))
     rows = by_line.residuals_of(lines)
     to_basis = np.asarray(np.linalg.pinv(basis[rows]).T)
-    return _FewLines(_on_lines(likelihood, lines), by_line.at(lines), origin[rows], to_basis)
+    return _FewLines(likelihood.model.at(lines), by_line.at(lines), origin[rows], to_basis)
 
 
 def _few_lines_of_averages(
@@ -301,19 +300,11 @@ def _few_lines_of_averages(
     added = likelihood.residual.jacobian(origin[np.newaxis], vectors[np.newaxis])[0]
     to_basis = np.asarray(np.linalg.pinv(of_lines[rows]).T @ (added @ basis))
     on_few = _ScaledValues(scaled.scale[lines])
-    return _FewLines(_on_lines(likelihood, lines), on_few, on_few.of(origin[np.newaxis, lines])[0], to_basis)
+    return _FewLines(likelihood.model.at(lines), on_few, on_few.of(origin[np.newaxis, lines])[0], to_basis)
 
 
 def _pivots(basis: NDArray[np.float64]) -> NDArray[np.intp]:
     return np.asarray(qr(basis.T, mode="r", pivoting=True)[1][: basis.shape[1]])
-
-
-def _on_lines(likelihood: Likelihood, lines: NDArray[np.intp]) -> ModelFrfs:
-    model = likelihood.model.at(lines)
-    for response in model.assemblies:
-        if isinstance(response, Assembly):
-            response.engine.threads = 1  # so little work is done before others have begun
-    return model
 
 
 def _inverse_square_root(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
