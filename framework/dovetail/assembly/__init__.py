@@ -6,7 +6,7 @@ from dovetail.assembly.loading import AssemblySource, as_assembly, load
 from dovetail.assembly.model import Assembly
 from dovetail.assembly.natural_frequencies import modes_in_band
 from dovetail.assembly.omissions import find_omissions
-from dovetail.assembly.parameters import ParameterSpace, ResponseFrfs, Theta
+from dovetail.assembly.parameters import ParameterScales, ParameterSpace, ResponseFrfs, Theta
 from dovetail.assembly.regression_check import FRF_TOLERANCE, largest_frf_difference
 from dovetail.assembly.vibration_modes import VibrationMode
 
@@ -15,6 +15,7 @@ __all__ = [
     "Assembly",
     "AssemblySource",
     "FrfModel",
+    "ParameterScales",
     "ParameterSpace",
     "ResponseFrfs",
     "Theta",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any, TypeAlias
@@ -16,7 +16,7 @@ from dovetail.description.checked import ParameterEntry, Response, Tie, resolve
 from dovetail.errors import Fault, ParameterError, UnitError, did_you_mean, listing
 from dovetail.frf import conversion
 from dovetail.interfaces import Parameter
-from dovetail.interfaces.scales import ParameterScales
+from dovetail.interfaces.joint import Prior, RangeMap, Scale
 from dovetail.synthesis import Engine, FrfSource, Point
 from dovetail.units import format_quantity, to_si
 
@@ -120,6 +120,46 @@ def chain_rule(derivatives: NDArray[Any], slopes: NDArray[np.float64]) -> NDArra
         slope = slopes[:, value, column].reshape(-1, *(1,) * (derivatives.ndim - 2))
         total[..., column, :] += slope * derivatives[..., value, :]
     return total
+
+
+class ParameterScales:
+    """The maps of several parameters; those with the same scale and prior are computed together.
+
+    Parameters
+    ----------
+    parameters : sequence of Parameter
+        In the order of the last axis of all arrays.
+    """
+
+    def __init__(self, parameters: Sequence[Parameter]) -> None:
+        alike: dict[tuple[Scale, Prior], list[int]] = {}
+        for column, parameter in enumerate(parameters):
+            alike.setdefault((parameter.scale, parameter.prior), []).append(column)
+        self._groups: list[tuple[list[int] | slice, RangeMap]] = []
+        for (scale, prior), columns in alike.items():
+            lower, upper = np.transpose([(parameters[column].lower, parameters[column].upper) for column in columns])
+            rows = slice(None) if len(alike) == 1 else columns
+            self._groups.append((rows, RangeMap.of(lower, upper, scale, prior)))
+
+    def from_unit(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return SI values (..., n_params) for fractions of the ranges."""
+        return self._each(fraction, RangeMap.from_unit)
+
+    def to_unit(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return fractions of the ranges (..., n_params) for SI values."""
+        return self._each(theta, RangeMap.to_unit)
+
+    def slopes(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivatives (..., n_params) of SI values by the fractions."""
+        return self._each(theta, RangeMap.slope)
+
+    def _each(
+        self, values: NDArray[np.float64], function: Callable[[RangeMap, NDArray[np.float64]], NDArray[np.float64]]
+    ) -> NDArray[np.float64]:
+        mapped = np.empty(values.shape)
+        for columns, range_map in self._groups:
+            mapped[..., columns] = function(range_map, values[..., columns])
+        return mapped
 
 
 class ParameterSpace:

@@ -12,7 +12,7 @@ from dovetail.interfaces.component import (
 from dovetail.interfaces.context import FeatureContext, fit_in_context, takes_context
 from dovetail.interfaces.declarations import joint_faults, node_faults, parameter_faults, port_faults
 from dovetail.interfaces.file_name import FileName
-from dovetail.interfaces.joint import JointModel, Parameter
+from dovetail.interfaces.joint import JointModel, Parameter, Prior, Scale
 from dovetail.interfaces.matrices import (
     DIRECTIONS,
     ScaledMatrices,
@@ -38,7 +38,6 @@ from dovetail.interfaces.recorded import (
 )
 from dovetail.interfaces.reducer import FittedReducer, Reducer
 from dovetail.interfaces.regressor import FittedRegressor, Regressor, TargetDistribution, TrainingEpoch, spread_normal
-from dovetail.interfaces.scales import Prior, Scale
 from dovetail.interfaces.state import ComponentState
 from dovetail.interfaces.substructure import Node, Omission, Port, SubstructureModel
 from dovetail.interfaces.superposition import Superposition

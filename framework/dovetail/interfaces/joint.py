@@ -7,21 +7,71 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from numbers import Real
-from typing import ClassVar, get_args
+from typing import ClassVar, Literal, NamedTuple, get_args
 
 import numpy as np
-from numpy.typing import NDArray
+import scipy  # loads a part of it when that is first used
+from numpy.typing import ArrayLike, NDArray
 
 from dovetail.errors import Fault, PluginError, listing
 from dovetail.interfaces.component import Component, Kind
 from dovetail.interfaces.differentiation import Differentiation, differences
 from dovetail.interfaces.matrices import DIRECTIONS, ScaledMatrices, StructuralMatrices, describes_matrices
-from dovetail.interfaces.scales import DEVIATIONS, Prior, RangeMap, Scale, normal_residual
 from dovetail.interfaces.substructure import Omission, Port, SubstructureModel
 from dovetail.interfaces.superposition import Declaration, Superposition
 
+Scale = Literal["linear", "log"]
+Prior = Literal["uniform", "normal"]
+
 _SAMPLES = 4
 """Number of random parameter vectors at which declarations about the matrices are verified."""
+
+
+_DEVIATIONS = 4.0
+"""Standard deviations of a normal prior between the middle and each end of its range; 6e-5 of it lie outside."""
+_TAIL = 3.167124183311986e-05
+"""Share of the normal distribution below the range: scipy.special.ndtr(-4.0)."""
+_INSIDE = 1.0 - 2.0 * _TAIL
+
+
+class RangeMap(NamedTuple):
+    """Between fractions and values of parameters with one scale and prior, by the ends of ranges or the logarithms."""
+
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    scale: Scale
+    prior: Prior
+
+    @staticmethod
+    def of(lower: ArrayLike, upper: ArrayLike, scale: Scale, prior: Prior) -> RangeMap:
+        """Return the map of ranges in SI."""
+        change = np.log if scale == "log" else np.asarray
+        return RangeMap(change(lower), change(upper), scale, prior)
+
+    def from_unit(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Map fractions from 0 to 1, quantiles of the prior within the range, to values."""
+        if self.prior == "normal":
+            fraction = (scipy.special.ndtri(_TAIL + fraction * _INSIDE) / _DEVIATIONS + 1.0) / 2.0
+        mapped = self.low + np.asarray(fraction) * (self.high - self.low)
+        return np.asarray(np.exp(mapped) if self.scale == "log" else mapped)
+
+    def to_unit(self, value: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Map values to fractions from 0 to 1, quantiles of the prior within the range."""
+        if self.prior == "uniform":
+            return self._part(value)
+        return np.asarray((scipy.special.ndtr((2.0 * self._part(value) - 1.0) * _DEVIATIONS) - _TAIL) / _INSIDE)
+
+    def slope(self, value: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivative of `from_unit` by the fraction, at values."""
+        width = np.asarray((value if self.scale == "log" else np.ones_like(value)) * (self.high - self.low))
+        if self.prior == "normal":
+            quantile = (2.0 * self._part(value) - 1.0) * _DEVIATIONS
+            width *= _INSIDE * np.sqrt(2.0 * np.pi) * np.exp(quantile**2 / 2.0) / (2.0 * _DEVIATIONS)
+        return width
+
+    def _part(self, value: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return how far values lie between the ends, on their scale."""
+        return np.asarray(((np.log(value) if self.scale == "log" else value) - self.low) / (self.high - self.low))
 
 
 @dataclass(frozen=True)
@@ -69,10 +119,9 @@ class Parameter:
         first, *others = self.name.split(".")
         if not first.isidentifier() or not all(part.isidentifier() or part.isdecimal() for part in others):
             return Fault(where, "this cannot be a name.", "letters, digits and '_', not beginning with a digit")
-        if self.scale not in get_args(Scale):
-            return Fault(where, f"its scale is {self.scale!r:.40}.", listing(get_args(Scale)))
-        if self.prior not in get_args(Prior):
-            return Fault(where, f"its prior is {self.prior!r:.40}.", listing(get_args(Prior)))
+        for key, known in (("scale", get_args(Scale)), ("prior", get_args(Prior))):
+            if getattr(self, key) not in known:
+                return Fault(where, f"its {key} is {getattr(self, key)!r:.40}.", listing(known))
         for end in (self.lower, self.upper):
             if isinstance(end, bool) or not isinstance(end, Real) or not np.isfinite(float(end)):
                 return Fault(where, f"an end of its range is {end!r:.40}.", f"a finite number in {self.unit}")
@@ -87,7 +136,7 @@ class Parameter:
         name: str, unit: str, middle: float, deviation: float, scale: Scale, description: str
     ) -> Parameter:
         """Return a parameter with a normal prior from its mean and deviation in `unit`; log-normal on scale `log`."""
-        half = DEVIATIONS * deviation
+        half = _DEVIATIONS * deviation
         if scale == "log":
             factor = float(np.exp(half / middle))
             return Parameter(name, unit, middle / factor, middle * factor, scale, description, "normal")
@@ -107,9 +156,10 @@ class Parameter:
 
     def normal_residual(self, fraction: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the standard normal residual of fractions under a normal prior, and its derivative."""
-        return normal_residual(fraction)
+        deviations = scipy.special.ndtri(_TAIL + np.asarray(fraction, dtype=np.float64) * _INSIDE)
+        return deviations, _INSIDE * np.sqrt(2.0 * np.pi) * np.exp(deviations**2 / 2.0)
 
-    @property
+    @cached_property
     def _range_map(self) -> RangeMap:
         return RangeMap.of(self.lower, self.upper, self.scale, self.prior)
 

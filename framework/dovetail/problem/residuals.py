@@ -12,11 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from dovetail.assembly import FrfModel, ResponseFrfs
+from dovetail.assembly import FrfModel, ParameterScales, ResponseFrfs
 from dovetail.frf import Frf
 from dovetail.frf.rice import rice_mean
 from dovetail.interfaces import Parameter
-from dovetail.interfaces.scales import ParameterScales
 from dovetail.parallel import cores, one_blas_thread, threads
 from dovetail.problem.least_squares import Linearisation, SumOfSquares
 
