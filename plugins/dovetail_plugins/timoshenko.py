@@ -88,18 +88,19 @@ def circle(outer: ArrayLike, inner: ArrayLike, poisson: ArrayLike) -> CrossSecti
     return CrossSection(np.pi / 4.0 * (do**2 - di**2), np.pi / 64.0 * (do**4 - di**4), shear)
 
 
-def circle_rates(outer: ArrayLike, inner: ArrayLike, poisson: ArrayLike) -> tuple[CrossSection, ...]:
+def circle_rates(outer: ArrayLike, inner: ArrayLike, poisson: Any) -> tuple[CrossSection, ...]:
     """Return the derivatives of `circle` by its arguments, each over the property itself."""
     do, di = np.asarray(outer, dtype=np.float64), np.asarray(inner, dtype=np.float64)
-    nu, ratio = np.asarray(poisson, dtype=np.float64), di * di / (do * do)
-    ring, sum_of_squares = do * do - di * di, do * do + di * di
-    plus = (1.0 + ratio) * (1.0 + ratio)
-    below = (7.0 + 6.0 * nu) * plus + (20.0 + 12.0 * nu) * ratio
-    by_ratio = 2.0 / (1.0 + ratio) - (2.0 * (7.0 + 6.0 * nu) * (1.0 + ratio) + 20.0 + 12.0 * nu) / below
-    fourths = ring * sum_of_squares
-    by_outer = CrossSection(2.0 * do / ring, 4.0 * do * do * do / fourths, -2.0 * by_ratio * ratio / do)
-    by_inner = CrossSection(-2.0 * di / ring, -4.0 * di * di * di / fourths, 2.0 * by_ratio * di / (do * do))
-    by_poisson = 1.0 / (1.0 + nu) - (6.0 * plus + 12.0 * ratio) / below
+    squares = do * do, di * di
+    ring, total, ratio = squares[0] - squares[1], squares[0] + squares[1], squares[1] / squares[0]
+    first, second, plus = 7.0 + 6.0 * poisson, 20.0 + 12.0 * poisson, 1.0 + ratio
+    below = first * (plus * plus) + second * ratio
+    by_ratio = 2.0 / plus - (2.0 * first * plus + second) / below
+    areas = 2.0 * do / ring, -2.0 * di / ring
+    shear = 2.0 * by_ratio * di / squares[0]
+    by_outer = CrossSection(areas[0], 2.0 * areas[0] * squares[0] / total, -shear * di / do)
+    by_inner = CrossSection(areas[1], 2.0 * areas[1] * squares[1] / total, shear)
+    by_poisson = 1.0 / (1.0 + poisson) - (6.0 * (plus * plus) + 12.0 * ratio) / below
     return by_outer, by_inner, CrossSection(np.zeros_like(ring), np.zeros_like(ring), by_poisson)
 
 
@@ -265,28 +266,32 @@ class Element:
         section : CrossSection
             Derivatives (..., p) of its properties, each over the property itself.
         """
-        phi, along = self._shear[..., None], (length / self.length[..., None])[..., None, :]
         area, inertia, shear = (rate[..., None, :] for rate in (section.area, section.inertia, section.shear))
-        lateral = (poisson / (1.0 + self.poisson)[..., None])[..., None, :]
-        change = phi * (inertia - shear - area - 2.0 * along + lateral)
-        softening = change / (1.0 + phi)
-        relative = inertia - softening + (_STIFFNESS_POWERS[:, None] - 3.0) * along
-        of_bracket = self._stiffness_scale * (_BENDING[1] * _powers(self.length, _STIFFNESS_POWERS))
-        stiffness = self.stiffness[..., None] * relative + of_bracket[..., None] * change
-        mass: Any = 0.0
-        for table, scale, rate, power in zip(
-            (_TRANSLATION, _ROTATION), self._masses, (area, inertia), (1.0, -1.0), strict=True
-        ):
-            relative = rate - 2.0 * softening + (_MASS_POWERS[:, None] + power) * along
-            value, steepness = _polynomial(table, self._shear), table[1] + 2.0 * self._shear * table[2]
-            mass = mass + scale[..., None] * (value[..., None] * relative + steepness[..., None] * change)
-        return stiffness, mass
+        change = inertia - shear - area
+        if poisson.any():
+            change = change + (poisson / (1.0 + self.poisson)[..., None])[..., None, :]
+        scaled = tuple(zip(self._masses, (_TRANSLATION, _ROTATION), strict=True))
+        moved, turned = (scale * _polynomial(table, self._shear) for scale, table in scaled)
+        below = 1.0 + self._shear
+        by_shear = -2.0 * (moved + turned) / below
+        for scale, table in scaled:
+            by_shear += scale * (table[1] + 2.0 * self._shear * table[2])
+        bent = self._stiffness_scale * (_BENDING[1] * _powers(self.length, _STIFFNESS_POWERS)) - self.stiffness / below
+        stiffness = self.stiffness[..., None] * inertia
+        mass = moved[..., None] * area + turned[..., None] * inertia
+        if length.any():
+            along = (length / self.length[..., None])[..., None, :]
+            change = change - 2.0 * along
+            stiffness = stiffness + ((_STIFFNESS_POWERS - 3.0) * self.stiffness)[..., None] * along
+            mass = mass + ((_MASS_POWERS + 1.0) * moved + (_MASS_POWERS - 1.0) * turned)[..., None] * along
+        change = self._shear[..., None] * change
+        return stiffness + bent[..., None] * change, mass + by_shear[..., None] * change
 
 
 def _powers(length: NDArray[np.float64], powers: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return powers 0, 1 and 2 of the length, (..., n_powers)."""
     along = length[..., None]
-    return np.where(powers == 2.0, along * along, np.where(powers == 1.0, along, 1.0))
+    return np.where(powers == 1.0, along, np.where(powers == 2.0, along * along, 1.0))
 
 
 def _polynomial(table: NDArray[np.float64], phi: NDArray[np.float64]) -> NDArray[np.float64]:
