@@ -40,7 +40,7 @@ from dovetail.interfaces.reducer import FittedReducer, Reducer
 from dovetail.interfaces.regressor import FittedRegressor, Regressor, TargetDistribution, TrainingEpoch, spread_normal
 from dovetail.interfaces.state import ComponentState
 from dovetail.interfaces.substructure import Node, Omission, Port, SubstructureModel
-from dovetail.interfaces.superposition import Superposition
+from dovetail.interfaces.superposition import Declaration, Superposition
 
 __all__ = [
     "DIRECTIONS",
@@ -51,6 +51,7 @@ __all__ = [
     "Component",
     "ComponentConfig",
     "ComponentState",
+    "Declaration",
     "Estimate",
     "FeatureContext",
     "FileName",

@@ -308,10 +308,11 @@ class JointModel(Component):
         PluginError
             One of these declarations is not true.
         """
-        return self._declaration.superposition()
+        return self.declaration.superposition()
 
     @cached_property
-    def _declaration(self) -> Declaration:
+    def declaration(self) -> Declaration:
+        """What the model declares about its matrices, not yet verified."""
         linear = self.linear_parameters if describes_matrices(self, "linear_parameters") else ()
         scaled = self.scaled_matrices if describes_matrices(self, "scaled_matrices") else None
         fractions = np.random.default_rng(0).random((_SAMPLES, len(self.parameters)))
@@ -351,7 +352,7 @@ class JointModel(Component):
 
     @cached_property
     def _differentiation(self) -> Differentiation:
-        declared = self._declaration
+        declared = self.declaration
         slopes = declared.slopes().T.toarray() if len(declared.columns) else ()
         known = dict(zip(declared.columns.tolist(), slopes, strict=True))
         return Differentiation(self.matrices, self.size, *self._range, known)

@@ -135,6 +135,11 @@ class Declaration:
         wrong = np.abs(entries - expected).reshape(whole.shape) > SETTINGS.untrue * scale
         return bool(wrong.any()) or not np.isfinite(entries).all()
 
+    def verify(self) -> None:
+        """Raise a `PluginError` if the matrices are not linear in the linear parameters."""
+        for column in self.columns:
+            self._slope(int(column))
+
     def superposition(self) -> Superposition | None:
         """Return the whole matrices as a superposition; None if a part of them is known by `matrices` only.
 

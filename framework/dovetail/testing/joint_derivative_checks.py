@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.interfaces import JointModel, StructuralMatrices
+from dovetail.errors import PluginError
+from dovetail.interfaces import Declaration, JointModel, StructuralMatrices
 from dovetail.synthesis.joint_evaluation import depends_on_frequency
 from dovetail.testing.answers import PARTS
 from dovetail.testing.linear_algebra import condensed, relative_difference, unit_free
@@ -47,6 +49,8 @@ class Settings:
     dependent : float
         Smallest eigenvalue of the Gram matrix of normalised changes below which they are dependent: an angle of 1e-5,
         which no measurement resolves.
+    timed : int
+        Number of calls of which the shortest is reported.
     """
 
     vectors: int = 96
@@ -60,9 +64,11 @@ class Settings:
     single: float = 1e-6
     secant: float = 0.05
     dependent: float = 1e-10
+    timed: int = 3
 
 
 SETTINGS = Settings()
+_Call = Callable[[NDArray[np.float64]], object]
 _Function = Callable[[NDArray[np.float64]], NDArray[np.complex128] | NDArray[np.float64]]
 
 
@@ -164,6 +170,51 @@ def check_jacobian_treats_each_vector_alone(specimen: JointSpecimen) -> None:
                         f"the derivative of {part} by '{parameter.name}' differs between a batch and a single vector."
                     )
                     raise Nonconformity(problem, "Use the vectors' own axis: derivatives are (n, d, d) each.")
+
+
+def check_declared_matrices_are_true(specimen: JointSpecimen) -> str:
+    """The matrices are linear in `linear_parameters`, and the rest is what `scaled_matrices` gives, if declared."""
+    _only_with_parameters(specimen)
+    joint = specimen.component
+    if specimen.own_law:
+        raise NotApplicable("FRFs come from the joint's dynamic stiffness, not from its matrices.")
+    try:
+        joint.declaration.verify()
+        declared = joint.superposition
+    except PluginError as error:
+        raise Nonconformity(error.faults[0].problem, error.faults[0].remedy) from error
+    theta = specimen.some(SETTINGS.vectors)
+    if declared is not None:
+        return f"the matrices of an FRF take {_microseconds(declared.functions, declared.slopes, theta)}"
+    linear = [name for name in joint.declaration.names if _looks_linear(joint.declaration, name)]
+    whole = f"the matrices of an FRF take {_microseconds(joint.matrices, joint.matrices_jacobian, theta)}"
+    undeclared = [name for name in linear if name not in joint.declaration.linear]
+    if not undeclared:
+        return whole
+    whole += f"; linear_parameters does not name {', '.join(undeclared)}, in which the matrices look linear"
+    possible = replace(joint.declaration, linear=linear).superposition()
+    if possible is None:
+        return whole
+    return f"{whole}, and with them they would take {_microseconds(possible.functions, possible.slopes, theta)}"
+
+
+def _looks_linear(declaration: Declaration, name: str) -> bool:
+    try:
+        replace(declaration, linear=[name]).verify()
+    except PluginError:
+        return False
+    return True
+
+
+def _microseconds(values: _Call, derivatives: _Call, theta: NDArray[np.float64]) -> str:
+    """Return the least time of one parameter vector in a batch, for values and derivatives together."""
+    times = []
+    for _ in range(SETTINGS.timed):
+        start = time.perf_counter()
+        values(theta.copy())
+        derivatives(theta.copy())
+        times.append(time.perf_counter() - start)
+    return f"{1e6 * min(times) / len(theta):.2g} us"
 
 
 def check_dynamic_stiffness_jacobian_meets_differences(specimen: JointSpecimen) -> None:

@@ -18,6 +18,7 @@ from dovetail.interfaces import KINDS, Component, Kind, Progress, plugin_errors,
 from dovetail.registry import Registry, installed_components
 from dovetail.testing import (
     declared_checks,
+    declared_part_checks,
     fitted_checks,
     fitted_shape_checks,
     fitted_state_checks,
@@ -43,7 +44,7 @@ _Check = Callable[[Any], str | None]
 """A check raises an exception if something is wrong, and may return a text with what it measured."""
 
 _MODULES: Mapping[Kind, tuple[ModuleType, ...]] = {
-    "substructure": (substructure_checks, history_checks, unit_checks, general_checks),
+    "substructure": (substructure_checks, declared_part_checks, history_checks, unit_checks, general_checks),
     "joint": (
         joint_checks,
         joint_derivative_checks,

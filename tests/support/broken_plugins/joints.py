@@ -252,6 +252,32 @@ class WrongDerivative(SoundJoint):
         return jacobian
 
 
+class Bent(SoundJoint):
+    """Sound, with more damping where it is stiff in tilting."""
+
+    def matrices(self, theta):
+        """Let the stiffness act on the damping."""
+        joint = super().matrices(theta)
+        part = theta[:, 1] / (theta[:, 1] + theta[:, 0] * self.config.thickness**2)
+        joint.C[:] *= 1.0 + 0.1 * part[:, None, None]
+        return joint
+
+
+@breaks("declared_matrices_are_true")
+class LinearInName(SoundJoint):
+    """It declares parameters as linear whose slopes depend on others."""
+
+    linear_parameters = ("k", "kr", "c", "m")
+
+    def matrices(self, theta):
+        """Return those of the bent one."""
+        return Bent(self.config).matrices(theta)
+
+    def matrices_jacobian(self, theta):
+        """Return right derivatives."""
+        return Bent(self.config).matrices_jacobian(theta)
+
+
 @breaks("translation_costs_nothing")
 class Grounded(SoundJoint):
     """A spring against the ground."""

@@ -570,6 +570,17 @@ class BatchOfTheMiddle(Bar):
         return StructuralMatrices(*(np.repeat(getattr(matrices, name)[np.newaxis], len(values), 0) for name in "MKCD"))
 
 
+@breaks("declared_matrices_are_those_of_each_value")
+class LinearInLength(Bar):
+    """It declares its length as a linear option."""
+
+    linear_options = ("length",)
+
+    def matrices(self):
+        """Return those of the bar."""
+        return super().matrices()
+
+
 class LossyBar(Bar):
     """Sound, with a loss factor, which has no unit."""
 
