@@ -155,11 +155,11 @@ class Declaration:
         blocks = [rest] if slopes is None else [rest, slopes]
         entries = scipy.sparse.csr_array(scipy.sparse.hstack(blocks))
         entries.sort_indices()
-        found = Superposition(self.where, entries, self.columns, self.others, self.scaled)
-        if self._differs(self._at_samples, (entries @ found.functions(self.samples)).T):
+        whole = Superposition(self.where, entries, self.columns, self.others, self.scaled)
+        if self._differs(self._at_samples, (entries @ whole.functions(self.samples)).T):
             problem = "its scaled_matrices and linear parameters do not add up to its matrices."
             raise PluginError(Fault(self.where, problem, remedy="Correct them, or leave scaled_matrices out."))
-        return found
+        return whole
 
     def _flat(self, matrices: Sequence[StructuralMatrices | SparseMatrices]) -> scipy.sparse.csc_array:
         """Return the entries (4 d^2, m) of m sets of matrices as columns."""

@@ -29,30 +29,30 @@ def check_declared_matrices_are_those_of_each_value(specimen: SubstructureSpecim
     numbers = {".".join(map(str, number.path)): number.value for number in numbers_within(part.config)}
     values = {place: value for place, value in numbers.items() if value and isinstance(value, float)}
     sets = [*([place] for place in values), list(values)]
-    if not sum(_verified(part, places, np.array([values[place] for place in places])) for places in sets if places):
+    if not sum(_verified(part, options, np.array([values[place] for place in options])) for options in sets if options):
         raise NotApplicable("the part declares nothing about its matrices.")
 
 
-def _verified(part: SubstructureModel, places: Sequence[str], values: NDArray[np.float64]) -> bool:
+def _verified(part: SubstructureModel, options: Sequence[str], values: NDArray[np.float64]) -> bool:
     """Compare what a part declares for some options with parts that have their values; return whether it does."""
-    linear = [place for place in places if place in part.linear_options]
+    linear = [place for place in options if place in part.linear_options]
     linear = linear if describes_matrices(part, "linear_options") else []
-    others = [place for place in places if place not in linear]
+    others = [place for place in options if place not in linear]
     scaled = part.scaled_matrices(others) if others and describes_matrices(part, "scaled_matrices") else None
     if not linear and scaled is None:
         return False
     lower, upper = np.sort(np.outer(_RANGE, values), axis=0)
-    samples = lower + np.random.default_rng(0).random((_SAMPLES, len(places))) * (upper - lower)
+    samples = lower + np.random.default_rng(0).random((_SAMPLES, len(options))) * (upper - lower)
 
     def matrices(theta: NDArray[np.float64]) -> StructuralMatrices:
-        parts = [_made(part, places, row) for row in theta.tolist()]
+        parts = [_made(part, options, row) for row in theta.tolist()]
         return StructuralMatrices(*(np.stack([dense(getattr(each, name)) for each in parts]) for name in "MKCD"))
 
     try:
         size = matrices(samples[:1]).size
     except Exception:  # the part cannot have such options
         return False
-    declaration = Declaration(part.name, matrices, size, places, lower, upper, samples, linear, scaled)
+    declaration = Declaration(part.name, matrices, size, options, lower, upper, samples, linear, scaled)
     try:
         declaration.verify()
         superposition = declaration.superposition()
@@ -71,6 +71,6 @@ def _verified(part: SubstructureModel, places: Sequence[str], values: NDArray[np
     return True
 
 
-def _made(part: SubstructureModel, places: Sequence[str], values: Sequence[float]) -> object:
-    options = part.config.with_options(dict(zip(places, values, strict=True))).model_dump(by_alias=True)
-    return type(part)(type(part.config).model_validate(options)).matrices()
+def _made(part: SubstructureModel, options: Sequence[str], values: Sequence[float]) -> object:
+    section = part.config.with_options(dict(zip(options, values, strict=True))).model_dump(by_alias=True)
+    return type(part)(type(part.config).model_validate(section)).matrices()
