@@ -40,8 +40,6 @@ from .identification import Evaluation as Evaluation
 from .identification import Identification as Identification
 from .identification import IdentifiedParameter as IdentifiedParameter
 from .identification import Identifier as Identifier
-from .identification import MatchedMode as MatchedMode
-from .identification import ModalIdentification as ModalIdentification
 from .identification import Mode as Mode
 from .identification import ModelError as ModelError
 from .identification import ParameterMetrics as ParameterMetrics

@@ -18,7 +18,6 @@ from dovetail.identification.identify import check_mass, find_method
 from dovetail.identification.measured_lines import batch_contradictions, check_measured
 from dovetail.identification.prediction import joint_values, predicted_frf
 from dovetail.identification.result import joined_warnings
-from dovetail.identification.result_file import AnyIdentification
 from dovetail.inference.posterior import LEVEL, NOT_TRUSTWORTHY, PRIOR_PRECISION
 from dovetail.interfaces import progress_reporter
 from dovetail.measurement import check_cover, data_noise, on_grid, within_band
@@ -37,7 +36,6 @@ __all__ = [
     "NOISE_KINDS",
     "NOT_TRUSTWORTHY",
     "PRIOR_PRECISION",
-    "AnyIdentification",
     "AssemblySource",
     "Attachment",
     "Connection",

@@ -27,11 +27,11 @@ def test_the_table_the_modes_and_what_frequencies_do_not_tell(run, modes, tmp_pa
     assert "1.776" in rows["k"]
     assert "identified" in rows["k"]
     assert "response.gain: not identifiable. The measurement hardly depends on it." in answer
-    assert rows["212.1"].split() == ["212.1", "212.1", "0.310", "0.310"]
+    assert rows["212.1"].split()[:4] == ["212.1", "0.310", "212.1", "0.310"]
     names = sorted(file.name for file in (tmp_path / "result").iterdir())
-    assert names == ["SHA256SUMS", "modes.csv", "parameters.csv", "result.json"]
+    assert names == ["SHA256SUMS", "modes.csv", "parameters.csv", "report.html", "result.json"]
     stored = json.loads((tmp_path / "result" / "result.json").read_text())
-    assert (stored["method"], stored["is_trustworthy"]) == ("modal parameters", True)
+    assert (stored["method"], stored["is_trustworthy"]) == ("posterior", True)
     assert [row["name"] for row in stored["table"]] == ["k", "c", "response.gain", "response.delay"]
     header, row = (tmp_path / "result" / "modes.csv").read_text().splitlines()
     assert header == "natural_frequency,damping_ratio,measured_frequency,measured_damping"
@@ -63,7 +63,7 @@ def test_what_was_written_is_read_back_and_predicts(run, modes, tmp_path):
     written = json.loads((tmp_path / "result" / "result.json").read_text())
     result = dovetail.load_result(tmp_path / "result")
     again = json.loads(json.dumps(result.to_dict()))
-    for name in ("known", "measured", "modes", "parameters", "adequacy", "chi_squared", "warnings", "provenance"):
+    for name in ("known", "measured", "modes", "parameters", "adequacy", "warnings", "provenance"):
         assert again[name] == written[name]
     for row, before in zip(again["table"], written["table"], strict=True):
         assert row["estimate"] == pytest.approx(before["estimate"])
@@ -81,7 +81,7 @@ def test_a_table_that_the_model_cannot_follow_ends_with_three(run, modes):
 
 
 def test_options_of_an_frf_do_not_go_with_it(run, modes):
-    for option in (("--weights", "coherence"), ("--amplitude-only",), ("--method", "refined"), ("--index", "1")):
+    for option in (("--weights", "coherence"), ("--amplitude-only",), ("--network",), ("--index", "1")):
         assert "takes no option of an FRF" in run("identify", OSCILLATOR, modes, *option, code=2).output
 
 

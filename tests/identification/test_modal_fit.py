@@ -185,16 +185,16 @@ def test_frequencies_in_the_wrong_unit_are_not_trustworthy(chain):
     assert not result.is_trustworthy
     assert {row.verdict for row in result.table} == {"not trustworthy"}
     assert repr(result).startswith(
-        "<ModalIdentification: chain, modal parameters: The model does not fit the measurement"
+        "<Identification: chain, modal parameters, posterior: The model does not fit the measurement"
     )
 
 
-def test_errors_that_nobody_states_are_told_from_what_remains_and_said(chain):
+def test_errors_that_the_table_does_not_give_are_estimated_from_the_residuals_and_reported(chain):
     theta, random = chain.from_unit(np.array([0.5, 0.5, 0.5, 0.5])), np.random.default_rng(5)
     table = table_of(chain, theta, random, sd=5e-3, damping_sd=0.1, stated=False)
     result = dovetail.identify(chain, table, form="laplace")
     assert 5e-4 <= result.posterior.model_error.natural_frequency <= 0.02
-    assert "The table does not state all its errors: " in result.warnings[0]
+    assert "The table does not give all its errors: " in result.warnings[0]
     alone = dovetail.identify(chain, dovetail.ModalParameters(table.frequency[:1]), form="laplace")
     assert "0.5 % of a natural frequency were assumed" in alone.warnings[0]
     words = {row.name: (row.verdict, row.why) for row in alone.table}
@@ -218,22 +218,70 @@ def test_what_modal_parameters_cannot_have_is_one_error(chain, tmp_path):
     table = dovetail.ModalParameters([100.0, 150.0, 200.0, 250.0], label="four.csv")
     with pytest.raises(dovetail.MeasurementError, match=r"four.csv\n  the table has 4 modes, .* 'chain' has 3"):
         dovetail.identify(chain, table)
-    with pytest.raises(dovetail.ParameterError, match="take no other method, no network, no weights and no phase"):
-        dovetail.identify(chain, table, "refined")
-    for options, problem in (({"form": "laplac"}, "no form"), ({"model_error": -1.0}, "no relative error")):
+    two = dovetail.ModalParameters(table.frequency[:2])
+    for options, problem in (
+        ({"method": "network"}, "the method 'network' takes FRFs only"),
+        ({"phase": False}, "take no network, no weights and no phase"),
+        ({"weights": "amplitude"}, "take no network, no weights and no phase"),
+        ({"cause_seconds": 1.0}, "has no option 'cause_seconds'"),
+        ({"form": "laplac"}, "form"),
+        ({"model_error": -1.0}, "no relative error"),
+    ):
         with pytest.raises(dovetail.ParameterError, match=problem):
-            dovetail.identify(chain, dovetail.ModalParameters(table.frequency[:2]), **options)
+            dovetail.identify(chain, two, **options)
     (tmp_path / "modes.csv").write_text("frequency_Hz,damping_percent\n100,1\n150,1\n")
     with pytest.raises(dovetail.MeasurementError, match="a table of modal parameters, not an FRF"):
-        dovetail.identify(chain, tmp_path / "modes.csv")
-    result = dovetail.identify(chain, dovetail.ModalParameters(table.frequency[:2]), form="laplace")
-    with pytest.raises(dovetail.DovetailError, match="has no FRF, and no report"):
-        dovetail.write_report(result, tmp_path / "report.html")
+        dovetail.identify(chain, [tmp_path / "modes.csv"])
+
+
+@pytest.mark.parametrize("method", ["refined", "multistart", "posterior"])
+def test_a_table_goes_the_way_of_an_frf_by_each_method_that_fits(chain, method, tmp_path):
+    theta = chain.from_unit(np.full(4, 0.5))
+    table = table_of(chain, theta, np.random.default_rng(4))
+    header = "frequency_Hz,damping_ratio,frequency_sd_Hz,damping_ratio_sd"
+    columns = np.transpose([table.frequency, table.damping_ratio, table.frequency_sd, table.damping_sd])
+    np.savetxt(tmp_path / "modes.csv", columns, delimiter=",", header=header, comments="")
+    result = dovetail.identify(chain, tmp_path / "modes.csv", method)
+    assert type(result) is dovetail.Identification
+    assert (result.method, result.frf, result.responses) == (method, None, ())
+    assert result.theta[0::2] == pytest.approx(theta[0::2], rel=0.02)  # stiffnesses; dampings vary by 30 %
+    assert result.theta[1::2] == pytest.approx(theta[1::2], rel=0.5)
+    assert (result.is_trustworthy, result.fit.variance_known) == (True, True)
+    assert 0.0 < result.fit.degrees_of_freedom < 3.0
+    assert (result.posterior is not None) == (method == "posterior")
+    report = dovetail.write_report(result, tmp_path / "report.html", assembly=chain).read_text()
+    assert "identified from a table of natural frequencies" in report
+    assert f"dovetail.identify(assembly, {str(tmp_path / 'modes.csv')!r}".replace("'", "&#39;") in report
+
+
+def test_a_start_of_the_user_is_one_of_the_searches(chain):
+    table = table_of(chain, chain.from_unit(np.full(4, 0.5)), np.random.default_rng(4))
+    start = dict(zip([parameter.name for parameter in chain.parameters], [4e5, 10.0, 6e5, 10.0], strict=True))
+    fits = [dovetail.identify(chain, table, "refined", **options).fit for options in ({}, {"start": start})]
+    assert fits[1].starts == fits[0].starts + 1
+    assert fits[1].theta == pytest.approx(fits[0].theta, rel=1e-3)
+
+
+def test_the_written_result_of_a_table_is_that_of_an_frf_without_the_frf(chain, tmp_path):
+    table = table_of(chain, chain.from_unit(np.full(4, 0.5)), np.random.default_rng(4))
+    frf = chain.description.response.frf(chain.frequency, chain.frf(chain.from_unit(np.full(4, 0.5))))
+    result, of_frf = (dovetail.identify(chain, each, form="laplace", seed=1) for each in (table, frf))
+    assert result.to_dict().keys() == of_frf.to_dict().keys()
+    assert result.to_dict()["posterior"].keys() == of_frf.to_dict()["posterior"].keys()
     (tmp_path / "result.json").write_text(json.dumps(result.to_dict(), allow_nan=False))
-    assert dovetail.load_result(tmp_path).measured.frequency.tolist() == [100.0, 150.0]
+    read = dovetail.load_result(tmp_path)
+    assert read.measured.frequency.tolist() == table.frequency.tolist()
+    assert [row.estimate for row in read.table] == pytest.approx([row.estimate for row in result.table])
     again = pickle.loads(pickle.dumps(result))
     assert again.to_dict() == result.to_dict()
     assert again.parameters == result.parameters
+
+
+def test_samples_of_a_table_can_be_passed_to_arviz(chain):
+    pytest.importorskip("arviz")
+    table = table_of(chain, chain.from_unit(np.full(4, 0.5)), np.random.default_rng(4))
+    data = dovetail.identify(chain, table, samples=50).to_inferencedata(draws=20)
+    assert data["log_likelihood"].sizes["draw"] == 20
 
 
 @pytest.mark.parametrize("few", [0, 100])

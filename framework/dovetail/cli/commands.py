@@ -13,7 +13,7 @@ from dovetail.cli.terminal import say, say_on_stderr
 from dovetail.plain_text import terminal_text
 
 if TYPE_CHECKING:
-    from dovetail.identification.result_file import AnyIdentification
+    from dovetail.identification import Identification
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as in the shell."""
@@ -48,9 +48,9 @@ def say_warning(result: JudgedResult) -> None:
         say(f"Warning: {result.warning}")
 
 
-def measurement_names(result: AnyIdentification) -> str:
+def measurement_names(result: Identification) -> str:
     """Return the names of the measurements from which a joint was identified, each once, with commas."""
-    further = [response.measured.label for response in getattr(result, "further", ())]
+    further = [response.measured.label for response in result.further]
     return ", ".join(dict.fromkeys([result.measured.label, *further]))
 
 

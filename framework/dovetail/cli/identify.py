@@ -21,9 +21,11 @@ from dovetail.cli.terminal import heading, print_json, progress_bars, say, table
 
 if TYPE_CHECKING:
     from dovetail.assembly import Assembly
-    from dovetail.identification import Identification, Identifier, ModalIdentification
+    from dovetail.frf import Frf
+    from dovetail.identification import Identification, Identifier
     from dovetail.identification.truth import Truth
     from dovetail.interfaces import IdentificationMethod
+    from dovetail.measurement import ModalParameters
     from dovetail.report.content import ParameterRow
 
 _WORDS = ("unit", "precision", "verdict", "best fit position", "range")
@@ -173,7 +175,7 @@ def identify(
     folder are a batch: they are identified independently and in parallel, and summarised in one table; failures are
     reported at the end.
 
-    A table of natural frequencies and damping ratios (CSV) can be used instead of FRFs, with the method posterior.
+    A table of natural frequencies and damping ratios (CSV) can be used instead of FRFs, by any method but the network.
 
     By default the parameters are fitted, with intervals and verdicts, and nothing is trained. If there is a trained
     network (a model instead of the description, or one that is cached from an earlier run), the fit starts from its
@@ -183,7 +185,8 @@ def identify(
 
     The exit code is 3 if the model does not fit the measurement; the result is still printed and written, marked so.
     """
-    from dovetail.measurement import is_modal_table
+    from dovetail.identification.identify import method_for_modes
+    from dovetail.measurement import is_modal_table, read_modal_parameters
 
     assembly, model = assembly_or_model(source, reading.plugins)
     chosen = chosen_method(method, reading.plugins, assembly, fit)
@@ -191,10 +194,11 @@ def identify(
     network_to_use = partial(_model, assembly, model, chosen, trains, reading.plugins, retrain=retrain)
     job = _Job(assembly, measured, reading, chosen, fit, truth, output, as_json, network_to_use)
     if len(measured) == 1 and is_modal_table(measured[0]):
-        method_options = (network, retrain, scheduler, "cause_seconds" in fit, method not in (None, "posterior"))
-        if any((*lines.values(), *method_options, reading.says_more_than_plugins)):
+        of_frfs = network, retrain, scheduler, "cause_seconds" in fit, reading.says_more_than_plugins
+        if any((*lines.values(), *of_frfs)):
             raise typer.BadParameter("a table of modal parameters takes no option of an FRF.", param_hint="MEASURED")
-        _identify_from_modes(job)
+        job = replace(job, method=method_for_modes(chosen if method else None, assembly), model=lambda: None)
+        _identify_one(job, read_modal_parameters(measured[0]), typed(context))
         return
     job = replace(job, options={**fit, "weights": lines["weights"], "phase": not lines["amplitude_only"]})
     if is_batch(measured, len(assembly.description.responses)):
@@ -202,7 +206,7 @@ def identify(
         return
     if scheduler is not None:
         raise typer.BadParameter("it divides several measurements, and this is one.", param_hint="--scheduler")
-    _identify_one(job, typed(context), with_network=bool(trains))
+    _identify_one(job, _checked_frfs(job, with_network=bool(trains)), typed(context))
 
 
 def _identify_each(job: _Job, scheduler: str | None) -> None:
@@ -218,30 +222,36 @@ def _identify_each(job: _Job, scheduler: str | None) -> None:
     )
 
 
-def _identify_one(job: _Job, command: str, *, with_network: bool) -> None:
+def _identify_one(job: _Job, measured: ModalParameters | list[Frf], command: str) -> None:
     """Identify the joint from one measurement, print the result and write its files."""
     import dovetail
     from dovetail.cli.output_files import writing
-    from dovetail.identification.identify import check_mass
-    from dovetail.identification.measured_lines import MeasuredLines
-    from dovetail.report.result_files import prepare_folder, write_results
+    from dovetail.report.result_files import FRF_FILES, MODAL_FILES, prepare_folder, write_results
 
-    frfs = job.reading.read_selected(job.measured)
-    check_mass(job.assembly, job.reading.accelerometer_mass)
-    lines = MeasuredLines.of(job.assembly, frfs)  # faults are reported before any work
-    if with_network:
-        lines.resampled(job.assembly)
     known = job.known()
-    prepare_folder(job.output)
+    prepare_folder(job.output, FRF_FILES if isinstance(measured, list) else MODAL_FILES)
     model = job.model()
     with progress_bars() as progress:
-        result = dovetail.identify(job.assembly, frfs, job.method, model=model, progress=progress, **job.options)
+        result = dovetail.identify(job.assembly, measured, job.method, model=model, progress=progress, **job.options)
     with writing(job.output, lambda folder: write_results(result, folder, known, job.assembly, command)):
         if job.as_json:
             print_json(result.to_dict())
         else:
             _print(result, known)
     exit_unless_trustworthy(result)
+
+
+def _checked_frfs(job: _Job, *, with_network: bool) -> list[Frf]:
+    """Read the measured FRFs, and report faults before any work."""
+    from dovetail.identification.identify import check_mass
+    from dovetail.identification.measured_lines import MeasuredLines
+
+    frfs = job.reading.read_selected(job.measured)
+    check_mass(job.assembly, job.reading.accelerometer_mass)
+    lines = MeasuredLines.of(job.assembly, frfs)
+    if with_network:
+        lines.resampled(job.assembly)
+    return frfs
 
 
 def _model(
@@ -265,25 +275,6 @@ def _model(
     return kept_model(assembly, plugins) if method.uses_starts else None
 
 
-def _identify_from_modes(job: _Job) -> None:
-    """Identify the joint from a table of modal parameters, print the result and write its files."""
-    import dovetail
-    from dovetail.cli.output_files import writing
-    from dovetail.report.result_files import MODAL_FILES, prepare_folder, write_modal_results
-
-    modes = dovetail.read_modal_parameters(job.measured[0])
-    known = job.known()
-    prepare_folder(job.output, MODAL_FILES)
-    with progress_bars() as progress:
-        result = dovetail.identify(job.assembly, modes, progress=progress, **job.options)
-    with writing(job.output, lambda folder: write_modal_results(result, folder, known)):
-        if job.as_json:
-            print_json(result.to_dict())
-        else:
-            _print_of_modes(result, known)
-    exit_unless_trustworthy(result)
-
-
 def _print(result: Identification, truth: Truth | None) -> None:
     from dovetail.inference.posterior import NOT_TRUSTWORTHY
     from dovetail.report.content import fit_sentence, mode_rows
@@ -299,25 +290,28 @@ def _print(result: Identification, truth: Truth | None) -> None:
             *((row.true_natural, row.error) if truth is not None else ("", "")),
             row.reconstructed_peak,
             row.measured_peak,
+            row.measured_natural,
+            row.measured_damping,
             row.difference,
         )
         for row in mode_rows(result, truth)
     ]
-    headers = ["identified", "damping [%]", "truth", "error [%]", "FRF peak", "measured peak", "difference [%]"]
+    known, peaks = ["identified", "damping [%]", "truth", "error [%]"], ["FRF peak", "measured peak"]
+    headers = [*known, *peaks, "measured", "measured damping [%]", "difference [%]"]
     if modes:
         table(headers, modes, numbers=headers, split=True)
     else:
         say("none, as a note below says")
     say()
     if result.fit is not None:
-        say(fit_sentence(result.fit))
+        say(fit_sentence(result.fit, of_lines=bool(result.responses)))
     for response in result.responses:
         where = f" at {response.point}" if result.further else ""
         say(f"Mean coherence of measured and reconstructed FRF{where}: {response.mean_coherence:.3f}")
     _print_notes(result, truth, decisive=False)
 
 
-def _print_notes(result: Identification | ModalIdentification, truth: Truth | None, *, decisive: bool) -> None:
+def _print_notes(result: Identification, truth: Truth | None, *, decisive: bool) -> None:
     """Print the notes that decide what the numbers are worth, which come first, or the others, which come last."""
     from dovetail.errors import is_decisive
     from dovetail.report.content import warnings_of
@@ -327,25 +321,7 @@ def _print_notes(result: Identification | ModalIdentification, truth: Truth | No
             say(f"Note: {warning}")
 
 
-def _print_of_modes(result: ModalIdentification, truth: Truth | None) -> None:
-    title(f"{result.provenance['assembly']}: joint identified from {result.measured.label}")
-    _print_notes(result, truth, decisive=True)
-    _print_parameters(result, truth)
-    heading("Modes")
-    headers = ["identified [Hz]", "measured [Hz]", "identified damping [%]", "measured damping [%]"]
-    texts = []
-    for mode in result.modes:
-        numbers = [mode.natural_frequency, mode.measured_frequency, mode.damping_ratio, mode.measured_damping]
-        shown = zip(numbers, ("{:.6g}", "{:.6g}", "{:.3%}", "{:.3%}"), strict=True)
-        texts.append(["" if value is None else text.format(value).rstrip("%") for value, text in shown])
-    table(headers, texts, numbers=headers)
-    say()
-    if result.chi_squared is not None:
-        say(f"Chi-squared {result.chi_squared:.3g} per degree of freedom ({result.degrees_of_freedom:.3g}).")
-    _print_notes(result, truth, decisive=False)
-
-
-def _print_parameters(result: Identification | ModalIdentification, truth: Truth | None) -> None:
+def _print_parameters(result: Identification, truth: Truth | None) -> None:
     """Print how well the model fits, the table of parameters, its meaning, and why parameters are not identified."""
     from dovetail.inference.posterior import NOT_TRUSTWORTHY
     from dovetail.report import content

@@ -5,7 +5,7 @@ from dovetail.identification.identifier import Identifier, load_model, train
 from dovetail.identification.identify import identify
 from dovetail.identification.parameters import IdentifiedParameter, TableRow
 from dovetail.identification.prediction import PredictedBand, predict, predict_band
-from dovetail.identification.result import Identification, MatchedMode, ModalIdentification, Mode
+from dovetail.identification.result import Identification, Mode
 from dovetail.identification.result_file import load_result
 from dovetail.inference.adequacy import Adequacy, Cause
 from dovetail.inference.adequacy.verdict import AtPoint
@@ -23,8 +23,6 @@ __all__ = [
     "Identification",
     "IdentifiedParameter",
     "Identifier",
-    "MatchedMode",
-    "ModalIdentification",
     "Mode",
     "ModelError",
     "ParameterMetrics",

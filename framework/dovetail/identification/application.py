@@ -15,6 +15,7 @@ from dovetail.assembly import Theta
 from dovetail.errors import Fault, Importance, MeasurementError, Note, PluginError, listing
 from dovetail.frf import Frf
 from dovetail.identification.measured_lines import MeasuredLines
+from dovetail.identification.measured_modes import MeasuredModes
 from dovetail.identification.parameters import ROUNDING
 from dovetail.identification.reconstruction import reconstruct
 from dovetail.identification.result import Identification
@@ -70,7 +71,7 @@ class Application:
         """The method's name in messages."""
         return component_label(self.method)
 
-    def to(self, measured: MeasuredLines) -> Identification:
+    def to(self, measured: MeasuredLines | MeasuredModes) -> Identification:
         """Identify the parameters from a measurement.
 
         Raises
@@ -80,12 +81,18 @@ class Application:
         PluginError
             The method fails, or does not return finite parameters within their ranges.
         """
-        if not self.method.fits_lines:
+        starts = [] if self.start is None else [measured.problem.assembly.vector(self.start)]
+        network: NDArray[np.float64] | None = None
+        notes: tuple[str, ...] = ()
+        problem: Problem
+        if isinstance(measured, MeasuredModes):
+            problem = replace(measured.problem, starts=tuple(starts))
+        elif not self.method.fits_lines:
             return self._without_fit(measured)
-        network, notes = _network_start(measured, self.trained)
-        starts = [] if self.start is None else [measured.assembly.vector(self.start)]
-        starts += [known for known in (network, measured.start) if known is not None]
-        problem = replace(measured.problem, starts=tuple(starts), network=_network_of(self.trained, measured))
+        else:
+            network, notes = _network_start(measured, self.trained)
+            starts += [known for known in (network, measured.start) if known is not None]
+            problem = replace(measured.problem, starts=tuple(starts), network=_network_of(self.trained, measured))
         began = time.monotonic()
         estimate, samples = self._estimate(problem)
         if isinstance(estimate, Fit):
@@ -171,7 +178,7 @@ class Application:
         warnings = (*result.warnings, *measured.warnings_of_features, *unsure)
         return replace(result, posterior=posterior, warnings=warnings, is_fitted=False)
 
-    def _origin(self, measured: MeasuredLines) -> dict[str, Any]:
+    def _origin(self, measured: MeasuredLines | MeasuredModes) -> dict[str, Any]:
         """Return the provenance of the result."""
         evaluation, seed = None if self.trained is None else self.trained.evaluation, self.seed
         if evaluation is not None and not self.method.fits_lines:
@@ -183,8 +190,12 @@ class Application:
         origin["method_options"] = self.method.config.model_dump(mode="json")
         return origin
 
-    def _result(self, measured: MeasuredLines, theta: NDArray[np.float64], **known: Any) -> Identification:
+    def _result(
+        self, measured: MeasuredLines | MeasuredModes, theta: NDArray[np.float64], **known: Any
+    ) -> Identification:
         """Build the result with the natural frequencies in the whole band and warnings of lines that are missing."""
+        if isinstance(measured, MeasuredModes):
+            return measured.result(theta, method=self.method.name, **known)
         lines, counts = measured.all_lines or measured, [len(frf.frequency) for frf in measured.frfs]
         result = reconstruct(
             lines.assembly, theta, lines.frfs, method=self.method.name, band=measured.band, fitted_lines=counts, **known

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import inspect
-import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast, overload
+from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from dovetail.assembly import FRF_TOLERANCE, Assembly, AssemblySource, as_assembly, largest_frf_difference
@@ -20,12 +17,12 @@ from dovetail.errors import Fault, MeasurementError, ParameterError, argument, d
 from dovetail.frf import Frf
 from dovetail.identification.application import DEFAULT_METHOD, Application
 from dovetail.identification.measured_lines import MeasuredLines
-from dovetail.identification.modal_fit import identify_from_modes
-from dovetail.identification.result import Identification, ModalIdentification
+from dovetail.identification.measured_modes import MeasuredModes
+from dovetail.identification.result import Identification
+from dovetail.identification.unknown_signs import amplitudes, with_signs
 from dovetail.inference.adequacy.assess import JudgementOptions
-from dovetail.inference.fitting import refine
 from dovetail.interfaces import IdentificationMethod, Progress, logged, progress_reporter
-from dovetail.measurement import ModalParameters, is_modal_table, read_frf
+from dovetail.measurement import ModalParameters, is_modal_table, read_frf, read_modal_parameters
 from dovetail.network.bundle import TrainedNetwork
 from dovetail.parallel import one_blas_thread
 from dovetail.problem.observations import Weights, one_per_response, weighted_variance
@@ -38,20 +35,6 @@ _MOST_ZEROS = 0.01
 """Part of the lines; single ones are bad lines like others."""
 _LARGEST_SPIKE = 1e20
 """Times the median amplitude; above it squares and sums lose all other lines."""
-_DELAYS = 201
-"""Delays over their range with which a sign is determined; enough for 25 turns of the phase."""
-_CLEAR_SIGN = 0.2
-"""Mean cosine of the phase differences below which the sign is doubtful: of a ruler, a wrong one had 0.11."""
-
-
-@overload
-def identify(
-    assembly: AssemblySource, measured: Measurement, method: str | IdentificationMethod | None = ..., **options: Any
-) -> Identification: ...
-@overload
-def identify(
-    assembly: AssemblySource, measured: ModalParameters, method: str | None = ..., **options: Any
-) -> ModalIdentification: ...
 
 
 def identify(
@@ -64,18 +47,18 @@ def identify(
     phase: bool = True,
     progress: Progress | bool | None = None,
     **options: Any,
-) -> Identification | ModalIdentification:
+) -> Identification:
     """Identify the joint of an assembly from the measured FRF of its response point, or of each of its response points.
 
     Parameters
     ----------
     assembly : Assembly or path
         Or its description.
-    measured : Frf or path, or sequence of them; or ModalParameters
+    measured : Frf or path, or sequence of them; or ModalParameters or path
         One for each response of the description, in its order; of any quantity, without the accelerometer. The lines
         within the description's band count, each measurement on its own: the model is computed there, and measured
-        values are never interpolated, except for the features of a network. From natural frequencies and damping ratios
-        the method is ``"posterior"``, with the same options.
+        values are never interpolated, except for the features of a network. Or a table of natural frequencies and
+        damping ratios, for methods that fit these (`IdentificationMethod.fits_modes`); it has no causes of a misfit.
     method : str or IdentificationMethod, optional
         ``"posterior"``, the default: the refined fit, with intervals and verdicts for each parameter. ``"refined"``: a
         least-squares fit alone, down to the measurement's random error. ``"multistart"``: many local searches from all
@@ -103,12 +86,12 @@ def identify(
     Returns
     -------
     Identification
-        Or a `ModalIdentification`, with the same table.
 
     Raises
     ------
     MeasurementError
-        There are more or fewer measurements than responses, or some have no lines within the band. With the method
+        There are more or fewer measurements than responses, or some have no lines within the band; or a table has more
+        modes than the model. With the method
         ``"network"``: some do not cover the band, or the network has no finite answer.
     ParameterError
         The assembly has nothing to identify, the method has no such option or needs a model, or the model was trained
@@ -127,38 +110,77 @@ def identify(
     threads would wait for each other.
     """
     assembly = as_assembly(assembly)
-    measured = measured if isinstance(measured, ModalParameters) else as_frfs(measured)
-    is_modal = isinstance(measured, ModalParameters)
-    chosen = find_method(method, None if is_modal else assembly)
+    table = _as_table(measured)
+    frfs = () if table is not None else as_frfs(cast("Measurement", measured))
+    chosen = find_method(method, assembly) if table is None else method_for_modes(method, assembly)
     if not assembly.parameters:
         raise ParameterError(Fault(assembly.name, "all parameters are known: there is nothing to identify."))
-    if is_modal and (chosen.name != DEFAULT_METHOD or model is not None or weights is not None or not phase):
-        problem = "modal parameters are not FRFs: they take no other method, no network, no weights and no phase."
-        raise ParameterError(Fault("identify", problem, f"the method '{DEFAULT_METHOD}' and its options"))
-    accepted_options = _keywords(identify_from_modes) if is_modal else method_options(chosen)
+    if table is not None and (model is not None or weights is not None or not phase):
+        problem = "modal parameters are not FRFs: they take no network, no weights and no phase."
+        raise ParameterError(Fault("identify", problem, f"a method, as '{DEFAULT_METHOD}', and its options"))
+    accepted_options = [name for name in method_options(chosen) if table is None or name != "cause_seconds"]
     for name in options:
         if name not in accepted_options:
             problem = f"the method '{chosen.name}' has no option '{name}'."
             raise ParameterError(Fault("options", problem, listing(accepted_options) or "none"))
     if model is not None:
         _check_model(assembly, model.assembly)
-    labels = measured.label if isinstance(measured, ModalParameters) else listing(frf.label for frf in measured)
+    labels = table.label if table is not None else listing(frf.label for frf in frfs)
     step = logged(__name__, f"{assembly.name} identified from {labels} by {chosen.name}")
     with one_blas_thread(), step, progress_reporter(progress) as report:
-        if isinstance(measured, ModalParameters):
-            return identify_from_modes(assembly, measured, progress=report, **options)
-        lines = MeasuredLines.of(assembly, _prepared(assembly, measured, weights, phase=phase))
-        if weights is not None:
-            own = MeasuredLines.of(assembly, _prepared(assembly, measured, None, phase=phase))
-            lines = replace(lines, unweighted=own.frfs)
-        lines = _with_signs(lines, report)
-        requested = {"weights": weights, "phase": None if phase else False, **options}
         application = _application(chosen, assembly, model, options, report)
-        if application.method.fits_lines:
-            lines = lines.merged(application.seed, report)
-        result = application.to(lines)
+        if table is not None:
+            result = application.to(MeasuredModes(assembly, table))
+        else:
+            lines = _lines(assembly, frfs, weights, report, phase=phase)
+            result = application.to(lines.merged(application.seed, report) if chosen.fits_lines else lines)
+        requested = {"weights": weights, "phase": None if phase else False, **options}
         given = {name: value for name, value in requested.items() if isinstance(value, (str, int, float))}
         return replace(result, provenance={**result.provenance, **({"options": given} if given else {})})
+
+
+def _as_table(measured: Measurement | ModalParameters) -> ModalParameters | None:
+    """Return a table of modal parameters, or None if FRFs were measured."""
+    if isinstance(measured, ModalParameters):
+        return measured
+    return read_modal_parameters(measured) if isinstance(measured, (str, Path)) and is_modal_table(measured) else None
+
+
+def method_for_modes(method: str | IdentificationMethod | None, assembly: Assembly) -> IdentificationMethod:
+    """Return the method that is meant for a table of modal parameters: if none is named, one that takes such a table.
+
+    Raises
+    ------
+    ParameterError
+        The named method takes FRFs only.
+    """
+    chosen = find_method(method, assembly)
+    if chosen.fits_modes:
+        return chosen
+    if method is None:
+        return find_method(None, None)
+    problem = f"modal parameters are not FRFs, and the method '{chosen.name}' takes FRFs only."
+    raise ParameterError(Fault("method", problem, f"'{DEFAULT_METHOD}', 'refined', 'multistart'"))
+
+
+def _lines(
+    assembly: Assembly,
+    frfs: tuple[Frf, ...],
+    weights: Weights | Sequence[Weights] | None,
+    progress: Progress,
+    *,
+    phase: bool,
+) -> MeasuredLines:
+    """Return the lines of measured FRFs with the requested weights, with the signs that the description leaves open."""
+    frfs = one_per_response(assembly, frfs)
+    for frf, response in zip(frfs, assembly.description.responses, strict=True):
+        _check_numbers(frf)
+        _check_kind(frf, response)
+    weighted, own = (each if phase else tuple(map(amplitudes, each)) for each in (_weighted(frfs, weights), frfs))
+    lines = MeasuredLines.of(assembly, weighted)
+    if weights is not None:
+        lines = replace(lines, unweighted=MeasuredLines.of(assembly, own).frfs)
+    return with_signs(lines, progress) if assembly.description.unknown_signs else lines
 
 
 def _application(
@@ -283,21 +305,15 @@ def as_frfs(measured: Measurement) -> tuple[Frf, ...]:
             problem = f"this is an object of the type {type(source).__name__}."
             raise MeasurementError(Fault("measured", problem, "an Frf, or the path of its file"))
         if not isinstance(source, Frf) and is_modal_table(source):
-            remedy = "Read it with dovetail.read_modal_parameters, and hand over what that returns."
+            remedy = "It is a measurement by itself: pass it alone."
             raise MeasurementError(
                 Fault(str(source), "this is a table of modal parameters, not an FRF.", remedy=remedy)
             )
     return tuple(one if isinstance(one, Frf) else read_frf(one) for one in each)
 
 
-def _prepared(
-    assembly: Assembly, measured: Frf | Sequence[Frf], weights: Weights | Sequence[Weights] | None, *, phase: bool
-) -> tuple[Frf, ...]:
-    """Return the measurements with the requested weights, and without phase if it is to be ignored."""
-    frfs = one_per_response(assembly, measured)
-    for frf, response in zip(frfs, assembly.description.responses, strict=True):
-        _check_numbers(frf)
-        _check_kind(frf, response)
+def _weighted(frfs: tuple[Frf, ...], weights: Weights | Sequence[Weights] | None) -> tuple[Frf, ...]:
+    """Return the measurements with the requested weights."""
     if weights is not None:
         each: list[Any] = list(weights) if isinstance(weights, (list, tuple)) else [weights] * len(frfs)
         if len(each) != len(frfs):
@@ -308,7 +324,7 @@ def _prepared(
             raise ParameterError(Fault("weights", problem, f"{listing(accepted)}; or an array", hint))
         counted: list[Any] = [by if isinstance(by, str) else np.asarray(by, dtype=np.float64) for by in each]
         frfs = tuple(replace(frf, variance=weighted_variance(frf, by)) for frf, by in zip(frfs, counted, strict=True))
-    return frfs if phase else tuple(_amplitudes(frf) for frf in frfs)
+    return frfs
 
 
 def _check_numbers(frf: Frf) -> None:
@@ -333,48 +349,6 @@ def _check_kind(frf: Frf, response: Response) -> None:
         raise MeasurementError(Fault(frf.label, problem, remedy=remedy))
 
 
-def _with_signs(lines: MeasuredLines, progress: Progress) -> MeasuredLines:
-    """Determine the signs that the description leaves open, from a fit that ignores the phases."""
-    description = lines.described.description
-    unknown = description.unknown_signs
-    if not unknown:
-        return lines
-    few = lines.every_nth
-    pairs = list(zip(description.responses, few.problem.observations.frfs, strict=True))
-    amplitudes = [_amplitudes(frf) if response.name in unknown else frf for response, frf in pairs]
-    theta = refine(few.problem.with_frfs(amplitudes), seed=description.identification.seed, progress=progress).theta
-    signs = {
-        response.name: _sign(alone, theta, frf)
-        for (response, frf), alone in zip(pairs, few.assembly.each_response, strict=True)
-        if response.name in unknown
-    }
-    described = lines.described.with_description(lines.described.description.with_signs(signs))
-    return replace(MeasuredLines.of(described, lines.whole), unweighted=lines.unweighted)
-
-
-def _amplitudes(frf: Frf) -> Frf:
-    return replace(frf, values=np.abs(frf.values), has_phase=False)
-
-
-def _sign(assembly: Assembly, theta: NDArray[np.float64], frf: Frf) -> float:
-    """Return the sign, 1 or -1, with which the phases of an FRF agree better with the model's, at the best delay.
-
-    There is a warning where they agree with neither.
-    """
-    response = assembly.description.response
-    delays = [column for column, p in enumerate(assembly.parameters) if p.name == f"{response.name}.delay"]
-    vectors = np.repeat(theta[np.newaxis], _DELAYS if delays else 1, axis=0)
-    for column in delays:
-        vectors[:, column] = assembly.parameters[column].from_unit(np.linspace(0.0, 1.0, _DELAYS))
-    model, values = assembly.frf(vectors), frf.to(response.quantity).values
-    agreements = np.cos(np.angle(np.conj(model) * values)).mean(axis=1)
-    sign = 1.0 if not frf.has_phase or agreements.max() >= -agreements.min() else -1.0
-    if frf.has_phase and (agreement := float((sign * agreements).max())) < _CLEAR_SIGN:
-        doubt = f"phases agree with the model's as little with one sign as with the other (mean cosine {agreement:.2f})"
-        warnings.warn(f"{frf.label or response.name}: {doubt}; {sign:+g} was taken. State the sign.", stacklevel=2)
-    return sign
-
-
 def method_options(method: IdentificationMethod) -> tuple[str, ...]:
     """Return the names of the options that `identify` takes with a method."""
     start = ("start",) if method.uses_starts else ()
@@ -385,8 +359,3 @@ def method_options(method: IdentificationMethod) -> tuple[str, ...]:
 def _option_names(method: IdentificationMethod) -> tuple[str, ...]:
     """Return the options of a method as a description has them."""
     return tuple(field.alias or name for name, field in type(method.config).model_fields.items())
-
-
-def _keywords(function: Callable[..., Any]) -> tuple[str, ...]:
-    parameters = inspect.signature(function).parameters.values()
-    return tuple(p.name for p in parameters if p.kind is inspect.Parameter.KEYWORD_ONLY and p.name != "progress")

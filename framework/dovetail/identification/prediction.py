@@ -15,13 +15,14 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly, AssemblySource, as_assembly
 from dovetail.errors import Fault, ParameterError, UnitError, listing
 from dovetail.frf import Frf
-from dovetail.identification.result_file import AnyIdentification, load_result
+from dovetail.identification.result import Identification
+from dovetail.identification.result_file import load_result
 from dovetail.inference.posterior import LEVEL, error_shapes
 from dovetail.inference.posterior.likelihood import normal_from_unit, unit_from_normal
 from dovetail.units import to_si
 
 
-def predict(assembly: AssemblySource, result: AnyIdentification | str | Path | Mapping[str, float | str]) -> Frf:
+def predict(assembly: AssemblySource, result: Identification | str | Path | Mapping[str, float | str]) -> Frf:
     """Predict the FRF of an assembly with a joint that was identified in another.
 
     Parameters
@@ -29,7 +30,7 @@ def predict(assembly: AssemblySource, result: AnyIdentification | str | Path | M
     assembly : Assembly or path
         Or its description; for example another tool in the same holder and joint. Parameters that its description fixes
         keep their values.
-    result : Identification, ModalIdentification, path, or mapping of str to float or str
+    result : Identification, path, or mapping of str to float or str
         The identified joint, or where its result was written; or values by name, bare or as ``joint.parameter``:
         numbers in SI, or texts with units.
 
@@ -60,7 +61,7 @@ def predict(assembly: AssemblySource, result: AnyIdentification | str | Path | M
     return predicted_frf(as_assembly(assembly), joint)
 
 
-def predicted_frf(assembly: Assembly, result: AnyIdentification | Mapping[str, float | str]) -> Frf:
+def predicted_frf(assembly: Assembly, result: Identification | Mapping[str, float | str]) -> Frf:
     """Return the same as `predict`, without a warning: the callers show the note of the FRF."""
     values, warning = joint_values(assembly, result), "" if isinstance(result, Mapping) else result.warning
     response, label = assembly.description.response, f"{assembly.name}, predicted"
@@ -68,26 +69,26 @@ def predicted_frf(assembly: Assembly, result: AnyIdentification | Mapping[str, f
     return response.frf(assembly.frequency, frf, label=label, note=warning)
 
 
-def determined_signs(assembly: Assembly, result: AnyIdentification | Mapping[str, float | str]) -> dict[str, float]:
+def determined_signs(assembly: Assembly, result: Identification | Mapping[str, float | str]) -> dict[str, float]:
     """Return the signs, by response, that the measurement determined and that the description leaves unknown."""
     known = result if isinstance(result, Mapping) else result.known
     names = assembly.description.unknown_signs
     return {name: to_si(known[f"{name}.sign"], "1") for name in names if f"{name}.sign" in known}
 
 
-def _with_signs(assembly: Assembly, result: AnyIdentification | Mapping[str, float | str]) -> Assembly:
+def _with_signs(assembly: Assembly, result: Identification | Mapping[str, float | str]) -> Assembly:
     """Return the assembly with the signs that were determined from the measurement, where its own are unknown."""
     signs = determined_signs(assembly, result)
     return assembly.with_description(assembly.description.with_signs(signs)) if signs else assembly
 
 
-def _warn(result: AnyIdentification | Mapping[str, float | str]) -> None:
+def _warn(result: Identification | Mapping[str, float | str]) -> None:
     """Warn whoever called the caller if the joint is not trustworthy."""
     if not isinstance(result, Mapping) and result.warning:
         warnings.warn(f"predicted from {result.measured.label}: {result.warning}", stacklevel=3)
 
 
-def joint_values(assembly: Assembly, result: AnyIdentification | Mapping[str, float | str]) -> dict[str, float]:
+def joint_values(assembly: Assembly, result: Identification | Mapping[str, float | str]) -> dict[str, float]:
     """Return the values of an identified joint for the identified parameters of another assembly.
 
     Parameters
@@ -138,7 +139,7 @@ def joint_values(assembly: Assembly, result: AnyIdentification | Mapping[str, fl
 
 
 def _changed_damping(
-    assembly: Assembly, result: AnyIdentification | Mapping[str, float | str], sources: Mapping[str, str | None]
+    assembly: Assembly, result: Identification | Mapping[str, float | str], sources: Mapping[str, str | None]
 ) -> list[Fault]:
     """Return a fault for each joint whose structural damping is not the one with which it was identified.
 
@@ -164,7 +165,7 @@ def _changed_damping(
     return faults
 
 
-def _described_joints(result: AnyIdentification | Mapping[str, float | str]) -> dict[str, Any]:
+def _described_joints(result: Identification | Mapping[str, float | str]) -> dict[str, Any]:
     """Return the sections of the joints of the description with which a result was identified, by their names."""
     described = {} if isinstance(result, Mapping) else json.loads(result.provenance.get("description", "{}"))
     return described.get("joints") or {}
@@ -181,7 +182,7 @@ class _Value:
         return f"{self.joint}.{self.name}" if self.joint else self.name
 
 
-def _values(result: AnyIdentification | Mapping[str, float | str]) -> list[_Value]:
+def _values(result: Identification | Mapping[str, float | str]) -> list[_Value]:
     if isinstance(result, Mapping):
         plain = {name: value.item() if isinstance(value, np.generic) else value for name, value in result.items()}
         return [_Value(*_split_name(name), value) for name, value in plain.items()]
@@ -244,7 +245,7 @@ class PredictedBand:
 
 
 def predict_band(
-    assembly: AssemblySource, result: AnyIdentification | str | Path, *, level: float = LEVEL, seed: int = 0
+    assembly: AssemblySource, result: Identification | str | Path, *, level: float = LEVEL, seed: int = 0
 ) -> PredictedBand:
     """Predict the amplitudes between which the FRF of another assembly with the identified joint lies.
 
@@ -280,7 +281,7 @@ def predict_band(
     return predicted_band(as_assembly(assembly), joint, level, seed)
 
 
-def predicted_band(assembly: Assembly, result: AnyIdentification, level: float = LEVEL, seed: int = 0) -> PredictedBand:
+def predicted_band(assembly: Assembly, result: Identification, level: float = LEVEL, seed: int = 0) -> PredictedBand:
     """Return the same as `predict_band`, without a warning."""
     if not 0.0 < level < 1.0:
         raise ParameterError(Fault("level", f"{level:g} is not a probability.", "more than 0 and less than 1"))
@@ -304,7 +305,7 @@ def predicted_band(assembly: Assembly, result: AnyIdentification, level: float =
     return PredictedBand(assembly.frequency, lower, upper, level, result.warning)
 
 
-def _frfs(assembly: Assembly, result: AnyIdentification, theta: NDArray[np.float64]) -> NDArray[np.complex128]:
+def _frfs(assembly: Assembly, result: Identification, theta: NDArray[np.float64]) -> NDArray[np.complex128]:
     """Return the FRFs (n, n_freq) of the assembly with samples (n, p) of the identified joint."""
     assembly = _with_signs(assembly, result)
     samples: list[dict[str, float]] = []
@@ -315,7 +316,7 @@ def _frfs(assembly: Assembly, result: AnyIdentification, theta: NDArray[np.float
 
 
 def _linearised_frfs(
-    assembly: Assembly, result: AnyIdentification, fraction: NDArray[np.float64], mode: NDArray[np.float64]
+    assembly: Assembly, result: Identification, fraction: NDArray[np.float64], mode: NDArray[np.float64]
 ) -> NDArray[np.complex128]:
     """Return the FRFs (n, n_freq) of samples, linear in the normal coordinates about the posterior mode."""
     parameters = [parameter.definition for parameter in result.parameters.values()]

@@ -37,32 +37,90 @@ class Mode:
         frequency: compare the two. None where the mode has no clear peak, as at a node of vibration.
     damping_ratio : float or None
         Of the critical damping. None in results of earlier versions, whose natural frequencies ignore damping.
+    measured_frequency, measured_damping : float or None
+        Of the mode in a measured table of modal parameters, in Hz and of the critical damping; None where there is no
+        table, or it lacks the mode or the damping.
     """
 
     natural_frequency: float
     reconstructed_peak: float | None
     measured_peak: float | None
     damping_ratio: float | None = None
+    measured_frequency: float | None = None
+    measured_damping: float | None = None
 
 
-class _Answer:
-    """What results from FRFs and from modal parameters have in common: the parameters, and what is known of them."""
+@dataclass(frozen=True, eq=False, repr=False)
+class Identification:
+    """The result of identifying a joint from one measured FRF, from one for each response, or from a table of modes.
+
+    Parameters
+    ----------
+    method : str
+    parameters : mapping of str to IdentifiedParameter
+        By name, in the order of ``assembly.parameters``.
+    known : mapping of str to float
+        SI values of the parameters that the description fixes, as ``joint.parameter``.
+    frf : Frf or None
+        Reconstructed from the parameters, on the measured lines within the band, in the response's quantity; None where
+        the measurement is a table of modal parameters.
+    measured : Frf or ModalParameters
+        The measurement on these lines, as it was given, in the same quantity; or the table. If there are several
+        responses, `frf` and `measured` belong to the first; `responses` has all of them, each on its own lines.
+    modes : tuple of Mode
+        Of the identified model, within the band, or up to the last one of the table.
+    warnings : tuple of str
+        What a reader must know before relying on the numbers.
+    provenance : mapping
+        Versions, description, measurement and seed; plain values.
+    fit : Fit or None
+        How good the fit is; None if nothing was fitted.
+    posterior : Posterior or None
+        Samples of the parameters and their uncertainty; None if the method has no uncertainty.
+    point : str
+        Where the first response is.
+    further : tuple of AtPoint
+        The other responses, if there are several.
+    adequacy : Adequacy or None
+        How well the model explains the measurement; None if the method does not judge it.
+    band : (float, float) or None
+        The description's first and last frequency [Hz]; None with a result of an earlier version.
+    network : mapping of str to float, or None
+        The answer of a trained network [SI] by parameter, if one took part.
+    peaks_without_mode : tuple of Mode
+        Measured peaks that belong to no mode, with the reconstructed ones near by; without natural frequencies.
+    is_fitted : bool
+        Whether the parameters were fitted to the measurement, and not only estimated by a network.
+
+    Notes
+    -----
+    Whatever shows or passes on a result takes its words from `is_trustworthy` and `warning`. The warning is handed to
+    the posterior, whose verdicts then read "not trustworthy", and to the reconstructed FRFs as their note.
+    """
 
     method: str
     parameters: Mapping[str, IdentifiedParameter]
     known: Mapping[str, float]
+    frf: Frf | None
     measured: Frf | ModalParameters
-    provenance: Mapping[str, Any]
-    posterior: Posterior | None
-    network: Mapping[str, float] | None
-    adequacy: Adequacy | None
+    modes: tuple[Mode, ...]
     warnings: tuple[str, ...]
+    provenance: Mapping[str, Any]
+    fit: Fit | None = None
+    posterior: Posterior | None = None
+    point: str = ""
+    further: tuple[AtPoint, ...] = ()
+    adequacy: Adequacy | None = None
+    band: tuple[float, float] | None = None
+    network: Mapping[str, float] | None = None
+    peaks_without_mode: tuple[Mode, ...] = ()
     is_fitted: bool = True
 
     def __post_init__(self) -> None:
-        """Make mappings read-only, order the warnings, and give the posterior the warning and the doubts.
+        """Make mappings read-only, order the warnings, and hand the warning to what may be used by itself.
 
-        It may be used by itself.
+        That is the posterior, with the doubts, and the reconstructed FRFs. Where a model is off that does not fit is
+        where its FRFs and the measured ones agree poorly.
         """
         self.__setstate__(dict(self.__dict__))
         object.__setattr__(self, "warnings", by_importance(self.warnings))
@@ -70,6 +128,12 @@ class _Answer:
             definitions = [parameter.definition for parameter in self.parameters.values()]
             doubts = {} if self.adequacy is None else self.adequacy.doubts(self.posterior.interval(), definitions)
             object.__setattr__(self, "posterior", replace(self.posterior, warning=self.warning, doubts=doubts))
+        if self.adequacy is not None and not self.is_trustworthy:
+            bands = tuple(band for response in self.responses for band in response.poor_bands)
+            object.__setattr__(self, "adequacy", replace(self.adequacy, bands=bands))
+        further = tuple(replace(at_point, frf=replace(at_point.frf, note=self.warning)) for at_point in self.further)
+        object.__setattr__(self, "frf", self.frf and replace(self.frf, note=self.warning))
+        object.__setattr__(self, "further", further)
 
     def __repr__(self) -> str:
         """Return assembly, measurement and parameters in one line, the warning before all numbers."""
@@ -114,101 +178,6 @@ class _Answer:
         for name, value in state.items():
             object.__setattr__(self, name, MappingProxyType(value) if isinstance(value, dict) else value)
 
-    def _common(self) -> dict[str, Any]:
-        """Return what all results have in common as plain values, the method first: by it a file is recognised."""
-        return {
-            "method": self.method,
-            "is_trustworthy": self.is_trustworthy,
-            "warning": self.warning,
-            "adequacy": None if self.adequacy is None else self.adequacy.to_dict(),
-            "parameters": {name: asdict(parameter) for name, parameter in self.parameters.items()},
-            "table": [asdict(row) for row in self.table],
-            "known": dict(self.known),
-        }
-
-    def to_dataframe(self) -> Any:
-        """Return `table` as a data frame of pandas (an extra), with the names as index."""
-        return dataframe([asdict(row) for row in self.table], ["name"])
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Identification(_Answer):
-    """The result of identifying a joint from one measured FRF, or from one for each response.
-
-    Parameters
-    ----------
-    method : str
-    parameters : mapping of str to IdentifiedParameter
-        By name, in the order of ``assembly.parameters``.
-    known : mapping of str to float
-        SI values of the parameters that the description fixes, as ``joint.parameter``.
-    frf : Frf
-        Reconstructed from the parameters, on the measured lines within the band, in the response's quantity.
-    measured : Frf
-        The measurement on these lines, as it was given, in the same quantity. If there are several responses, `frf` and
-        `measured` belong to the first; `responses` has all of them, each on its own lines.
-    modes : tuple of Mode
-        Of the identified model, within the band.
-    warnings : tuple of str
-        What a reader must know before relying on the numbers.
-    provenance : mapping
-        Versions, description, measurement and seed; plain values.
-    fit : Fit or None
-        How good the fit is; None if nothing was fitted.
-    posterior : Posterior or None
-        Samples of the parameters and their uncertainty; None if the method has no uncertainty.
-    point : str
-        Where the first response is.
-    further : tuple of AtPoint
-        The other responses, if there are several.
-    adequacy : Adequacy or None
-        How well the model explains the measurement; None if the method does not judge it.
-    band : (float, float) or None
-        The description's first and last frequency [Hz]; None with a result of an earlier version.
-    network : mapping of str to float, or None
-        The answer of a trained network [SI] by parameter, if one took part.
-    peaks_without_mode : tuple of Mode
-        Measured peaks that belong to no mode, with the reconstructed ones near by; without natural frequencies.
-    is_fitted : bool
-        Whether the parameters were fitted to the measurement, and not only estimated by a network.
-
-    Notes
-    -----
-    Whatever shows or passes on a result takes its words from `is_trustworthy` and `warning`. The warning is handed to
-    the posterior, whose verdicts then read "not trustworthy", and to the reconstructed FRFs as their note.
-    """
-
-    method: str
-    parameters: Mapping[str, IdentifiedParameter]
-    known: Mapping[str, float]
-    frf: Frf
-    measured: Frf
-    modes: tuple[Mode, ...]
-    warnings: tuple[str, ...]
-    provenance: Mapping[str, Any]
-    fit: Fit | None = None
-    posterior: Posterior | None = None
-    point: str = ""
-    further: tuple[AtPoint, ...] = ()
-    adequacy: Adequacy | None = None
-    band: tuple[float, float] | None = None
-    network: Mapping[str, float] | None = None
-    peaks_without_mode: tuple[Mode, ...] = ()
-    is_fitted: bool = True
-
-    def __post_init__(self) -> None:
-        """Hand the warning to what may be used by itself: the reconstructed FRFs too.
-
-        Where a model is off that does not fit is where its FRFs and the measured ones agree poorly.
-        """
-        super().__post_init__()
-        if self.adequacy is not None and not self.is_trustworthy:
-            bands = tuple(band for response in self.responses for band in response.poor_bands)
-            object.__setattr__(self, "adequacy", replace(self.adequacy, bands=bands))
-        further = tuple(replace(at_point, frf=replace(at_point.frf, note=self.warning)) for at_point in self.further)
-        object.__setattr__(self, "frf", replace(self.frf, note=self.warning))
-        object.__setattr__(self, "further", further)
-
     def _repr_html_(self) -> str:
         rows = []
         for row in self.table:
@@ -221,7 +190,9 @@ class Identification(_Answer):
 
     @property
     def responses(self) -> tuple[AtPoint, ...]:
-        """The measured and the reconstructed FRF at each response, in the order of the description."""
+        """The measured and the reconstructed FRF at each response, in the description's order; empty for a table."""
+        if self.frf is None or not isinstance(self.measured, Frf):
+            return ()
         return AtPoint(self.point, self.frf, self.measured), *self.further
 
     @property
@@ -231,13 +202,13 @@ class Identification(_Answer):
 
     @property
     def coherence(self) -> NDArray[np.float64]:
-        """(n_freq,) coherence of reconstruction and measurement at the first response, as in `AtPoint`."""
-        return self.responses[0].coherence
+        """(n_freq,) coherence of reconstruction and measurement at the first response, as in `AtPoint`; or empty."""
+        return self.responses[0].coherence if self.responses else np.empty(0)
 
     @property
     def mean_coherence(self) -> float:
-        """Mean of `coherence` over the frequencies."""
-        return self.responses[0].mean_coherence
+        """Mean of `coherence` over the frequencies; NaN without FRFs."""
+        return self.responses[0].mean_coherence if self.responses else np.nan
 
     def to_inferencedata(self, draws: int = 1000, seed: int = 0) -> Any:
         """Return posterior, prior and log-likelihood for ArviZ (an extra).
@@ -266,12 +237,24 @@ class Identification(_Answer):
         parameters = [parameter.definition for parameter in self.parameters.values()]
         return inference_data(self.posterior, parameters, draws, seed, about)
 
+    def to_dataframe(self) -> Any:
+        """Return `table` as a data frame of pandas (an extra), with the names as index."""
+        return dataframe([asdict(row) for row in self.table], ["name"])
+
     def to_dict(self) -> dict[str, Any]:
         """Return everything as plain values, fit for JSON."""
+        first, *_ = self.responses or (None,)
+        measured = self.measured
         return {
-            **self._common(),
-            "mean_coherence": self.mean_coherence,
-            "poor_bands_Hz": [list(band) for band in self.responses[0].poor_bands],
+            "method": self.method,
+            "is_trustworthy": self.is_trustworthy,
+            "warning": self.warning,
+            "adequacy": None if self.adequacy is None else self.adequacy.to_dict(),
+            "parameters": {name: asdict(parameter) for name, parameter in self.parameters.items()},
+            "table": [asdict(row) for row in self.table],
+            "known": dict(self.known),
+            "mean_coherence": None if first is None else first.mean_coherence,
+            "poor_bands_Hz": [] if first is None else [list(band) for band in first.poor_bands],
             "modes": [asdict(mode) for mode in self.modes],
             "peaks_without_mode": [
                 {"reconstructed_peak": peak.reconstructed_peak, "measured_peak": peak.measured_peak}
@@ -284,88 +267,17 @@ class Identification(_Answer):
             "network": None if self.network is None else dict(self.network),
             "provenance": dict(self.provenance),
             "band_Hz": None if self.band is None else list(self.band),
-            "frequency_Hz": self.frf.frequency.tolist(),
+            "frequency_Hz": None if self.frf is None else self.frf.frequency.tolist(),
             "point": self.point,
-            "quantity": self.frf.quantity,
-            "frf": plain_frf(self.frf),
-            "measured": plain_frf(self.measured),
+            "quantity": None if self.frf is None else self.frf.quantity,
+            "frf": None if self.frf is None else plain_frf(self.frf),
+            "measured": plain_frf(measured) if isinstance(measured, Frf) else measured.to_dict(),
             "coherence": self.coherence.tolist(),
             "further_responses": [response.to_dict() for response in self.further],
         }
 
 
-@dataclass(frozen=True)
-class MatchedMode:
-    """A mode of the identified model, and that of the table that belongs to it.
-
-    Parameters
-    ----------
-    natural_frequency : float
-        Hz: the magnitude of the pole over 2 pi.
-    damping_ratio : float
-        Of the critical damping.
-    measured_frequency, measured_damping : float or None
-        None where the table lacks the mode, or the damping.
-    """
-
-    natural_frequency: float
-    damping_ratio: float
-    measured_frequency: float | None
-    measured_damping: float | None
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class ModalIdentification(_Answer):
-    """The result of identifying a joint from modal parameters; there is no FRF in it.
-
-    Parameters
-    ----------
-    parameters : mapping of str to IdentifiedParameter
-        By name, in the order of ``assembly.parameters``, at the posterior mode.
-    known : mapping of str to float
-        As in `Identification`.
-    measured : ModalParameters
-    modes : tuple of MatchedMode
-        Of the identified model, up to the last one of the table.
-    chi_squared : float or None
-        Sum of the squared residuals over their variance, per degree of freedom; None where hardly any is left.
-    degrees_of_freedom : float
-        Numbers in the table, less those that the parameters can follow.
-    adequacy : Adequacy
-    posterior : Posterior
-    warnings : tuple of str
-    provenance : mapping
-    """
-
-    parameters: Mapping[str, IdentifiedParameter]
-    known: Mapping[str, float]
-    measured: ModalParameters
-    modes: tuple[MatchedMode, ...]
-    chi_squared: float | None
-    degrees_of_freedom: float
-    adequacy: Adequacy
-    posterior: Posterior
-    warnings: tuple[str, ...]
-    provenance: Mapping[str, Any]
-    network: Mapping[str, float] | None = None
-    method: str = "modal parameters"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return everything as plain values, fit for JSON; the keys are those of `Identification` except the FRFs."""
-        return {
-            **self._common(),
-            "modes": [asdict(mode) for mode in self.modes],
-            "measured": self.measured.to_dict(),
-            "chi_squared": self.chi_squared,
-            "degrees_of_freedom": self.degrees_of_freedom,
-            "warnings": list(self.warnings),
-            "interval": {name: list(ends) for name, ends in self.posterior.interval().items()},
-            "posterior": self.posterior.to_dict(),
-            "provenance": dict(self.provenance),
-        }
-
-
-def joined_warnings(results: Iterable[tuple[str, _Answer | None]]) -> str:
+def joined_warnings(results: Iterable[tuple[str, Identification | None]]) -> str:
     """Return the `warning` of several results, each once and after the names of those that have it."""
     names: dict[str, list[str]] = {}
     for name, result in results:

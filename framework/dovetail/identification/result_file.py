@@ -2,29 +2,35 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any
 
 import numpy as np
-from pydantic import AfterValidator, AliasChoices, BaseModel, ConfigDict, Field, Json, ValidationError
+from pydantic import (
+    AfterValidator,
+    AliasChoices,
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Json,
+    Tag,
+    ValidationError,
+)
 
 from dovetail.atomic_files import read_bounded
 from dovetail.errors import DovetailError, Fault, damage_reported
 from dovetail.frf import Frf, Quantity
 from dovetail.identification.parameters import IdentifiedParameter
-from dovetail.identification.result import Identification, MatchedMode, ModalIdentification, Mode
+from dovetail.identification.result import Identification, Mode
 from dovetail.inference.adequacy import Adequacy, AdequacyWord, Cause
 from dovetail.inference.adequacy.verdict import AtPoint
 from dovetail.inference.posterior import Form, ModelError, Posterior, typical_model_error
 from dovetail.inference.posterior.distribution import central_fractions
 from dovetail.measurement import ModalParameters
-
-AnyIdentification: TypeAlias = Identification | ModalIdentification
-"""From FRFs, or from a table of modal parameters."""
 
 RESULT_FILE = "result.json"
 """Name of the file within a folder of results."""
@@ -32,11 +38,8 @@ RESULT_FILE = "result.json"
 _LARGEST = 400_000_000
 """Bytes of the largest result that is read; that of a million lines has 140 million."""
 _MOST_FAULTS = 5
-_HEAD = 200
-"""Bytes in which a result says by which method it was made."""
 _ACCEPTED = "the result.json of identify"
 _CONTRADICTION = "its values contradict each other, so this is not the result of an identification"
-_MODAL = re.compile(rb'"method":\s*"modal parameters"')
 
 
 class _Stored(BaseModel):
@@ -149,14 +152,6 @@ def _checked(provenance: dict[str, Any]) -> dict[str, Any]:
     return provenance
 
 
-class _StoredAnswer(_Stored):
-    method: str
-    parameters: dict[str, IdentifiedParameter]
-    known: dict[str, float]
-    warnings: tuple[str, ...]
-    provenance: Annotated[dict[str, Any], AfterValidator(_checked)]
-
-
 class _StoredTable(_Stored):
     frequency: list[float]
     damping_ratio: list[float] | None
@@ -165,13 +160,8 @@ class _StoredTable(_Stored):
     label: str
 
 
-class _StoredModalIdentification(_StoredAnswer):
-    modes: tuple[MatchedMode, ...]
-    measured: _StoredTable
-    chi_squared: float | None
-    degrees_of_freedom: float
-    adequacy: _StoredAdequacy
-    posterior: _StoredPosterior
+def _kind_of_measured(stored: object) -> str:
+    return "table" if isinstance(stored, dict) and "frequency" in stored else "frf"
 
 
 class _StoredPeak(_Stored):
@@ -179,11 +169,23 @@ class _StoredPeak(_Stored):
     measured_peak: float
 
 
-class _StoredIdentification(_StoredResponse, _StoredAnswer):
+class _StoredIdentification(_Stored):
+    """FRFs, their frequencies and quantity are None where the measurement is a table of modal parameters."""
+
+    method: str
+    parameters: dict[str, IdentifiedParameter]
+    known: dict[str, float]
+    warnings: tuple[str, ...]
+    provenance: Annotated[dict[str, Any], AfterValidator(_checked)]
     point: str = ""
+    quantity: Quantity | None
+    frf: _StoredFrf | None
+    measured: Annotated[
+        Annotated[_StoredFrf, Tag("frf")] | Annotated[_StoredTable, Tag("table")], Discriminator(_kind_of_measured)
+    ]
     modes: tuple[Mode, ...]
     peaks_without_mode: tuple[_StoredPeak, ...] = ()
-    frequency_Hz: list[float]  # noqa: N815  the unit's own spelling
+    frequency_Hz: list[float] | None  # noqa: N815  the unit's own spelling
     band_Hz: tuple[float, float] | None = None  # noqa: N815
     posterior: _StoredPosterior | None = None
     network: dict[str, float] | None = None
@@ -195,7 +197,7 @@ class _StoredIdentification(_StoredResponse, _StoredAnswer):
     )
 
 
-def load_result(path: str | Path) -> AnyIdentification:
+def load_result(path: str | Path) -> Identification:
     """Read a result of an earlier identification.
 
     Parameters
@@ -205,8 +207,7 @@ def load_result(path: str | Path) -> AnyIdentification:
 
     Returns
     -------
-    Identification or ModalIdentification
-        The latter where the measurement was a table of modal parameters.
+    Identification
 
     Raises
     ------
@@ -222,10 +223,6 @@ def load_result(path: str | Path) -> AnyIdentification:
             raise DovetailError(Fault(str(path), problem, remedy=remedy))
     content = read_bounded(file, _LARGEST)
     try:
-        if _MODAL.search(content[:_HEAD]):
-            modal = _StoredModalIdentification.model_validate_json(content)
-            with _named(file):
-                return _modal(file, modal)
         stored = _StoredIdentification.model_validate_json(content)
     except ValidationError as error:
         raise DovetailError(*_faults(file, error)) from None
@@ -248,17 +245,13 @@ def _named(file: Path) -> Iterator[None]:
 
 
 def _identification(file: Path, stored: _StoredIdentification) -> Identification:
-    first = _at_point(file, stored.frequency_Hz, stored)
-    further = [
-        _at_point(file, stored.frequency_Hz if response.frequency_Hz is None else response.frequency_Hz, response)
-        for response in stored.further_responses
-    ]
+    frf, measured, further = _measurement(file, stored)
     return Identification(
         method=stored.method,
         parameters=stored.parameters,
         known=stored.known,
-        frf=first.frf,
-        measured=first.measured,
+        frf=frf,
+        measured=measured,
         modes=stored.modes,
         peaks_without_mode=tuple(
             Mode(np.nan, peak.reconstructed_peak, peak.measured_peak) for peak in stored.peaks_without_mode
@@ -266,8 +259,8 @@ def _identification(file: Path, stored: _StoredIdentification) -> Identification
         warnings=stored.warnings,
         provenance=stored.provenance,
         posterior=None if stored.posterior is None else _posterior(file, stored.parameters, stored.posterior),
-        point=first.point,
-        further=tuple(further),
+        point=stored.point,
+        further=further,
         adequacy=_adequacy(stored),
         band=stored.band_Hz,
         network=stored.network,
@@ -275,20 +268,18 @@ def _identification(file: Path, stored: _StoredIdentification) -> Identification
     )
 
 
-def _modal(file: Path, stored: _StoredModalIdentification) -> ModalIdentification:
-    table: dict[str, Any] = stored.measured.model_dump()
-    return ModalIdentification(
-        parameters=stored.parameters,
-        known=stored.known,
-        measured=ModalParameters(**table),
-        modes=stored.modes,
-        chi_squared=stored.chi_squared,
-        degrees_of_freedom=stored.degrees_of_freedom,
-        adequacy=_kept(stored.adequacy),
-        posterior=_posterior(file, stored.parameters, stored.posterior),
-        warnings=stored.warnings,
-        provenance=stored.provenance,
-    )
+def _measurement(
+    file: Path, stored: _StoredIdentification
+) -> tuple[Frf | None, Frf | ModalParameters, tuple[AtPoint, ...]]:
+    """Return the reconstructed FRF and the measured one at the first response, and those at the others; or a table."""
+    frequency, quantity = stored.frequency_Hz, stored.quantity
+    if isinstance(stored.measured, _StoredTable):
+        return None, ModalParameters(**stored.measured.model_dump()), ()
+    if stored.frf is None or quantity is None or frequency is None:
+        raise DovetailError(Fault(str(file), "it has a measured FRF, and no reconstructed one."))
+    frf, measured = (_frf(file, frequency, quantity, values) for values in (stored.frf, stored.measured))
+    further = (_at_point(file, response.frequency_Hz or frequency, response) for response in stored.further_responses)
+    return frf, measured, tuple(further)
 
 
 def _kept(kept: _StoredAdequacy) -> Adequacy:

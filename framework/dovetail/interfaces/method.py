@@ -50,7 +50,7 @@ class IdentificationProblem(ABC):
     @property
     @abstractmethod
     def measured(self) -> tuple[Frf, ...]:
-        """One FRF for each response, on its lines within the band, in the response's quantity."""
+        """One FRF for each response, on its lines within the band, in the response's quantity; or none."""
 
     @property
     @abstractmethod
@@ -109,6 +109,9 @@ class IdentificationMethod(Component, Generic[ProblemType]):
     fits_lines : bool
         Whether the method compares the model with the measured lines. Otherwise its estimate is the result as it is,
         and is not judged by residuals.
+    fits_modes : bool
+        Whether the method also identifies from a table of natural frequencies. The problem then has no `measured` FRFs;
+        its `values`, `variance` and model are the numbers of the table.
     uses_starts : bool
         Whether it starts from `IdentificationProblem.starts`; only then does `identify` accept ``start``.
     gives_posterior : bool
@@ -120,6 +123,7 @@ class IdentificationMethod(Component, Generic[ProblemType]):
 
     kind: ClassVar[Kind] = "method"
     fits_lines: ClassVar[bool] = True
+    fits_modes: ClassVar[bool] = False
     uses_starts: ClassVar[bool] = False
     gives_posterior: ClassVar[bool] = False
     refits_with_errors: ClassVar[bool] = False

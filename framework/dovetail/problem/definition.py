@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly, FrfModel
 from dovetail.frf import Frf
 from dovetail.interfaces import Estimate, IdentificationProblem, Parameter, Scale
+from dovetail.problem.least_squares import Linearisation
 from dovetail.problem.observations import Observations
 from dovetail.problem.residuals import FrfResiduals, ModelFrfs, Residual
 
@@ -83,13 +84,22 @@ class Problem(IdentificationProblem):
 
     @property
     def measured(self) -> tuple[Frf, ...]:
-        """The observed FRFs in the quantities of the responses."""
+        """The observed FRFs in the quantities of the responses; none of a table of natural frequencies."""
         return self.observations.frfs
+
+    @property
+    def values(self) -> NDArray[np.complex128]:
+        """The measured values of all responses, concatenated, or the numbers of the table."""
+        return self.observations.values
 
     @cached_property
     def variance(self) -> NDArray[np.float64]:
         """(n_lines,) E|error|^2 of each measured value, known or estimated from the scatter from line to line."""
         return self.observations.variance()
+
+    def freedom(self, fraction: NDArray[np.float64], _there: Linearisation) -> float:
+        """Return the degrees of freedom of a fit (p,), with its residuals linearised."""
+        return self.observations.residual_count(np.ones(len(self.values), dtype=np.bool_)) - len(fraction)
 
     def frf(self, theta: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return the model's FRFs (n, n_lines) at parameters (n, p) [SI]."""

@@ -25,7 +25,7 @@ from dovetail.problem.random_error import (
     random_error_variance,
     residual_variance,
 )
-from dovetail.problem.residuals import LogAmplitude, StackedResiduals, Weighted, split_by_response
+from dovetail.problem.residuals import LogAmplitude, Residual, StackedResiduals, Weighted, split_by_response
 
 Weights = Literal["coherence", "amplitude"] | NDArray[np.float64]
 """How much each line counts if not by its random error; see `weighted_variance`."""
@@ -206,7 +206,7 @@ class Observations:
         responses = zip(self.frfs, self.split(variance), self.split(used), strict=True)
         return StackedResiduals(tuple(Weighted.against(*response) for response in responses), self.counts)
 
-    def logarithms(self, variance: NDArray[np.float64]) -> StackedResiduals[LogAmplitude]:
+    def logarithms(self, variance: NDArray[np.float64]) -> Residual:
         """Return the residuals of the amplitudes' logarithms."""
         pairs = zip(self.frfs, self.split(variance), strict=True)
         return StackedResiduals(tuple(LogAmplitude(*pair) for pair in pairs), self.counts)

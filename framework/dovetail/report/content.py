@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ import scipy
 from dovetail.errors import Importance, Note, by_importance, listing, reworded
 from dovetail.frf import LOW_COHERENCE
 from dovetail.frf.resonance_peaks import counterpart
-from dovetail.identification import AtPoint, Fit, Identification, ModalIdentification, Mode, Posterior, TableRow
+from dovetail.identification import AtPoint, Fit, Identification, Mode, Posterior, TableRow
 from dovetail.identification.parameters import place_on_range
 from dovetail.identification.truth import Truth
 from dovetail.inference.posterior import FIXED
@@ -101,7 +101,7 @@ class ModeRow:
     """One row of the table of natural frequencies, in Hz and per cent.
 
     `damping` is the damping ratio, `error` is that of `natural` relative to `true_natural`, `difference` that of the
-    reconstructed peak of the FRF relative to the measured one.
+    reconstructed peak of the FRF relative to the measured one, or of `natural` to that in a measured table.
     """
 
     natural: str
@@ -111,6 +111,8 @@ class ModeRow:
     reconstructed_peak: str
     measured_peak: str
     difference: str
+    measured_natural: str = ""
+    measured_damping: str = ""
 
 
 def is_synthetic(result: Identification, truth: Truth | None) -> bool:
@@ -121,11 +123,11 @@ def is_synthetic(result: Identification, truth: Truth | None) -> bool:
     return bool(result.provenance.get("synthetic")) or any("synthetic" in str(text).lower() for text in said)
 
 
-def warnings_of(result: Identification | ModalIdentification, truth: Truth | None) -> list[str]:
+def warnings_of(result: Identification, truth: Truth | None) -> list[str]:
     """Return the warnings by their importance, with one of a synthetic measurement at the end."""
     warnings = [reworded(warning, readable(warning)) for warning in result.warnings]
     is_said = any("synthetic" in warning.lower() for warning in warnings)
-    if not is_said and isinstance(result, Identification) and is_synthetic(result, truth):
+    if not is_said and is_synthetic(result, truth):
         warnings.append(Note(_SYNTHETIC, Importance.DETAIL))
     return list(by_importance(warnings))
 
@@ -156,14 +158,14 @@ def verdict(result: Identification) -> tuple[str, str]:
     return mark, readable(f"{explained}{within}; {known}.")
 
 
-def adequacy_sentences(result: Identification | ModalIdentification) -> list[str]:
+def adequacy_sentences(result: Identification) -> list[str]:
     """Return sentences on how well the model explains the measurement, what that means, and possible causes."""
     adequacy = result.adequacy
     if adequacy is None:
         return []
     notes = [*adequacy.reasons, "" if result.warning else adequacy.meaning]
     notes += [cause.sentence for cause in adequacy.causes]
-    if isinstance(result, Identification) and not result.is_trustworthy:
+    if not result.is_trustworthy:
         notes += [_poor_bands_sentence(response, result) for response in result.responses]
     return [readable(sentence) for sentence in (result.warning, adequacy.sentence, *by_importance(notes)) if sentence]
 
@@ -178,7 +180,7 @@ def _poor_bands_sentence(response: AtPoint, result: Identification) -> str:
     return f"The model is off{where} (coherence below {LOW_COHERENCE:g}) at {named}."
 
 
-def parameter_rows(result: Identification | ModalIdentification, truth: Truth | None) -> list[ParameterRow]:
+def parameter_rows(result: Identification, truth: Truth | None) -> list[ParameterRow]:
     """Return the table of parameters, in the assembly's order."""
     true = {} if truth is None else truth.with_tied(result.parameters.values())
     withheld = result.posterior is not None and not result.is_trustworthy
@@ -192,12 +194,16 @@ def known_rows(result: Identification) -> list[tuple[str, str]]:
 
 def mode_rows(result: Identification, truth: Truth | None) -> list[ModeRow]:
     """Return the table of natural frequencies: the identified ones, and measured peaks and true ones without any."""
-    low, high = result.frf.frequency[[0, -1]] if result.band is None else result.band
+    if result.frf is None:
+        low, high = 0.0, max(mode.natural_frequency for mode in result.modes)
+    else:
+        low, high = result.frf.frequency[[0, -1]] if result.band is None else result.band
     inside = np.array([f for f in (truth.natural_frequencies if truth is not None else ()) if low <= f <= high])
     identified = np.array([mode.natural_frequency for mode in result.modes])
     known = identified[np.isfinite(identified)]
     matched = [counterpart(frequency, known, inside, closeness=np.inf) for frequency in identified.tolist()]
-    rows = [(mode.natural_frequency, _mode_row(mode, true)) for mode, true in zip(result.modes, matched, strict=True)]
+    of_mode = _mode_row if result.responses else _tabulated_mode_row
+    rows = [(mode.natural_frequency, of_mode(mode, true)) for mode, true in zip(result.modes, matched, strict=True)]
     missed = inside[~np.isin(inside, [true for true in matched if true is not None])]
     peaks = np.array([peak.measured_peak for peak in result.peaks_without_mode])
     for peak, frequency in zip(result.peaks_without_mode, peaks.tolist(), strict=True):
@@ -208,7 +214,7 @@ def mode_rows(result: Identification, truth: Truth | None) -> list[ModeRow]:
     return [row for _, row in sorted(rows, key=lambda entry: (not np.isfinite(entry[0]), entry[0]))]
 
 
-def columns_sentence(result: Identification | ModalIdentification) -> str:
+def columns_sentence(result: Identification) -> str:
     """Return sentences that explain the columns of the table."""
     sentences = []
     if any(row.best_fit is not None for row in result.table):
@@ -273,14 +279,16 @@ def posterior_sentence(posterior: Posterior) -> str:
     )
 
 
-def fit_sentence(fit: Fit) -> str:
-    """Return a sentence on how good a fit is, and on its cost."""
-    source = "as the measurement gives it" if fit.variance_known else "estimated from the scatter from line to line"
+def fit_sentence(fit: Fit, *, of_lines: bool = True) -> str:
+    """Return a sentence on how good a fit to lines of FRFs or to a table is, and on its cost."""
+    estimated = "estimated from " + ("the scatter from line to line" if of_lines else "the residuals")
+    source = "as the measurement gives it" if fit.variance_known else estimated
     if fit.variance_assumed:
         source = "assumed to be 1 % of the largest value, since fewer than 10 lines cannot show it"
+    freedom = str(fit.degrees_of_freedom) if of_lines else number(fit.degrees_of_freedom, 2, padded=False)
     searches = f"{fit.starts} start{'s' * (fit.starts != 1)}, {fit.steps} steps, " if fit.starts else ""
     return (
-        f"Chi-squared {fit.chi_squared:.3g} per degree of freedom ({fit.degrees_of_freedom}) over the random error, "
+        f"Chi-squared {fit.chi_squared:.3g} per degree of freedom ({freedom}) over the random error, "
         f"{source}; {searches}{number(fit.seconds, 2, padded=False)} s."
     )
 
@@ -356,6 +364,18 @@ def _mode_row(mode: Mode, true: float | None) -> ModeRow:
         reconstructed_peak=hertz(mode.reconstructed_peak),
         measured_peak=hertz(mode.measured_peak),
         difference=_difference(mode.reconstructed_peak, mode.measured_peak),
+    )
+
+
+def _tabulated_mode_row(mode: Mode, true: float | None) -> ModeRow:
+    """Return the row of a mode of which a measured table may have frequency and damping, and no peaks."""
+    return replace(
+        _mode_row(mode, true),
+        reconstructed_peak="",
+        measured_peak="",
+        difference=_difference(mode.natural_frequency, mode.measured_frequency),
+        measured_natural=hertz(mode.measured_frequency),
+        measured_damping=ABSENT if mode.measured_damping is None else number(100.0 * mode.measured_damping, 3),
     )
 
 

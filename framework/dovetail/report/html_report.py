@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from dovetail.assembly import Assembly
-from dovetail.errors import DovetailError, Fault, is_decisive
+from dovetail.errors import is_decisive
 from dovetail.identification import Identification, Posterior
 from dovetail.identification.truth import Truth
 from dovetail.plain_text import display_unit, fixed, number
@@ -72,11 +72,8 @@ def write_report(
     Raises
     ------
     DovetailError
-        The file cannot be written, or the result was identified from modal parameters.
+        The file cannot be written.
     """
-    if not isinstance(result, Identification):
-        problem = "a result from modal parameters has no FRF, and no report."
-        raise DovetailError(Fault(type(result).__name__, problem, remedy="Show its 'table' and its 'modes'."))
     context = _context(result, truth, command) | {"drawing": None, "shapes": None}
     if assembly is not None:
         context["drawing"] = page_figure(assembly_figure(assembly), "assembly", drawing_text(assembly))
@@ -87,21 +84,21 @@ def write_report(
 def _context(result: Identification, truth: Truth | None, command: str) -> dict[str, Any]:
     axes = [response.frf.frequency for response in result.responses]
     rows = content.parameter_rows(result, truth)
-    low, high = min(axis[0] for axis in axes), max(axis[-1] for axis in axes)
+    low, high = min((axis[0] for axis in axes), default=0.0), max((axis[-1] for axis in axes), default=0.0)
     evaluation = result.provenance.get("evaluation")
     mark, verdict = content.verdict(result)
     warnings = content.warnings_of(result, truth)
     return {
-        "assembly": str(result.provenance.get("assembly", result.frf.label)),
+        "assembly": str(result.provenance.get("assembly", result.measured.label)),
         "measurement": _measurements(result),
         "measurements": len(result.responses),
         "method": result.method,
-        "quantity": result.frf.quantity,
-        "has_phase": result.measured.has_phase,
+        "quantity": "modal parameters" if result.frf is None else result.frf.quantity,
+        "has_phase": all(response.measured.has_phase for response in result.responses[:1]),
         "band": f"{number(low, 5, padded=False)} to {number(high, 5, padded=False)} Hz",
         "lines": " + ".join(str(size) for size in dict.fromkeys(axis.size for axis in axes)),
         "mean_coherence": _mean_coherence(result),
-        "fit": "" if result.fit is None else content.fit_sentence(result.fit),
+        "fit": "" if result.fit is None else content.fit_sentence(result.fit, of_lines=bool(axes)),
         "joints": list(dict.fromkeys(row.joint for row in result.table)),
         "is_trustworthy": result.is_trustworthy,
         "adequacy": content.adequacy_sentences(result),
@@ -230,7 +227,8 @@ def _how_to_reproduce(result: Identification, command: str) -> str:
     options += "".join(f", {name}={value!r}" for name, value in chosen.items())
     if "start" in origin:
         options += f", start={dict(origin['start'])!r}"
-    labels = [str(response.measured.label) for response in result.responses]
+    labels = [str(response.measured.label) for response in result.responses] or [str(result.measured.label)]
+    measured = labels if result.responses else labels[0]
     known = "".join(f"# held: {name} = {value:.9g}\n" for name, value in dict(origin.get("locked", {})).items())
     files = list(dict.fromkeys(labels))
     if len(files) < len(labels):
@@ -238,7 +236,7 @@ def _how_to_reproduce(result: Identification, command: str) -> str:
     lines = [
         "import dovetail",
         'assembly = dovetail.load("assembly.yaml")',
-        f'result = dovetail.identify(assembly, {labels!r}, "{result.method}"{options}, seed={origin.get("seed", 0)})',
+        f'result = dovetail.identify(assembly, {measured!r}, "{result.method}"{options}, seed={origin.get("seed", 0)})',
         'dovetail.write_report(result, "report.html", assembly=assembly)',
     ]
     return known + "\n".join(lines) + (f"\n\n# or, on the command line:\n# {command}" if command else "")

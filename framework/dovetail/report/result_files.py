@@ -16,19 +16,22 @@ from dovetail.plain_text import csv_cell, csv_comment
 
 if TYPE_CHECKING:
     from dovetail.assembly import Assembly
-    from dovetail.identification import AtPoint, Identification, ModalIdentification
+    from dovetail.identification import AtPoint, Identification
     from dovetail.identification.truth import Truth
 
 MANIFEST = "SHA256SUMS"
 """File with the names and hashes of all files of a run."""
-MODAL_FILES = (RESULT_FILE, "parameters.csv", "modes.csv")
-"""Files of an identification from modal parameters, which has no FRF and no report."""
+_MODE_COLUMNS = ("natural_frequency", "damping_ratio", "measured_frequency", "measured_damping")
 _LINES_PER_PIECE = 10_000
 """Lines of an FRF of which the text is in memory at once."""
-_FILES = ("report.html", RESULT_FILE, "parameters.csv", "frf.csv", "frf.png")
+_FILES = ("report.html", RESULT_FILE, "parameters.csv")
+FRF_FILES = (*_FILES, "frf.csv", "frf.png")
+"""Files of an identification from FRFs."""
+MODAL_FILES = (*_FILES, "modes.csv")
+"""Files of an identification from a table of modal parameters."""
 
 
-def prepare_folder(folder: Path | None, files: Sequence[str] = _FILES, mark: str = RESULT_FILE) -> None:
+def prepare_folder(folder: Path | None, files: Sequence[str] = FRF_FILES, mark: str = RESULT_FILE) -> None:
     """Check, before any work, that results can be written to a folder.
 
     Parameters
@@ -115,7 +118,7 @@ def _unchanged(folder: Path) -> set[str]:
 def write_results(
     result: Identification, folder: Path, truth: Truth | None, assembly: Assembly | None = None, command: str = ""
 ) -> None:
-    """Write a report, the result as JSON, parameters and FRFs as CSV, and a figure of each FRF.
+    """Write a report, the result as JSON, parameters as CSV, and tables and figures of the FRFs or a table of modes.
 
     Parameters
     ----------
@@ -138,21 +141,14 @@ def write_results(
     }
     names = [_frf_files(number) for number in range(1, len(result.responses) + 1)]
     texts |= {table: _frfs(response) for (table, _), response in zip(names, result.responses, strict=True)}
+    if not result.responses:
+        modes = [asdict(mode) for mode in result.modes]
+        rows = [[mode[name] for name in _MODE_COLUMNS] for mode in modes]
+        texts["modes.csv"] = warning_comment(result.warning) + csv_text(_MODE_COLUMNS, rows)
     write_texts(folder, texts)
     for index, (_, figure) in enumerate(names):
         save_png(plot_frf(result, index), folder / figure)
     write_report(result, folder / "report.html", truth=truth, assembly=assembly, command=command)
-
-
-def write_modal_results(result: ModalIdentification, folder: Path, truth: Truth | None) -> None:
-    """Write the result of an identification from modal parameters as JSON, parameters and modes as CSV."""
-    modes = [asdict(mode) for mode in result.modes]
-    texts = (
-        json_text(result.to_dict()),
-        _parameters(result, truth),
-        warning_comment(result.warning) + csv_text(list(modes[0]) if modes else [], [mode.values() for mode in modes]),
-    )
-    write_texts(folder, dict(zip(MODAL_FILES, texts, strict=True)))
 
 
 def write_texts(folder: Path, texts: Mapping[str, str | Iterable[str]]) -> None:
@@ -165,7 +161,7 @@ def write_texts(folder: Path, texts: Mapping[str, str | Iterable[str]]) -> None:
             stream.writelines([text] if isinstance(text, str) else text)
 
 
-def _parameters(result: Identification | ModalIdentification, truth: Truth | None) -> str:
+def _parameters(result: Identification, truth: Truth | None) -> str:
     rows = [asdict(row) for row in result.table]
     if truth is not None:
         true = truth.with_tied(result.parameters.values())

@@ -297,7 +297,7 @@ def _compared(
         frf = assembly.description.response.frf(measured.frequency, values, label="rigid joint")
     else:
         result = way.identify(whole, "network") if isinstance(way, Identifier) else identify(assembly, whole, way)
-        frf = result.frf
+        frf = result.responses[0].frf
     seconds = time.perf_counter() - began
     ours, theirs = resonance_peaks(measured, PROMINENCE), resonance_peaks(frf, PROMINENCE)
     peaks = tuple((float(peak), counterpart(peak, ours, theirs)) for peak in ours)

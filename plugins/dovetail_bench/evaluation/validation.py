@@ -24,7 +24,6 @@ from dovetail import (
     load_result,
 )
 from dovetail.evaluation import (
-    AnyIdentification,
     batch_contradictions,
     check_cover,
     check_mass,
@@ -103,7 +102,7 @@ class ValidatedCase:
     compensated: Frf
     predicted: Frf
     peaks: tuple[PeakRow, ...]
-    joint: AnyIdentification | None
+    joint: Identification | None
     natural: tuple[float, ...]
     damping: tuple[float, ...] = ()
 
@@ -209,8 +208,7 @@ def validate(
     files = tuple(plugins)
     loaded = [load(case.assembly, plugins=files) for case in cases.cases]
     _check_same_points(cases, loaded)
-    by_name: Any = partial(identify, method=method)
-    identified = by_name if isinstance(method, (str, IdentificationMethod)) else method
+    identified = partial(identify, method=method) if isinstance(method, (str, IdentificationMethod)) else method
     joint_of = cache(partial(_joint, identified=identified, plugins=files))  # what several cases share, once
     validated, failures = [], Failures()
     with progress_reporter(progress) as report:
@@ -239,7 +237,7 @@ def _readable(case: Case) -> Frf | None:
     return None
 
 
-def _joint(source: JointSource, identified: Identify, plugins: tuple[str | PathLike[str], ...]) -> AnyIdentification:
+def _joint(source: JointSource, identified: Identify, plugins: tuple[str | PathLike[str], ...]) -> Identification:
     """Return the joint that a case says: a stored result, or one that is identified from a measurement."""
     if source.assembly is None or source.measured is None:
         assert source.result is not None
@@ -248,7 +246,7 @@ def _joint(source: JointSource, identified: Identify, plugins: tuple[str | PathL
     return identified(assembly, *check_measured(assembly, source.measured.read(compensated=True)))
 
 
-def _validated(case: Case, assembly: Assembly, joint_of: Callable[[JointSource], AnyIdentification]) -> ValidatedCase:
+def _validated(case: Case, assembly: Assembly, joint_of: Callable[[JointSource], Identification]) -> ValidatedCase:
     if case.joint is None and assembly.parameters:
         raise ParameterError(
             Fault(
@@ -259,7 +257,7 @@ def _validated(case: Case, assembly: Assembly, joint_of: Callable[[JointSource],
         )
     check_mass(assembly, case.measured.accelerometer_mass)
     joint = None if case.joint is None else joint_of(case.joint)
-    known: AnyIdentification | dict[str, float] = {} if joint is None else joint
+    known: Identification | dict[str, float] = {} if joint is None else joint
     quantity, left_out = assembly.description.response.quantity, assembly.description.left_out
     first = assembly.each_response[0]
     read = [check_measured(first, case.measured.read(compensated=compensated))[0] for compensated in (False, True)]

@@ -14,6 +14,7 @@ class Multistart(dovetail.IdentificationMethod[dovetail.Problem]):
 
     name = "multistart"
     summary = "Many local searches from points all over the ranges"
+    fits_modes = True
 
     class Config(dovetail.ComponentConfig):
         """How it searches.

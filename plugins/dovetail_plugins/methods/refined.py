@@ -10,6 +10,7 @@ class Refined(dovetail.IdentificationMethod[dovetail.Problem]):
 
     name = "refined"
     summary = "A least-squares fit down to the random error of the measurement"
+    fits_modes = True
     uses_starts = True
     refits_with_errors = True
 

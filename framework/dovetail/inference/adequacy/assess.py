@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from dovetail.errors import Fault, Importance, Note, ParameterError, listing
 from dovetail.frf.resonance_peaks import counterpart, resonance_peaks
 from dovetail.inference.adequacy.causes import CAUSE_SECONDS, find_causes
+from dovetail.inference.adequacy.modal_errors import assess_modes
 from dovetail.inference.adequacy.model_error_size import (
     FitWithError,
     estimate_model_error,
@@ -38,6 +39,7 @@ from dovetail.inference.posterior.model_error import ModelError
 from dovetail.interfaces import Progress, logged, silent
 from dovetail.problem import Problem
 from dovetail.problem.definition import bounds_reached
+from dovetail.problem.modal_observations import ModalProblem
 from dovetail.problem.observations import Observations
 
 
@@ -140,6 +142,8 @@ def assess(
         The given fit if it is to the noise and no error is allowed.
     """
     target, model_error, cause_seconds = problem.observations, options.model_error, options.cause_seconds
+    if isinstance(problem, ModalProblem):
+        return assess_modes(problem, fit, model_error)
     remarks = tuple(_remarks(problem, fit, None))
     noise = is_noise(problem, fit)
     if not shows_structure(target, fit, fits=noise):
@@ -172,7 +176,7 @@ def assess(
         "does not fit" if given_out > MOST_GIVEN_OUT else errors.word,
         errors.size,
         model_error,
-        in_intervals=errors.in_intervals,
+        in_intervals=errors.in_intervals if model_error is None else None,
         causes=causes,
         reasons=(
             *_phases(target, errors.phases),

@@ -148,10 +148,10 @@ class Adequacy:
 
         Where the model is wrong, a quantity of any part may be the reason.
         """
+        if self.in_intervals is not None:
+            return self.in_intervals
         if self.allowed is not None:
             error = typical_model_error(self.allowed)
-        elif self.in_intervals is not None:
-            return self.in_intervals
         elif self.size is not None:
             return errors_in_intervals(self.size)
         else:

@@ -48,7 +48,8 @@ class Fit(Estimate):
     chi_squared : float
         Sum of the squared residuals over their random variance, per degree of freedom: 1 where only noise separates
         model and measurement. Ignored lines do not count.
-    degrees_of_freedom : int
+    degrees_of_freedom : float
+        Residuals less parameters; of a table of natural frequencies, less what parameters can follow.
     variance : (n_lines,) array
         E|random error|^2 of each line; the lines of a second response follow those of the first.
     variance_known : bool
@@ -77,7 +78,7 @@ class Fit(Estimate):
 
     information: NDArray[np.float64]
     chi_squared: float
-    degrees_of_freedom: int
+    degrees_of_freedom: float
     variance: NDArray[np.float64]
     variance_known: bool
     variance_assumed: bool
@@ -151,7 +152,7 @@ def fit_at(
     variance = target.variance()
     there = problem.weighted(variance).linearise(fraction[np.newaxis])
     used = np.ones(len(variance), dtype=np.bool_)
-    freedom = max(1, target.residual_count(used) - len(fraction))
+    freedom = max(1, problem.freedom(fraction, there))
     return Fit(
         theta=problem.from_unit(fraction),
         information=there.curvature[0],

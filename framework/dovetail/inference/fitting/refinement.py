@@ -11,12 +11,14 @@ import scipy
 from numpy.typing import NDArray
 
 from dovetail.inference.fitting.fit import Fit, count_agreeing, highest_agreeing
+from dovetail.inference.fitting.modal_fit import fit_to_modes
 from dovetail.inference.fitting.search_lines import Smoothed, missed_resonances, search_lines, thinned_lines
 from dovetail.inference.fitting.whiteness import NOISE_ALARM, has_size_of_noise, is_of_few_lines, is_white
 from dovetail.interfaces import Progress, logged, silent
 from dovetail.problem import Problem
 from dovetail.problem.definition import bounds_reached, fractions_within
 from dovetail.problem.least_squares import Minima, minimise
+from dovetail.problem.modal_observations import ModalProblem
 from dovetail.problem.profiles import cuts, profiles
 from dovetail.problem.residuals import FrfResiduals, WithPrior
 
@@ -90,7 +92,7 @@ def refine(
     seed: int = 0,
     progress: Progress = silent,
 ) -> Fit:
-    """Fit the parameters to a measured FRF, weighted by its random error, or to one for each response.
+    """Fit the parameters to a measured FRF, weighted by its random error, to one for each response, or to a table.
 
     Parameters
     ----------
@@ -122,6 +124,8 @@ def refine(
     """
     progress("fit", 0, 1)
     with logged(__name__, f"fit of {len(problem.parameters)} parameters"):
+        if isinstance(problem, ModalProblem):
+            return fit_to_modes(problem, starts, seed=seed, progress=progress)
         return _Refinement(problem, seed, progress).run(starts)
 
 

@@ -53,14 +53,14 @@ def is_of_few_lines(variance: NDArray[np.float64]) -> bool:
 
 
 def has_size_of_noise(
-    squares: float, degrees_of_freedom: int, lines: int, *, variance_known: bool, false_alarm: float = NOISE_ALARM
+    squares: float, degrees_of_freedom: float, lines: int, *, variance_known: bool, false_alarm: float = NOISE_ALARM
 ) -> bool:
     """Return whether a sum of squared whitened residuals is one that noise has by chance.
 
     Parameters
     ----------
     squares : float
-    degrees_of_freedom : int
+    degrees_of_freedom : float
     lines : int
         Number of lines from whose scatter the variance was estimated, if it is not known.
     variance_known : bool
@@ -100,7 +100,7 @@ def assess_runs(residuals: NDArray[np.float64]) -> float:
     return worst
 
 
-def log_improbability(squares: float, degrees_of_freedom: int) -> float:
+def log_improbability(squares: float, degrees_of_freedom: float) -> float:
     """Return -log10 of the probability that noise gives so large a sum of squares."""
     negative_log = -float(scipy.stats.chi2.logsf(squares, degrees_of_freedom))
     return (negative_log if np.isfinite(negative_log) else squares / 2.0) / float(np.log(10.0))

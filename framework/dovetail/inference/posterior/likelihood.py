@@ -22,6 +22,7 @@ from dovetail.inference.posterior.frequency_average import needs_average, unshap
 from dovetail.inference.posterior.model_error import ModelError, error_shapes
 from dovetail.problem import Problem
 from dovetail.problem.least_squares import Linearisation, SumOfSquares
+from dovetail.problem.modal_observations import ModalProblem
 from dovetail.problem.observations import Observations
 from dovetail.problem.part_quantities import quantity_derivatives
 from dovetail.problem.residuals import FrfResiduals, ModelFrfs, Residual, StackedResiduals, Weighted
@@ -113,6 +114,10 @@ def build_likelihood(problem: Problem, fit: Fit, model_error: ModelError) -> Lik
         Of the same measurement. Its random error and the lines that it left out are used.
     model_error : ModelError
     """
+    if isinstance(problem, ModalProblem):
+        table, variance = problem.observations, problem.observations.variance_with(model_error.sizes_of_modes)
+        differences, no_errors = table.weighted(variance, fit.used), np.zeros((0, len(variance)))
+        return Likelihood(table, variance, problem.model, differences, None, no_errors)
     target, values = problem.observations, problem.frf_at(fit.theta)
     shapes = error_shapes(target.frfs, target.split(values), model_error)
     lines, residual = weigh(target, fit.variance, fit.used, values, model_error)

@@ -89,6 +89,11 @@ class ModelError:
     quantities: float = 0.0
     background: float = 0.0
 
+    @property
+    def sizes_of_modes(self) -> tuple[float, float]:
+        """Errors of natural frequencies and of damping ratios."""
+        return self.natural_frequency, self.damping
+
     def times(self, factor: float) -> ModelError:
         """Return a copy in which the errors that have a shape are larger by a factor."""
         return replace(self, **{kind: factor * getattr(self, kind) for kind in KINDS})

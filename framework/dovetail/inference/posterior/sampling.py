@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.inference.fitting import Fit
-from dovetail.inference.posterior.distribution import Form, Posterior, check_options
-from dovetail.inference.posterior.laplace import LaplaceApproximation, half_about_the_fit
+from dovetail.inference.posterior.distribution import Posterior, check_options
+from dovetail.inference.posterior.laplace import half_about_the_fit
 from dovetail.inference.posterior.likelihood import (
     PRIOR_PRECISION,
     Likelihood,
@@ -32,6 +32,7 @@ from dovetail.inference.posterior.unknown_chain import UnknownChain
 from dovetail.inference.posterior.verdicts import drawn_by_weight
 from dovetail.interfaces import Progress, logged, silent
 from dovetail.problem import Problem
+from dovetail.problem.modal_observations import ModalProblem
 
 
 @dataclass(frozen=True)
@@ -137,11 +138,15 @@ def sample_posterior(
         modes = search_modes(problem, likelihood, best, random, progress)
     began = time.perf_counter()
     with logged(__name__, f"{samples} samples of the posterior"):
-        sampler = _Sampler(likelihood, modes, fit.information, np.random.default_rng([seed, 2]), progress)
-        z, log_weight = sampler.search(samples)
-        converged = len(z)
-        if _effective_sample_size(log_weight) < _SETTINGS.even_weights * samples:
-            z, log_weight = sampler.move(z, log_weight, samples)
+        if isinstance(problem, ModalProblem):
+            z, log_weight, converged = _draw(likelihood.posterior, modes, samples, seed)
+            lines = len(likelihood.variance)
+        else:
+            sampler = _Sampler(likelihood, modes, fit.information, np.random.default_rng([seed, 2]), progress)
+            z, log_weight = sampler.search(samples)
+            converged, lines = len(z), sampler.lines
+            if _effective_sample_size(log_weight) < _SETTINGS.even_weights * samples:
+                z, log_weight = sampler.move(z, log_weight, samples)
     weight = np.exp(log_weight - log_weight.max())
     if model_error.quantities:
         z, weight = half_about_the_fit(problem, fit, model_error, z, weight, seed)
@@ -152,7 +157,7 @@ def sample_posterior(
         weight / weight.sum(),
         model_error=model_error,
         searches=round(len(weight) * samples / max(converged, 1)),
-        lines=sampler.lines,
+        lines=lines,
         seconds=time.perf_counter() - began,
         log_likelihood=likelihood.log(fraction),
     )
@@ -282,23 +287,19 @@ class _Sampler:
         return np.asarray(self._likelihood.log(unit_from_normal(z)) - squared_norms(z) / 2.0)
 
 
-def draw(
-    posterior: PosteriorResiduals, modes: NDArray[np.float64], form: Form, count: int, seed: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-    """Return samples z (n, p) of a posterior with few residuals, their weights, and the parameters that they misjudge.
+def _draw(
+    posterior: PosteriorResiduals, modes: NDArray[np.float64], count: int, seed: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
+    """Return samples z (n, p) of a posterior with few residuals, log weights, and how many searches converged.
 
     Parameters
     ----------
     posterior : PosteriorResiduals
     modes : (n_modes, p) array
         Starts of the searches, the highest mode first.
-    form, count, seed
-        As in `sample_posterior` and `laplace_posterior`.
+    count, seed
+        As in `sample_posterior`.
     """
-    reliable, even = np.zeros(modes.shape[1], dtype=np.bool_), np.full(count, 1.0 / count)
-    if form == "laplace":
-        approximation = LaplaceApproximation.at(posterior, modes[0])
-        return approximation.draw(count, seed), even, approximation.unreliable
     random, separate = np.random.default_rng([seed, 8]), _separate_modes(LinearisedPoints.at(posterior, modes))
     about, log_weights = [], []
     for number, share, tangent_map in _shares(posterior, separate, count):
@@ -307,15 +308,15 @@ def draw(
         about.append(ends)
         log_weights.append(ends.log_posterior - log_density - np.log(share))
     points, log_weight = LinearisedPoints.joined(about), np.concatenate(log_weights)
-    if not len(log_weight):
+    converged = len(log_weight)
+    if not converged:
         points, log_weight = separate, separate.log_posterior
     mixed = _mixed(len(log_weight), separate, random)
     points, log_weight = points.at_rows(mixed), log_weight[mixed]
     if _effective_sample_size(log_weight) < _SETTINGS.even_weights * count:
         chosen = drawn_by_weight(_clipped(log_weight, count), count, random)
-        return decorrelate(posterior, points.at_rows(chosen), random).z, even, reliable
-    weight = np.exp(log_weight - log_weight.max())
-    return points.z, weight / weight.sum(), reliable
+        return decorrelate(posterior, points.at_rows(chosen), random).z, np.zeros(count), converged
+    return points.z, log_weight, converged
 
 
 def _separate_modes(modes: LinearisedPoints) -> LinearisedPoints:

@@ -1,0 +1,102 @@
+"""The judgement of a fit to a table of natural frequencies: by the errors that its residuals show."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from dovetail.inference.adequacy.verdict import NOTHING_LEFT, Adequacy, word_for
+from dovetail.inference.fitting import Fit
+from dovetail.inference.fitting.modal_fit import fit_with_errors
+from dovetail.inference.posterior import LEVEL, TYPICAL, ModelError, typical_model_error
+from dovetail.problem.definition import bounds_reached
+from dovetail.problem.modal_observations import SETTINGS, ModalObservations, ModalProblem
+
+_ROUNDS = 3
+"""Rounds in which errors are estimated from the residuals and the fit is repeated."""
+_LEAST_FREEDOM = 0.5
+"""Degrees of freedom below which the residuals of a fit say nothing about errors."""
+
+
+def assess_modes(problem: ModalProblem, fit: Fit, allowed: float | None) -> tuple[Adequacy, Fit]:
+    """Judge a fit to a table of natural frequencies, and refit with the errors that it shows or that are allowed.
+
+    Parameters
+    ----------
+    problem : ModalProblem
+    fit : Fit
+    allowed : float or None
+        Relative error of natural frequencies that the user allowed.
+    """
+    target, fraction = problem.observations, problem.to_unit(fit.theta)
+    error = used = TYPICAL if allowed is None else typical_model_error(allowed)
+    for _ in range(_ROUNDS):
+        fraction = fit_with_errors(problem, fraction[np.newaxis], used.sizes_of_modes).position[0]
+        error, freedom = _shown(problem, fraction, used)
+        used = error if allowed is None else used
+    (fraction,) = fit_with_errors(problem, fraction[np.newaxis], used.sizes_of_modes).position[:1]
+    sizes = zip(target.deviations, used.sizes_of_modes, strict=False)
+    variance = target.variance_with([size if sd is None else 0.0 for sd, size in sizes])
+    there = problem.weighted(variance).linearise(fraction[np.newaxis])
+    refitted = replace(
+        fit,
+        theta=problem.from_unit(fraction),
+        information=there.curvature[0],
+        chi_squared=float(there.cost[0]) / max(1.0, freedom),
+        degrees_of_freedom=freedom,
+        variance=variance,
+        discrepancy=error.natural_frequency,
+        at_bounds=bounds_reached(problem.parameters, fraction),
+    )
+    return _adequacy(target, error, used, freedom, allowed), refitted
+
+
+def _adequacy(
+    target: ModalObservations, shown: ModelError, used: ModelError, freedom: float, allowed: float | None
+) -> Adequacy:
+    sizes = zip(shown.sizes_of_modes, SETTINGS.least, strict=True)
+    plain = target.table.frequency_sd is not None and all(size <= least for size, least in sizes)
+    adequacy = Adequacy(
+        "to the noise" if plain else word_for(shown), None if plain else shown, allowed, in_intervals=used
+    )
+    if adequacy.fits and freedom < 1.0:  # not one value more than unknowns
+        return Adequacy("not judged", allowed=allowed, reasons=(NOTHING_LEFT,), in_intervals=used)
+    return adequacy
+
+
+def _shown(problem: ModalProblem, fraction: NDArray[np.float64], used: ModelError) -> tuple[ModelError, float]:
+    """Return the errors that explain the residuals of a fit, and its degrees of freedom."""
+    target = problem.observations
+    variance = target.variance_with(used.sizes_of_modes)
+    there = problem.weighted(variance).linearise(fraction[np.newaxis])
+    freedom = problem.freedom_of_groups(fraction, there)
+    remains = target.split(there.residuals[0] * np.sqrt(variance))
+    groups = zip(remains, target.deviations, target.scales, freedom, SETTINGS.least, SETTINGS.assumed, strict=False)
+    sizes = [_size(*group) for group in groups]
+    return ModelError(sizes[0], damping=sizes[1] if len(sizes) == 2 else 0.0), sum(freedom)
+
+
+def _size(
+    off: NDArray[np.float64],
+    sd: NDArray[np.float64] | None,
+    scale: NDArray[np.float64],
+    freedom: float,
+    least: float,
+    assumed: float,
+) -> float:
+    """Return the relative error with which, added to the given ones, chi-squared equals the degrees of freedom."""
+    if freedom < _LEAST_FREEDOM:
+        return assumed if sd is None else least
+
+    def excess(size: float) -> float:
+        return float(np.sum(off**2 / ((0.0 if sd is None else sd**2) + (size * scale) ** 2)) - freedom)
+
+    size = float(brentq(excess, least, 1e6)) if excess(least) > 0.0 else least
+    if sd is not None:
+        return size
+    tails = scipy.stats.t.ppf((1.0 + LEVEL) / 2.0, [freedom, np.inf])  # estimated from few modes, it may be far larger
+    return max(size, min(size * float(tails[0] / tails[1]), assumed))
