@@ -21,7 +21,7 @@ def test_generate_takes_number_and_seed_from_the_command_line(run, bench, tmp_pa
     assert "".join(done.stdout.split()) == "".join(said.split())  # wherever a narrow terminal breaks the lines
 
 
-def test_generate_never_touches_what_is_there(run, bench, tmp_path):
+def test_generate_never_changes_existing_files(run, bench, tmp_path):
     taken = tmp_path / "mine"
     taken.mkdir()
     (taken / "notes.txt").write_text("mine")

@@ -470,7 +470,7 @@ def test_several_files_are_a_batch(run, bench, tmp_path):
         (["-o", "a.csv"], 1, "a file, not a folder"),
     ],
 )
-def test_what_a_batch_does_not_take(run, bench, tmp_path, monkeypatch, arguments, code, found):
+def test_options_that_a_batch_does_not_accept_are_refused(run, bench, tmp_path, monkeypatch, arguments, code, found):
     monkeypatch.chdir(tmp_path)
     for name in ("a.csv", "b.csv"):
         dovetail.write_frf(dovetail.read_frf(bench.measured), name)

@@ -20,7 +20,7 @@ def modes(tmp_path: Path) -> Path:
     return tmp_path / "modes.csv"
 
 
-def test_the_table_the_modes_and_what_frequencies_do_not_tell(run, modes, tmp_path, monkeypatch):
+def test_undetermined_parameters_are_reported_with_table_and_modes(run, modes, tmp_path, monkeypatch):
     monkeypatch.setenv("COLUMNS", "160")
     answer = run("identify", OSCILLATOR, modes, "--form", "laplace", "-o", tmp_path / "result").output
     rows = {line.split()[0]: line for line in reversed(answer.splitlines()) if line.split()}
@@ -58,7 +58,7 @@ def test_the_truth_of_a_tied_parameter_is_in_the_table_that_is_written(run, mode
         assert (truths["mount.k"], truths["second.k"]) == expected
 
 
-def test_what_was_written_is_read_back_and_predicts(run, modes, tmp_path):
+def test_a_written_result_is_read_back_and_used_for_prediction(run, modes, tmp_path):
     run("identify", OSCILLATOR, modes, "--form", "laplace", "-o", tmp_path / "result")
     written = json.loads((tmp_path / "result" / "result.json").read_text())
     result = dovetail.load_result(tmp_path / "result")

@@ -22,7 +22,7 @@ def test_every_shipped_joint_has_two_sides():
 
 
 @pytest.mark.parametrize("joint", JOINTS)
-def test_what_is_written_passes_check_and_lists_all_parameters(run, tmp_path, joint):
+def test_the_written_description_passes_check_and_lists_all_parameters(run, tmp_path, joint):
     file = tmp_path / f"{joint}.yaml"
     run("new-assembly", file, "--joint", joint)
     assert "What looks wrong" not in run("check", file).stdout
@@ -37,7 +37,7 @@ def test_what_is_written_passes_check_and_lists_all_parameters(run, tmp_path, jo
     ]
 
 
-def test_options_say_what_the_parts_are(run, tmp_path):
+def test_options_determine_the_parts(run, tmp_path):
     file = tmp_path / "tool.yaml"
     parts = ["--part", "tool: 100 mm x 10 mm of carbide", "--part", "holder: 80 mm x 4 cm x 10 mm of steel"]
     run(

@@ -22,7 +22,7 @@ def files(sdof, tmp_path):
     return [tmp_path / "first.csv", tmp_path / "second.uff"]
 
 
-def test_what_the_files_hold_is_printed(run, files):
+def test_the_contents_of_the_files_are_printed(run, files):
     rows = [line.split() for line in run("plot", *files).stdout.splitlines()]
     assert rows[2] == ["first.csv", "accelerance", "600", "1", "to", "600", "0.980", "5"]
     assert rows[3] == ["second.uff", "receptance", "600", "1", "to", "600"]

@@ -7,7 +7,7 @@ import pytest
 from dovetail.registry import LoadFailure, Offer, installed_components
 
 
-def test_plugins_lists_what_is_installed(run):
+def test_plugins_lists_installed_components(run):
     printed = run("plugins").stdout
     for kind, name in (
         ("substructure", "timoshenko_beam"),
@@ -39,7 +39,7 @@ def troubled(monkeypatch):
 
 
 @pytest.mark.usefixtures("troubled")
-def test_failures_and_conflicts_stand_below(run):
+def test_failures_and_conflicts_are_listed_below_the_components(run):
     lines = run("plugins").stdout.splitlines()
     failures, conflicts = lines.index("Not loaded"), lines.index("Offered more than once, and so not usable")
     assert any("broken-pkg 1.0" in line and "ModuleNotFoundError" in line for line in lines[failures:conflicts])
@@ -57,7 +57,7 @@ def test_describe_names_both_sources_of_a_conflict(run):
 
 
 @pytest.mark.usefixtures("troubled")
-def test_an_unknown_model_shows_what_failed_to_load(run):
+def test_an_unknown_model_is_reported_with_the_plugins_that_failed_to_load(run):
     offered = sorted({row["name"] for row in json.loads(run("plugins", "--json").stdout)["components"]} - {"rigid"})
     assert run("describe", "colet", code=1).stderr == (
         "  there is no model 'colet'.\n"

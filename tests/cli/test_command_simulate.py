@@ -8,7 +8,7 @@ import pytest
 import dovetail
 
 
-def test_what_is_not_set_stands_in_the_middle(run, assemblies, collet):
+def test_parameters_that_are_not_set_are_in_the_middle_of_their_ranges(run, assemblies, collet):
     arguments = ["simulate", assemblies / "bt40_er32.yaml", "--set", "Dc=30mm", "--set", "collet.kt_tc=500 MN/m"]
     found = json.loads(run(*arguments, "--json").stdout)
     middle = dict(zip((p.name for p in collet.parameters), collet.from_unit(np.full(12, 0.5)).tolist(), strict=True))

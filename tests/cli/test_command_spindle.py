@@ -38,7 +38,7 @@ def test_finite_differences_give_another_flange(run, arguments, tmp_path):
         (["-o", "flange.csv"], 2, "Accepted: .npz"),
     ],
 )
-def test_what_cannot_be_used_is_said_and_nothing_is_written(run, arguments, tmp_path, more, code, found):
+def test_unusable_input_is_reported_and_nothing_is_written(run, arguments, tmp_path, more, code, found):
     assert found in run(*arguments, *more, code=code).stderr
     assert not (tmp_path / "flange.npz").exists()
 

@@ -51,7 +51,7 @@ def test_there_are_twenty_at_least():
 
 
 @pytest.mark.parametrize("title", SECTIONS)
-def test_what_a_newcomer_gets_wrong_is_answered_word_for_word(folder, monkeypatch, title):
+def test_each_mistake_of_the_page_gets_the_message_shown_there(folder, monkeypatch, title):
     monkeypatch.chdir(folder)
     *files, (kind, last) = BLOCK.findall(SECTIONS[title])
     script = files.pop()[1] if kind == "text" else ""

@@ -144,7 +144,7 @@ def test_one_mean_coherence_is_given_everywhere(misfit):
     assert float(np.mean(misfit.plain["coherence"])) == pytest.approx(misfit.plain["mean_coherence"])
 
 
-def test_what_is_shaded_agrees_poorly_and_is_said_to(misfit):
+def test_shaded_bands_are_those_that_the_text_calls_poor(misfit):
     bands = [tuple(band) for band in misfit.plain["poor_bands_Hz"]]
     assert [tuple(band) for band in misfit.chart["bands"]] == bands
     assert [tuple(band) for band in misfit.plain["adequacy"]["bands_Hz"]] == bands

@@ -140,7 +140,7 @@ def test_every_extra_has_its_doors():
 
 
 @pytest.mark.parametrize("extra", [extra for extra, doors in DOORS.items() if doors])
-def test_what_needs_a_missing_package_says_what_to_install(without, extra):
+def test_a_missing_package_is_reported_with_the_install_command(without, extra):
     names = import_names(extra)
     for door, (code, text) in without(names, DOORS[extra]).items():
         said = " ".join(text.split())

@@ -255,7 +255,7 @@ def test_a_file_of_an_earlier_version_is_judged_by_its_verdict(made, tmp_path, k
         )
 
 
-def test_what_is_handed_on_follows_the_result(made):
+def test_a_result_without_a_misfit_carries_no_warning(made):
     genuine = replace(made.result, adequacy=None)
     assert genuine.frf.note == genuine.posterior.warning == ""
     assert "not trustworthy" not in {verdict.word for verdict in genuine.posterior.verdicts.values()}

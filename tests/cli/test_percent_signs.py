@@ -21,7 +21,7 @@ COMMANDS = {
 
 @pytest.mark.parametrize("text", ["1", "2", "0.6", "5", "1e3", " 1 "])
 @pytest.mark.parametrize(("command", "option"), [(name, option) for name in COMMANDS for option in COMMANDS[name]])
-def test_a_number_that_may_be_in_per_cent_is_asked_for(run, assemblies, command, option, text):
+def test_a_fraction_that_may_be_a_percentage_needs_the_percent_sign(run, assemblies, command, option, text):
     measured = [assemblies / "measurements" / "hammer_test.uff"] if command == "identify" else []
     value = f"0,{text}" if command == "robustness" else text
     message = " ".join(run(command, assemblies / "sdof.yaml", *measured, option, value, code=2).stderr.split())
@@ -33,14 +33,14 @@ def test_a_number_that_may_be_in_per_cent_is_asked_for(run, assemblies, command,
     ("value", "number"),
     [("1%", 0.01), ("100 %", 1.0), ("0.01", 0.01), ("0.5", 0.5), (0.2, 0.2), ("0", 0.0), ("250%", 2.5), (" 2% ", 0.02)],
 )
-def test_what_is_clear_is_taken(value, number):
+def test_unambiguous_fractions_are_accepted(value, number):
     assert to_fraction(value) == pytest.approx(number)
 
 
 @pytest.mark.parametrize(
     "value", ["much", "%", "", "1%%", "-1%", "nan", "inf", "1e999", True, None, [], 10**400, 1, 0.51]
 )
-def test_what_is_no_fraction_is_refused(value):
+def test_a_text_that_is_not_a_fraction_is_refused(value):
     with pytest.raises(UnitError):
         to_fraction(value)
 

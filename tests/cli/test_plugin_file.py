@@ -154,7 +154,7 @@ def test_a_missing_plugin_file(run, tmp_path):
         ("self.size)", "9)", "joint.K[:]", "ValueError: could not broadcast input array"),
     ],
 )
-def test_a_plugin_that_raises_at_work_is_named_with_its_line(shell, plugin, description, old, new, line, reason):
+def test_an_error_raised_by_a_running_plugin_names_its_line(shell, plugin, description, old, new, line, reason):
     plugin.write_text(HYSTERETIC.replace(old, new))
     number = next(n for n, text in enumerate(plugin.read_text().splitlines(), 1) if line in text)
     done = shell("check", description, "--plugin", plugin)

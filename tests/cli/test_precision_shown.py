@@ -135,7 +135,7 @@ def test_groups_are_listed_below_the_parameter(shown):
     assert "3.2" not in [text.split()[1][:3] for text in lines[at : at + 3]]
 
 
-def test_a_best_fit_at_a_bound_or_outside_its_interval_is_said_to_be(shown):
+def test_a_best_fit_at_a_bound_or_outside_its_interval_is_marked(shown):
     row = shown.result.table[0]
     at_end, outside = shown.kind == "at an end", shown.kind in ("narrow", "at an end")
     assert (row.best_fit_at, row.best_fit_outside) == ("upper" if at_end else "", outside)

@@ -24,7 +24,7 @@ def simulate(run, assemblies):
 
 
 @pytest.mark.parametrize("place", ["before", "behind"])
-def test_quiet_leaves_out_notes_but_no_results_or_errors(simulate, tmp_path, place):
+def test_quiet_suppresses_notes_but_not_results_or_errors(simulate, tmp_path, place):
     assert "Written" in simulate(tmp_path).stderr
     words = {"before": ["-q"]} if place == "before" else {}
     behind = [] if place == "before" else ["--quiet"]
@@ -38,7 +38,7 @@ def test_quiet_leaves_out_notes_but_no_results_or_errors(simulate, tmp_path, pla
     ("before", "behind", "level"),
     [([], [], 0), (["-v"], [], 1), ([], ["--verbose"], 1), (["-vv"], [], 2), (["-v"], ["-v"], 2)],
 )
-def test_verbose_prints_what_is_done(simulate, tmp_path, before, behind, level):
+def test_verbose_prints_each_step(simulate, tmp_path, before, behind, level):
     said = simulate(tmp_path, *behind, before=before).stderr
     assert ("sdof.yaml read: " in said) == (level >= 1)
     assert ("sdof.yaml read ..." in said) == (level == 2)

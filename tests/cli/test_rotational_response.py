@@ -49,7 +49,7 @@ def test_the_unit_of_a_rotation(turned):
     assert simulated_figure(frf).axes[0].get_ylabel() == "Accelerance [rad/(N·m·s²)]"
 
 
-def test_what_is_simulated_and_identified_is_a_rotation(turned, tmp_path):
+def test_a_rotation_is_simulated_and_identified(turned, tmp_path):
     model = dovetail.train(dovetail.load(turned))
     measured = dovetail.Frf(model.assembly.frequency, model.assembly.frf([1e5, 10.0]), "accelerance")
     result = model.identify(measured, "network")

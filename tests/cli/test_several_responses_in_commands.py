@@ -92,7 +92,7 @@ def test_one_file_with_all_frfs_is_read_by_their_numbers(run, two, measured, tmp
     assert "--index" in refused.stderr or "index" in refused.stderr
 
 
-def test_a_wrong_number_of_files_is_said_at_once(run, two, measured, tmp_path):
+def test_a_wrong_number_of_files_is_refused_at_once(run, two, measured, tmp_path):
     refused = run("identify", two, measured[0], "--method", "refined", "-o", tmp_path / "out", code=1).stderr
     assert "1 measured FRF was given, and 'bt40-er32-t0-two-points' has 2 responses" in refused.replace("\n  ", " ")
     assert "2. tool, 60 mm" in refused

@@ -71,7 +71,7 @@ def least(command: list[str]) -> float:
     return min(seconds)
 
 
-def test_help_answers_at_once(command):
+def test_help_is_printed_within_the_time_limit(command):
     """Against Python's own start, so that a slow machine does not fail; NumPy alone takes half of what is allowed."""
     python, help_ = least([sys.executable, "-c", "pass"]), least([command, "--help"])
     print(f"dovetail --help: {help_:.3f} s; python -c pass: {python:.3f} s")

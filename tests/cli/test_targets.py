@@ -97,7 +97,7 @@ def test_results_in_the_working_folder_are_listed_and_replace_those_before(run, 
 
 @pytest.mark.usefixtures("untouched")
 @pytest.mark.parametrize("command", ["identify", "robustness"])
-def test_what_a_manifest_of_others_lists_is_not_removed(run, arguments, tmp_path, command):
+def test_files_listed_by_a_foreign_manifest_are_not_removed(run, arguments, tmp_path, command):
     """The user's own measurements with their hashes, or the results of another command."""
     folder = tmp_path / "mine"
     folder.mkdir()

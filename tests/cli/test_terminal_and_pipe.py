@@ -18,7 +18,7 @@ from support.waiting import PATIENCE, wait_until
 CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f]")
 
 
-def test_what_is_no_terminal_gets_results_and_no_control_characters(capfd, bench, tmp_path):
+def test_a_pipe_gets_results_without_control_characters(capfd, bench, tmp_path):
     words = "identify", bench.description, bench.measured, "--method", "network", "-o", tmp_path / "results"
     capfd.readouterr()
     assert app([str(word) for word in words], standalone_mode=False) in (None, 0)
@@ -88,7 +88,7 @@ def test_ctrl_c_in_training_ends_without_a_traceback(interruptible, bench, tmp_p
     assert not [file for file in (tmp_path / "cache").rglob("*") if file.is_file()]
 
 
-def test_a_pipe_that_closes_early_is_no_fault(command, environment):
+def test_a_pipe_that_closes_early_is_not_an_error(command, environment):
     reader, writer = os.pipe()
     os.close(reader)
     done = subprocess.run(

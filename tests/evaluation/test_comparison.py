@@ -127,7 +127,7 @@ def test_what_cannot_be_compared(cases):
     with pytest.raises(ParameterError, match="one and the same assembly"):
         compare(read_cases(cases / "cases.yaml"), ("refined",))
     (cases / "truth.json").write_text("[]")
-    with pytest.raises(DovetailError, match="no file of true parameters"):
+    with pytest.raises(DovetailError, match="not a file of true parameters"):
         read_truths(cases / "truth.json")
 
 

@@ -74,7 +74,7 @@ def test_it_is_read_and_not_written(tmp_path: Path, measured) -> None:
         write_frf(measured, tmp_path / "a.frf")
 
 
-def test_a_line_without_a_number_at_its_end_is_no_truncated_one(tmp_path):
+def test_a_last_row_that_does_not_end_in_a_number_is_refused(tmp_path):
     (tmp_path / "a.frf").write_text("0\t2E-005\t3\tFreq\tHz\t3\t4\t5;")
     with pytest.raises(MeasurementError):
         read_frf(tmp_path / "a.frf", quantity="accelerance")

@@ -42,7 +42,7 @@ def test_pulse_text_with_a_footer_is_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("last", ["3\t 12.0\t 1.4", "3\t 12.0", "3", "3\t 12.0\t 1.4\tx"])
-def test_a_damaged_row_is_no_footer(tmp_path: Path, last: str) -> None:
+def test_a_damaged_row_is_not_taken_for_a_footer(tmp_path: Path, last: str) -> None:
     (tmp_path / "a.txt").write_text(PULSE.replace("3\t 12.0\t 1.4\t-0.3", last), encoding="utf-8")
     fault_of(tmp_path / "a.txt", columns=("skip", "frequency", "real", "imag"))
 

@@ -160,7 +160,7 @@ def test_the_exponential_window_and_its_damping() -> None:
     assert shifted.size > 100
 
 
-def test_a_second_hit_is_said_and_left_out() -> None:
+def test_a_second_hit_is_reported_and_left_out() -> None:
     force, response = struck(BENCH, 0)
     late = int(0.02 * BENCH.rate)
     force[3, late:] += 0.2 * force[3, :-late]
@@ -189,7 +189,7 @@ def test_every_double_hit_is_found(duration: float, delay: float, share: float) 
     assert sum("a second hit" in text for text in frf_from_signals(force, response, BENCH.rate).warnings) == 10
 
 
-def test_overload_is_said() -> None:
+def test_an_overload_is_reported() -> None:
     force, response = struck(BENCH, 0)
     clipped = np.clip(response, -0.5 * response.max(), 0.5 * response.max())
     assert frf_from_signals(force, clipped, BENCH.rate).warnings[0] == "impact 1: the response is overloaded."

@@ -37,7 +37,7 @@ def test_nothing_of_the_current_folder_runs(
     assert not (tmp_path / "ran").exists()
 
 
-def test_what_a_reader_warns_of_in_the_second_interpreter_is_said(tmp_path: Path) -> None:
+def test_warnings_of_a_reader_in_the_second_process_are_shown(tmp_path: Path) -> None:
     frequency = np.arange(1.0, 101.0)
     table = {"f": frequency, "amplitude": frequency, "phase_deg": np.angle(np.exp(0.1j * frequency))}
     savemat(tmp_path / "a.mat", table)
@@ -48,7 +48,7 @@ def test_what_a_reader_warns_of_in_the_second_interpreter_is_said(tmp_path: Path
             dovetail.read_frf(tmp_path / name, quantity="mobility")
 
 
-def test_a_package_that_is_missing_is_named(files: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_package_is_named(files: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "h5py", None)
     with pytest.raises(dovetail.DovetailError) as caught:
         dovetail.read_frf(files[0])

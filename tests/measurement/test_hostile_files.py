@@ -146,7 +146,7 @@ def test_names(refused, name: str, message: str) -> None:
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-def test_files_that_are_no_files(tmp_path: Path, suffix: str, refused) -> None:
+def test_missing_and_empty_files_and_directories_are_refused(tmp_path: Path, suffix: str, refused) -> None:
     name = f"a{suffix}"
     with pytest.raises(FileError, match=rf"a\{suffix}\n  there is no such file\.$"):
         read_frf(tmp_path / name)
@@ -256,6 +256,6 @@ def test_the_worst_files_take_bounded_time_and_memory(tmp_path: Path, size: int,
     assert int(answers["zeros.npz"][0]) < 450, answers
 
 
-def test_a_bad_argument_is_said_before_the_file_is_read(tmp_path: Path) -> None:
+def test_a_bad_argument_is_refused_before_the_file_is_read(tmp_path: Path) -> None:
     with pytest.raises(MeasurementError, match="the argument quantity"):
         read_frf(tmp_path / "missing.csv", quantity="speed")

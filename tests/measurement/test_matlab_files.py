@@ -107,7 +107,7 @@ def test_version_7_3(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("unguarded")
-def test_what_cannot_be_read_is_listed(tmp_path: Path) -> None:
+def test_entries_that_cannot_be_read_are_listed(tmp_path: Path) -> None:
     path = saved(tmp_path / "a.mat", f=FREQUENCY, H=csc_matrix(np.eye(7) * 1j))
     assert fault_of(path) == (
         "a.mat\n  'H' is of a class that is not read (sparse, object, function handle).\n"
@@ -116,7 +116,7 @@ def test_what_cannot_be_read_is_listed(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("unguarded")
-def test_what_cannot_be_read_is_passed_over(tmp_path: Path) -> None:
+def test_entries_that_cannot_be_read_are_skipped(tmp_path: Path) -> None:
     others = {
         "K": csc_matrix((100_000, 100_000)),
         "names": np.array(["a", 1], dtype=object),

@@ -74,7 +74,7 @@ def test_as_laboratories_write_units(text: str, unit: str, expected: float) -> N
         ("1 gr", "kg", "in '1 gr', 'gr' has more than one meaning: write 'g' or 'grain'."),
     ],
 )
-def test_what_is_refused_is_quoted_as_it_was_written(text: str, unit: str, said: str) -> None:
+def test_a_refused_value_is_quoted_as_written(text: str, unit: str, said: str) -> None:
     with pytest.raises(UnitError) as raised:
         to_si(text, unit)
     assert raised.value.faults[0].problem == said
@@ -149,7 +149,7 @@ def test_cutpro_frequencies_are_in_hertz(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("row", ["1,,5\t2E-005\t3", "1,5,5\t2E-005\t3", "1,-5\t2\t3", "1 2 3 4"])
-def test_labels_of_cutpro_are_no_numbers(tmp_path: Path, row: str) -> None:
+def test_labels_of_cutpro_are_not_read_as_numbers(tmp_path: Path, row: str) -> None:
     """Such a row has other gaps than it seems, and its first three numbers are not those that were meant."""
     (tmp_path / "a.frf").write_text(f"{row}\tFreq\tHz\tReal\tm/N\n2\t3\t4\n")
     with pytest.raises(MeasurementError, match="the row has"):

@@ -84,7 +84,7 @@ def test_transfer_frfs_of_random_structures_are_seldom_taken_for_drive_points() 
     assert np.count_nonzero(shares > SUSPICIOUS) > 50
 
 
-def test_shipped_drive_points_give_out_no_power(assemblies) -> None:
+def test_shipped_drive_points_deliver_no_power(assemblies) -> None:
     files = [*assemblies.glob("measurements/*.uff"), *assemblies.glob("campaign/measurements/*.uff")]
     frfs = [read_frf(file, index=1) for file in files]
     stated = [frf for frf in frfs if frf.response and frf.response == frf.force]

@@ -72,7 +72,7 @@ def test_a_file_of_another_format_is_left_to_dovetail(tmp_path):
     assert dovetail.read_frf(file, index=1, plugins=plugin(tmp_path, TWO)).averages == 4
 
 
-def test_two_readers_that_take_a_file_are_named_and_one_is_chosen(tmp_path, measured):
+def test_several_readers_of_a_file_are_listed_and_one_can_be_chosen(tmp_path, measured):
     files = [plugin(tmp_path, TWO), plugin(tmp_path, TWO.replace('"um/N"', '"mm/N"'), "other.py")]
     with pytest.raises(MeasurementError) as error:
         dovetail.read_frf(measured, index=2, plugins=files)
@@ -108,7 +108,7 @@ def test_two_readers_that_take_a_file_are_named_and_one_is_chosen(tmp_path, meas
         (f"return [dovetail.RecordedFrf({LINES}, np.ones(3), 'um')]", MeasurementError, None),
     ],
 )
-def test_what_a_reader_returns_is_checked(tmp_path, measured, body, error, problem):
+def test_the_contents_returned_by_a_reader_are_checked(tmp_path, measured, body, error, problem):
     read = f"\n    def read(self, path, content):\n        {body}\n"
     with pytest.raises(error) as raised:
         dovetail.read_frf(measured, plugins=plugin(tmp_path, read))

@@ -60,7 +60,7 @@ def test_a_rotation_stays_one(tmp_path: Path, measured: Frf, name: str, options:
 
 @pytest.mark.parametrize(("name", "options"), EXACT)
 @pytest.mark.parametrize(("rotation", "moment", "unit"), [(True, False, "mrad/N"), (False, True, "um/(N m)")])
-def test_what_is_half_a_rotation_stays_so(
+def test_a_rotation_per_force_keeps_its_kind_in_every_format(
     tmp_path: Path, measured: Frf, name: str, options: dict, rotation: bool, moment: bool, unit: str
 ) -> None:
     frf = replace(measured, rotation=rotation, moment=moment, response="", force="")
@@ -113,7 +113,7 @@ def test_frequencies_beyond_six_digits_are_written_binary(tmp_path: Path, freque
     assert os.listdir(tmp_path) == ["a.uff"]
 
 
-def test_overwriting_has_to_be_said(tmp_path: Path, measured: Frf) -> None:
+def test_overwriting_must_be_requested(tmp_path: Path, measured: Frf) -> None:
     for options in ({}, {"binary": True}):
         path = tmp_path / "a.uff"
         write_frf(measured, path, overwrite=True)
@@ -156,7 +156,7 @@ def test_a_write_that_fails_leaves_the_old_file(tmp_path: Path, measured: Frf, m
     assert read_frf(path).quantity == "accelerance"
 
 
-def test_a_missing_folder_is_said(tmp_path: Path, measured: Frf) -> None:
+def test_a_missing_folder_is_reported(tmp_path: Path, measured: Frf) -> None:
     with pytest.raises(FileError, match="the file cannot be written: No such file or directory"):
         write_frf(measured, tmp_path / "missing" / "a.csv")
 

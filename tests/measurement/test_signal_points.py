@@ -386,7 +386,7 @@ HARMLESS = (
 
 
 @pytest.mark.parametrize("line", HARMLESS)
-def test_lines_above_a_table_that_change_nothing_are_passed_over(tmp_path, line):
+def test_irrelevant_lines_above_a_table_are_skipped(tmp_path, line):
     table(tmp_path / "a.tsv", f"{line}\ntime\tforce\tresponse", TIME, FORCE, RESPONSE)
     np.testing.assert_allclose(read_signals(tmp_path / "a.tsv").response, [RESPONSE], rtol=1e-6, atol=1e-12)
 
@@ -590,6 +590,6 @@ def test_a_name_that_the_caller_chooses_still_states_a_unit(tmp_path, name):
 
 
 @pytest.mark.parametrize("name", ["-", "()", "[ ]", "in", "//", "  "])
-def test_a_name_without_a_word_is_passed_over(tmp_path, name):
+def test_a_name_without_a_word_is_skipped(tmp_path, name):
     table(tmp_path / "a.tsv", f"time\tforce\tresponse\t{name}", TIME, FORCE, RESPONSE, RESPONSE)
     assert read_signals(tmp_path / "a.tsv").rate == pytest.approx(RATE)

@@ -47,7 +47,7 @@ def test_what_pandas_writes_of_complex_numbers(tmp_path: Path) -> None:
     assert frf.quantity == "accelerance"
 
 
-def test_a_column_of_real_values_is_no_frf(tmp_path: Path) -> None:
+def test_a_column_of_real_values_is_not_an_frf(tmp_path: Path) -> None:
     text = "frequency,accelerance\n10,1.5\n20,3\n30,5\n"
     with pytest.raises(MeasurementError, match="'accelerance' holds real numbers only"):
         read(tmp_path, "a.csv", text)

@@ -67,7 +67,7 @@ def test_a_universal_file_may_be_called_txt(tmp_path: Path, binary: int) -> None
     np.testing.assert_allclose(read_frf(path).values, VALUES, rtol=1e-11)
 
 
-def test_a_table_that_begins_with_minus_one_is_no_universal_file(tmp_path: Path) -> None:
+def test_a_table_that_begins_with_minus_one_is_not_read_as_uff(tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
     path.write_text("-1\n10 1 2\n12 3 4\n14 5 6\n")
     frf = read_frf(path, columns=["frequency", "real", "imag"], quantity="accelerance")
@@ -363,7 +363,7 @@ def test_every_truncation_is_refused(tmp_path: Path) -> None:
                 read_frf(tmp_path / "a.uff")
 
 
-def test_a_truncated_last_set_is_named(tmp_path: Path) -> None:
+def test_a_truncated_last_set_is_reported(tmp_path: Path) -> None:
     path = file_of(tmp_path, SEVERAL[0], SEVERAL[1])
     path.write_bytes(path.read_bytes()[:-200])
     assert fault_of(path) == "a.uff: set 2\n  the set has no end line '    -1': the file is truncated."

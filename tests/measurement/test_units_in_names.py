@@ -76,7 +76,7 @@ def written(path: Path, columns: dict[str, np.ndarray]) -> Path:
 
 
 @pytest.mark.parametrize("version", ["80.4.0", "1.2.3.4", "7,5,1", "1e400"])
-def test_a_version_in_a_line_of_text_is_no_number(tmp_path: Path, version: str):
+def test_a_version_in_a_line_of_text_is_not_an_acting_number(tmp_path: Path, version: str):
     file = written(tmp_path / "frf.csv", {"frequency_Hz": FREQUENCY, "real": VALUES.real, "imag": VALUES.imag})
     file.write_text(f"Software: {version}\n# gauge {version}\n{file.read_text()}")
     assert dovetail.read_frf(file, quantity="receptance").values[0] == VALUES[0]
