@@ -154,8 +154,8 @@ def test_each_has_its_own_noise_phase_and_bad_lines(chain, clean):
     assert (lower.ignored.tolist(), upper.ignored.tolist()) == ([chain.frequency[120]], [])
     np.testing.assert_array_equal(np.concatenate([lower.variance, upper.variance]), fit.variance)
     warnings = dovetail.identify(chain, [spiked, loud], "refined").warnings
-    assert any(warning.startswith("1 lines at lower, 0 mm stand alone") for warning in warnings)
-    assert not any("at upper, 0 mm stand alone" in warning for warning in warnings)
+    assert any(warning.startswith("1 isolated line was left out at lower, 0 mm") for warning in warnings)
+    assert not any("left out at upper, 0 mm" in warning for warning in warnings)
 
 
 def test_the_network_sees_all_responses(chain, dataset, model, clean):

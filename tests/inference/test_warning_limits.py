@@ -46,7 +46,7 @@ def test_eight_lines_that_were_left_out_are_listed(sdof, fit, count, shown):
     used = fit.used.copy()
     used[:count] = False
     told = warnings_of(sdof, method="refined", fit=replace(fit, used=used, ignored=101.0 + np.arange(count)))
-    assert f"{count} lines stand alone and were left out: {shown}." in told
+    assert f"{count} isolated lines were left out: {shown}." in told
 
 
 @pytest.mark.parametrize(("gap", "in_two_groups"), [(0.3, ()), (0.4, ("k",))])

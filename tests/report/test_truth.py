@@ -56,7 +56,7 @@ def test_a_truth_cannot_be_changed() -> None:
     [
         ("{", "this is not JSON"),
         ("[" * 100_000, "this is not JSON"),
-        ('{"note": "a", "note": "b"}', "the key 'note' stands there twice"),
+        ('{"note": "a", "note": "b"}', "the key 'note' occurs twice"),
         ("[1]", r"a truth file holds one object, not \[1\]"),
         ({"parameter": {}}, "'parameter' is not a key of a truth file.\n.*Did you mean 'parameters'?"),
         ({"parameters": [1]}, r"\[1\] is not an object of names and values"),

@@ -259,7 +259,8 @@ def _warnings_of_lines(fit: Fit, where: str) -> list[str]:
         return []
     lines = ", ".join(f"{frequency:.6g}" for frequency in fit.ignored[: _SETTINGS.most_listed])
     more = ", ..." if fit.ignored.size > _SETTINGS.most_listed else ""
-    message = f"{fit.ignored.size} lines{where} stand alone and were left out: {lines}{more} Hz."
+    count = "1 isolated line was" if fit.ignored.size == 1 else f"{fit.ignored.size} isolated lines were"
+    message = f"{count} left out{where}: {lines}{more} Hz."
     return [Note(message, Importance.DETAIL)]
 
 

@@ -130,7 +130,7 @@ def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     entries: dict[str, Any] = {}
     for key, value in pairs:
         if key in entries:
-            raise ValueError(f"the key '{key}' stands there twice")
+            raise ValueError(f"the key '{key}' occurs twice")
         entries[key] = value
     return entries
 
