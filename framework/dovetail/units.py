@@ -62,6 +62,18 @@ _GLUED_POWER = re.compile(r"(?<=[a-z])(?=[234](?![\d.]))")
 """A power that follows its unit without a sign, as in kg/m3."""
 
 
+_PLAIN = frozenset(
+    ("m", "kg", "s", "rad", "N", "Pa", "Hz", "1/s", "N s", "N m", "N/m", "N s/m", "N/m^2", "N s/m^2", "N m/rad")
+) | {"N m s/rad", "kg/m^3", "kg m^2", "m/s", "m/s^2"}
+_COMMON = {
+    ("mm", "m"): 1e-3, ("um", "m"): 1e-6, ("g", "kg"): 1e-3, ("ms", "s"): 1e-3, ("us", "s"): 1e-6, ("kHz", "Hz"): 1e3,
+    ("kN", "N"): 1e3, ("MPa", "Pa"): 1e6, ("GPa", "Pa"): 1e9, ("kN/m", "N/m"): 1e3, ("MN/m", "N/m"): 1e6,
+    ("N/mm", "N/m"): 1e3,
+}  # fmt: skip
+"""Units and factors of most descriptions, as pint computes them: without pint, which takes a third of a second to load
+and to read its definitions, a command starts sooner."""
+
+
 @cache
 def _registry() -> pint.UnitRegistry[Any]:
     import pint
@@ -223,12 +235,17 @@ def _split_glued(text: str) -> tuple[str, str]:
     return text, ""
 
 
-@cache
 def _factor(unit: str, target: str, text: str) -> float:
-    """Return the factor from one unit to another; `text`, from which it was taken, is for the message.
+    """Return the factor from one unit to another; `text`, from which it was taken, is for the message."""
+    if unit == target and unit in _PLAIN:
+        return 1.0
+    factor = _COMMON.get((unit, target))
+    return factor if factor is not None else _factor_by_pint(unit, target, text)
 
-    A declared unit, which is the whole text, is in pint's spelling.
-    """
+
+@cache
+def _factor_by_pint(unit: str, target: str, text: str) -> float:
+    """Return the same factor of any unit. A declared unit, which is the whole text, is in pint's spelling."""
     import pint
 
     registry = _registry()

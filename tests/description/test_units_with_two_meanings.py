@@ -7,7 +7,7 @@ from pathlib import Path
 import pint
 import pytest
 
-from dovetail import load
+from dovetail import load, units
 from dovetail.errors import DovetailError, UnitError
 from dovetail.units import find_homonym, is_unit, to_si
 
@@ -83,3 +83,14 @@ def test_a_count_with_marks_of_thousands_is_refused(tmp_path: Path, key: str, nu
 def test_a_mass_in_place_of_a_force_is_refused_with_the_unit_of_the_force(unit: str) -> None:
     with pytest.raises(UnitError, match="is a mass; a force is written"):
         to_si(f"10 {unit}", "N/m")
+
+
+@pytest.mark.parametrize("unit", sorted(units._PLAIN))
+def test_a_unit_that_is_known_without_pint_is_one_of_pint(unit: str) -> None:
+    assert units._factor_by_pint(unit, unit, unit) == 1.0
+    assert units._factor_by_pint(unit, unit, f"1 {unit}") == 1.0
+
+
+@pytest.mark.parametrize(("unit", "target"), sorted(units._COMMON))
+def test_a_factor_that_is_known_without_pint_is_exactly_that_of_pint(unit: str, target: str) -> None:
+    assert to_si(f"1 {unit}", target) == units._factor_by_pint(unit, target, f"1 {unit}")
