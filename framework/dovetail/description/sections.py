@@ -49,7 +49,8 @@ _Number = Annotated[float, BeforeValidator(_no_truth_value)]
 class Section(BaseModel):
     """A section whose keys are its fields."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    # Each class is built when it is first used: most commands need few of them.
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
 
 
 def _increasing(value: tuple[float, float]) -> tuple[float, float]:
