@@ -11,8 +11,8 @@ J. Magn. Reson. 179 (2006) 317-322: the noise from mean square and scatter, as i
 from __future__ import annotations
 
 import numpy as np
+import scipy  # loads a part of it when that is first used
 from numpy.typing import NDArray
-from scipy.special import i0e, i1e
 
 _CLEAR = 1e4
 """Argument of the Bessel functions above which their asymptotic series are exact to double precision."""
@@ -33,7 +33,7 @@ def rice_mean(
         E|noise|^2.
     """
     half = amplitude**2 / (2.0 * variance)
-    bessel_0, bessel_1 = i0e(half), i1e(half)
+    bessel_0, bessel_1 = scipy.special.i0e(half), scipy.special.i1e(half)
     mean = np.sqrt(np.pi * variance) / 2.0 * ((1.0 + 2.0 * half) * bessel_0 + 2.0 * half * bessel_1)
     return mean, np.sqrt(np.pi / variance) / 2.0 * amplitude * (bessel_0 + bessel_1)
 
@@ -53,8 +53,8 @@ def rice_negative_log_density(
     square, product = (measured - amplitude) ** 2 / variance, 2.0 * measured * amplitude / variance
     clear = product > _CLEAR
     near = np.where(clear, _CLEAR, product)
-    log_bessel = np.where(clear, -0.5 * np.log(2.0 * np.pi * np.maximum(product, 1.0)), np.log(i0e(near)))
-    slope = np.where(clear, -0.5, near * (i1e(near) / i0e(near) - 1.0))
+    log_bessel = np.where(clear, -0.5 * np.log(2.0 * np.pi * np.maximum(product, 1.0)), np.log(scipy.special.i0e(near)))
+    slope = np.where(clear, -0.5, near * (scipy.special.i1e(near) / scipy.special.i0e(near) - 1.0))
     return np.log(variance) + square - log_bessel, (1.0 - square + slope) / variance
 
 

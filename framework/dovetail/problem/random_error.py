@@ -10,9 +10,6 @@ from typing import Any, Self
 import numpy as np
 import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
-from scipy.optimize import least_squares, minimize
-from scipy.special import chdtri, fdtrc, polygamma
 
 from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf, conversion
@@ -110,7 +107,7 @@ def _scattering_averages(frf: Frf) -> int:
     if len(variance) < 2 * len(FOURTH_DIFFERENCE) or not np.all(variance > 0.0):
         return 0
     scatter = np.convolve(np.log(variance), FOURTH_DIFFERENCE, mode="valid") ** 2
-    expected = float(polygamma(1, frf.averages - 1)) * float(scipy.stats.chi2.ppf(0.5, 1))
+    expected = float(scipy.special.polygamma(1, frf.averages - 1)) * float(scipy.stats.chi2.ppf(0.5, 1))
     return frf.averages if np.median(scatter) > _SETTINGS.scattering * expected else 0
 
 
@@ -134,8 +131,8 @@ def normal_residuals(frf: Frf, residuals: NDArray[np.float64]) -> NDArray[np.flo
     if not averages:
         return residuals
     width, squares = residuals.shape[1], np.sum(residuals**2, axis=1)
-    improbable = fdtrc(width, 2 * (averages - 1), squares * _factor_of_scatter(averages) / width)
-    normal = chdtri(width, np.maximum(improbable, np.finfo(float).tiny))
+    improbable = scipy.special.fdtrc(width, 2 * (averages - 1), squares * _factor_of_scatter(averages) / width)
+    normal = scipy.special.chdtri(width, np.maximum(improbable, np.finfo(float).tiny))
     ratio = np.sqrt(normal / np.maximum(squares, np.finfo(float).tiny))
     return np.asarray(residuals * ratio[:, np.newaxis])
 
@@ -234,7 +231,9 @@ def _estimated_parts(frf: Frf, model: NDArray[Any] | None = None) -> tuple[float
     measured = _squares_around(frf.amplitude)
     level = measured
     if not frf.has_phase:
-        level = uniform_filter1d(measured, _SETTINGS.smoothing) if model is None else _squares_around(model)
+        level = (
+            scipy.ndimage.uniform_filter1d(measured, _SETTINGS.smoothing) if model is None else _squares_around(model)
+        )
     count = min(_SETTINGS.bins, max(1, len(level) // _SETTINGS.lines_per_bin))
     bins = np.array_split(np.argsort(level), count)
     middle = np.mean if frf.has_phase else np.median
@@ -324,7 +323,9 @@ def most_likely_parts(
 
     largest = np.maximum((squares / terms).max(axis=1), smallest)  # more than any error needs
     bounds = list(zip(np.log(smallest) - _SETTINGS.most_decrease, np.log(largest), strict=True))
-    logs = minimize(negative_log, np.log(np.maximum(starts, smallest)), jac=True, method="L-BFGS-B", bounds=bounds).x
+    logs = scipy.optimize.minimize(
+        negative_log, np.log(np.maximum(starts, smallest)), jac=True, method="L-BFGS-B", bounds=bounds
+    ).x
     floor, share = np.exp(logs).tolist()
     return floor, share
 
@@ -355,7 +356,7 @@ def _floor_and_share(magnitude: NDArray[np.float64], variance: NDArray[np.float6
     def residuals(logs: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.asarray(np.log(np.exp(logs[0]) + np.exp(logs[1]) * magnitude**2) - np.log(variance))
 
-    fitted = least_squares(residuals, [lowest, relative], loss="soft_l1", f_scale=0.2, max_nfev=200).x
+    fitted = scipy.optimize.least_squares(residuals, [lowest, relative], loss="soft_l1", f_scale=0.2, max_nfev=200).x
     return float(np.exp(fitted[0])), float(np.exp(fitted[1]))
 
 

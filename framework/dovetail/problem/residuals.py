@@ -9,8 +9,8 @@ from itertools import pairwise
 from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
+import scipy  # loads a part of it when that is first used
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 
 from dovetail.assembly import FrfModel, ParameterScales, ResponseFrfs
 from dovetail.frf import Frf
@@ -357,7 +357,7 @@ def _reals(values: NDArray[np.complex128]) -> NDArray[np.float64]:
 
 def _rice_deviation(target: Frf, variance: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the standard deviation of |amplitude + complex noise|, for an amplitude smoothed over neighbours."""
-    smooth = uniform_filter1d(target.amplitude**2, _SETTINGS.smoothing, mode="nearest")
+    smooth = scipy.ndimage.uniform_filter1d(target.amplitude**2, _SETTINGS.smoothing, mode="nearest")
     square = np.maximum(smooth - variance, 0.0)
     mean, _ = rice_mean(np.sqrt(square), variance)
     clear = square > _SETTINGS.clear * variance

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
+import scipy  # loads a part of it when that is first used
 from numpy.typing import NDArray
-from scipy.sparse.csgraph import connected_components
 
 from dovetail.errors import DovetailError
 from dovetail.interfaces import plugin_errors
@@ -118,7 +118,7 @@ class CoupledSystem:
         """
         filled: NDArray[np.bool_] = np.asarray(self._pattern.any(axis=0))
         numbers = [int(self.graph.substructure_dofs(name)[dof]) for name, dof in self.points]
-        _, group = connected_components(self._pattern, directed=False)
+        _, group = scipy.sparse.csgraph.connected_components(self._pattern, directed=False)
         reached = {int(group[number]) for number in numbers if number >= 0 and filled[number]}
         active = np.flatnonzero(filled & np.isin(group, list(reached)))
         for (name, dof), number in zip(self.points, numbers, strict=True):

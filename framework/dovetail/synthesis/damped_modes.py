@@ -8,8 +8,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+import scipy  # loads a part of it when that is first used
 from numpy.typing import NDArray
-from scipy.sparse import csc_array
 
 from dovetail.errors import DovetailError
 from dovetail.interfaces import JointModel, SparseMatrices
@@ -119,7 +119,7 @@ class DampedModes:
         if not self._sparse:
             return (numbers[:, None] == np.arange(size)).astype(np.float64)
         moving = np.flatnonzero(numbers >= 0)
-        return csc_array((np.ones(len(moving)), (moving, numbers[moving])), shape=(len(numbers), size))
+        return scipy.sparse.csc_array((np.ones(len(moving)), (moving, numbers[moving])), shape=(len(numbers), size))
 
     def at(
         self,
@@ -205,7 +205,7 @@ class DampedModes:
             joint = joint_matrices(name, model, theta[name]).sets[0]
             for matrix, kind in zip(matrices, "MKCD", strict=True):
                 if self._sparse:
-                    matrix[0] = matrix[0] + L.T @ csc_array(getattr(joint, kind)[0]) @ L
+                    matrix[0] = matrix[0] + L.T @ scipy.sparse.csc_array(getattr(joint, kind)[0]) @ L
                 else:
                     matrix += L.T @ getattr(joint, kind) @ L
         return matrices

@@ -9,10 +9,8 @@ from itertools import islice
 from typing import Any
 
 import numpy as np
+import scipy  # loads a part of it when that is first used
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve, eigh
-from scipy.sparse import issparse
-from scipy.sparse.csgraph import connected_components
 
 from dovetail.errors import DovetailError
 from dovetail.synthesis.pole_search import Pencil, Wanted, few_poles, searched
@@ -94,7 +92,7 @@ def lowest_modes(
     DovetailError
         The structure is not stable, or Lanczos does not converge.
     """
-    if issparse(K):
+    if scipy.sparse.issparse(K):
         shift = 1e-6 * _median_square(K, M)
         factors = _factorised(K, M, shift)
         inertia = int(np.count_nonzero(M.diagonal() > 0))
@@ -105,7 +103,10 @@ def lowest_modes(
         shapes = shapes[:, :count]
         shifted = K + shift * M
         diagonal = np.diag(shifted)
-        solve = partial(cho_solve, cho_factor(shifted + _SINGULAR * np.diag(np.where(diagonal > 0.0, diagonal, 1.0))))
+        solve = partial(
+            scipy.linalg.cho_solve,
+            scipy.linalg.cho_factor(shifted + _SINGULAR * np.diag(np.where(diagonal > 0.0, diagonal, 1.0))),
+        )
     return np.array(list(_frequencies(K, M, shapes, _SHIFT_FLOOR * shift))), shapes, solve
 
 
@@ -127,14 +128,15 @@ def _dense_shapes(K: NDArray[np.float64], M: NDArray[np.float64]) -> tuple[NDArr
             "there are no natural frequencies: a stiffness is too large, or a mass too small, to compute with."
         )
     try:
-        mu, shapes = eigh(M, shifted)
+        mu, shapes = scipy.linalg.eigh(M, shifted)
     except np.linalg.LinAlgError:
         diagonal = np.diag(shifted)
         scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
         if (diagonal < 0.0).any() or np.linalg.eigvalsh(shifted * scale[:, np.newaxis] * scale)[0] < -_SINGULAR:
             problem = "with these parameters a stiffness or a mass is negative."
             raise DovetailError(f"there are no natural frequencies: {problem}") from None
-        mu, shapes = eigh(M, shifted + _SINGULAR * np.diag(1.0 / scale**2))  # DOFs that only dampers connect
+        shifted += _SINGULAR * np.diag(1.0 / scale**2)  # DOFs that only dampers connect
+        mu, shapes = scipy.linalg.eigh(M, shifted)
     return shapes[:, mu > mu[-1] * 1e-14][:, ::-1], shift
 
 
@@ -169,7 +171,7 @@ def dofs_with_inertia(pattern: Any, inertia: NDArray[np.float64]) -> NDArray[np.
     """Return the DOFs that are connected with a mass; the others do not move."""
     if (inertia > 0).all():
         return np.arange(len(inertia))
-    _, group = connected_components(pattern, directed=False)
+    _, group = scipy.sparse.csgraph.connected_components(pattern, directed=False)
     return np.flatnonzero(np.isin(group, group[inertia > 0]))
 
 
@@ -225,20 +227,20 @@ def _refined(A: Any, C: Any, M: Any, s: Any, X: Any) -> tuple[Any, Any]:
 def searched_poles(pencil: Pencil, wanted: Wanted) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
     """Return all wanted poles and shapes, for any damping."""
     size = pencil.M.shape[0]
-    if not pencil.joints and not issparse(pencil.M) and size <= _BASIS_DOFS:
+    if not pencil.joints and not scipy.sparse.issparse(pencil.M) and size <= _BASIS_DOFS:
         return few_poles(pencil, wanted)
     modes = _UndampedModes(pencil, 2 * min(wanted.count, size) + _FURTHER)
     if pencil.joints:
         wanted = replace(wanted, sweep=modes.sweep)
-        if not issparse(pencil.M) and size <= _SWEPT_DOFS:
+        if not scipy.sparse.issparse(pencil.M) and size <= _SWEPT_DOFS:
             return few_poles(pencil, wanted)
-    forces = [L.T.toarray() if issparse(L) else L.T for L, _ in pencil.joints]
+    forces = [L.T.toarray() if scipy.sparse.issparse(L) else L.T for L, _ in pencil.joints]
     damped = np.flatnonzero(abs(pencil.C).sum(axis=0))
     if len(damped) <= _MOST_COLUMNS:
         forces.append((np.arange(size)[:, np.newaxis] == damped).astype(np.float64))
     responses = [modes.solve(force) for force in forces]
     vectors = np.concatenate([modes.shapes, *responses], axis=1)
-    if not pencil.joints and not issparse(pencil.M):
+    if not pencil.joints and not scipy.sparse.issparse(pencil.M):
         starts, X = searched(pencil, wanted, vectors, modes.solve, _ROUGH)
         poles, shapes = _refined(pencil.A, pencil.C, pencil.M, starts, X)
         spacing = np.abs(starts[:, np.newaxis] - starts) + np.diag(np.full(len(starts), np.inf))

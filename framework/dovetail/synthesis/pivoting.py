@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # loads a part of it when that is first used
 from numpy.typing import NDArray
-from scipy.sparse.csgraph import connected_components
 
 from dovetail.errors import DovetailError
 from dovetail.synthesis.coupled_system import CoupledSystem, Point
@@ -62,7 +62,7 @@ class PivotedSolver:
         """
         Z, T = self.system.in_relative_coordinates(theta, lines)
         loads = T[list(forces)].T
-        _, group = connected_components((Z != 0).any(axis=0), directed=False)
+        _, group = scipy.sparse.csgraph.connected_components((Z != 0).any(axis=0), directed=False)
         reached = np.flatnonzero(np.isin(group, group[loads.any(axis=1)]))
         motion = np.zeros((len(Z), *loads.shape), dtype=np.complex128)
         connected = Z[:, reached[:, None], reached]

@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import scipy  # loads a part of it when that is first used
 from numpy.typing import NDArray
-from scipy.sparse import csc_array, issparse
-from scipy.sparse.linalg import splu
 
 from dovetail.errors import DovetailError
 from dovetail.synthesis.frequency_laws import ContinuedStiffness
@@ -47,7 +46,7 @@ _FARTHEST = 10.0
 
 def placed(L: Any, value: NDArray[Any]) -> Any:
     """Return a joint's matrix (j, j) at its DOFs L (j, d) among all, sparse if L is."""
-    return L.T @ (csc_array(value) @ L) if issparse(L) else L.T @ value @ L
+    return L.T @ (scipy.sparse.csc_array(value) @ L) if scipy.sparse.issparse(L) else L.T @ value @ L
 
 
 @dataclass(frozen=True)
@@ -201,7 +200,10 @@ def iterated(pencil: Pencil, s: complex, x: NDArray[np.complex128]) -> tuple[com
             return s, x
         Z, _ = pencil.at(s)
         try:
-            x = splu(Z.tocsc()).solve(turned) if issparse(Z) else np.linalg.solve(Z, turned)
+            if scipy.sparse.issparse(Z):
+                x = scipy.sparse.linalg.splu(Z.tocsc()).solve(turned)
+            else:
+                x = np.linalg.solve(Z, turned)
         except (np.linalg.LinAlgError, RuntimeError):  # exactly at a pole, or no pole at all
             break
         x = x / np.linalg.norm(x)

@@ -6,9 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import scipy  # loads a part of it when that is first used
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.linalg import splu
 
 from dovetail.errors import DovetailError
 from dovetail.interfaces import SparseMatrices, StructuralMatrices, plugin_errors
@@ -79,16 +78,20 @@ def _substructures(graph: Graph) -> tuple[list[_Component], int]:
 
 def _sum(name: str, components: Sequence[_Component], count: int) -> Any:
     """Sum each component's entries first, so that those between merged DOFs cancel without rounding elsewhere."""
-    total = sum((_summed(name, *component, count) for component in components), coo_array((count, count)).tocsr())
+    total = sum(
+        (_summed(name, *component, count) for component in components), scipy.sparse.coo_array((count, count)).tocsr()
+    )
     return total.tocoo()
 
 
 def _summed(name: str, matrices: StructuralMatrices | SparseMatrices, numbers: NDArray[np.intp], count: int) -> Any:
-    entries = coo_array(getattr(matrices, name))
+    entries = scipy.sparse.coo_array(getattr(matrices, name))
     where = numbers[entries.row], numbers[entries.col]
     moving = (where[0] != HELD) & (where[1] != HELD)
     where, terms = (where[0][moving], where[1][moving]), entries.data[moving]
-    summed, size = (coo_array((values, where), shape=(count, count)).tocsr() for values in (terms, abs(terms)))
+    summed, size = (
+        scipy.sparse.coo_array((values, where), shape=(count, count)).tocsr() for values in (terms, abs(terms))
+    )
     summed.data[abs(summed.data) <= _CANCELLED * size.data] = 0.0
     return summed
 
@@ -125,7 +128,9 @@ def direct_receptance(
     rows = [index[dof] for dof in outputs]
     if isinstance(matrices, SparseMatrices):
         sparse = SparseMatrices(*(matrix[active][:, active] for matrix in MKCD))
-        return np.stack([splu(sparse.dynamic_stiffness(float(line))).solve(loads)[rows] for line in frequency])
+        return np.stack(
+            [scipy.sparse.linalg.splu(sparse.dynamic_stiffness(float(line))).solve(loads)[rows] for line in frequency]
+        )
     dense = StructuralMatrices(*(matrix[np.ix_(active, active)] for matrix in MKCD))
     return np.stack([np.linalg.solve(dense.dynamic_stiffness(line)[0], loads)[rows] for line in frequency[:, None]])
 

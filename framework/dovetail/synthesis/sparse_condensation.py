@@ -12,9 +12,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy  # loads a part of it when that is first used
 from numpy.typing import NDArray
-from scipy.sparse import csc_array, diags_array
-from scipy.sparse.linalg import splu
 
 from dovetail.errors import DovetailError
 from dovetail.interfaces import SparseMatrices
@@ -67,7 +66,7 @@ class PartitionedMatrices:
         if len(inner):
             inner = inner[_elimination_order(pattern[inner][:, inner])]
         self.boundary = SparseMatrices(*(matrix[kept][:, kept] for matrix in MKCD))
-        self.coupling = tuple(csc_array(matrix[inner][:, kept]) for matrix in MKCD)
+        self.coupling = tuple(scipy.sparse.csc_array(matrix[inner][:, kept]) for matrix in MKCD)
         self.inner = SparseMatrices(*(matrix[inner][:, inner] for matrix in MKCD))
 
     @property
@@ -121,14 +120,16 @@ class PartitionedMatrices:
         return np.stack(lines)
 
 
-def _elimination_order(pattern: csc_array) -> NDArray[np.intp]:
+def _elimination_order(pattern: scipy.sparse.csc_array) -> NDArray[np.intp]:
     """Return a minimum-degree order, from a diagonally dominant matrix of this pattern, which needs no pivoting."""
-    dominant = csc_array(pattern + diags_array(2.0 * np.asarray(pattern.sum(axis=0))))
-    factors = splu(dominant, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}, diag_pivot_thresh=0.0)
+    dominant = scipy.sparse.csc_array(pattern + scipy.sparse.diags_array(2.0 * np.asarray(pattern.sum(axis=0))))
+    factors = scipy.sparse.linalg.splu(
+        dominant, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}, diag_pivot_thresh=0.0
+    )
     return np.asarray(np.argsort(factors.perm_c), dtype=np.intp)
 
 
-def _solve(Z: csc_array, load: NDArray[np.complex128]) -> NDArray[np.complex128] | None:
+def _solve(Z: scipy.sparse.csc_array, load: NDArray[np.complex128]) -> NDArray[np.complex128] | None:
     """Solve by LU in the order of the DOFs or, if that loses digits, with pivoting; None if Z is singular."""
     threshold = SETTINGS.diagonal_preference
     attempts: tuple[dict[str, Any], ...] = (
@@ -138,7 +139,7 @@ def _solve(Z: csc_array, load: NDArray[np.complex128]) -> NDArray[np.complex128]
     norm = abs(Z).max()
     for attempt in attempts:
         try:
-            factors = splu(Z, **attempt)
+            factors = scipy.sparse.linalg.splu(Z, **attempt)
         except RuntimeError:  # "Factor is exactly singular"
             continue
         motion: NDArray[np.complex128] = factors.solve(load)

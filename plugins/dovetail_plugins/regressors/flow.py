@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+import scipy  # loads a part of it when that is first used
 from numpy.typing import NDArray
 from pydantic import Field, PositiveInt
-from scipy.special import ndtr
 
 import dovetail
 from dovetail_plugins.arrays import checked_rows, state_array
@@ -71,7 +71,8 @@ class FittedFlow(dovetail.FittedRegressor):
             for start in range(0, len(rows), step):
                 context = self._network.trunk(torch.from_numpy(rows[start : start + step]))
                 transform = self._network.flow(context[:, None]).transform
-                blocks.append(kept(ndtr(transform.inv(normal.expand(len(context), -1, -1)).double().numpy())))
+                draws = transform.inv(normal.expand(len(context), -1, -1)).double().numpy()
+                blocks.append(kept(scipy.special.ndtr(draws)))
         return np.concatenate(blocks)
 
     def state(self) -> dovetail.ComponentState:

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 import numpy as np
+import scipy  # loads a part of it when that is first used
 from numpy.typing import NDArray
 from pydantic import Field, PositiveInt
-from scipy.special import expit, ndtr, ndtri
 
 import dovetail
 from dovetail_plugins.arrays import checked_rows, state_array
@@ -84,7 +84,7 @@ class FittedMLP(dovetail.FittedRegressor):
             return self._output(features)
         mean, inverse = self._gaussians(features)
         variance = _deviations(inverse) ** 2  # the mean of a normal quantile's probability has a closed form
-        return np.asarray(ndtr(mean / np.sqrt(1.0 + variance)))
+        return np.asarray(scipy.special.ndtr(mean / np.sqrt(1.0 + variance)))
 
     def predict_distribution(self, features: NDArray[np.float32]) -> dovetail.TargetDistribution | None:
         """Return draws of the targets of each row, or None without `uncertainty`."""
@@ -93,7 +93,7 @@ class FittedMLP(dovetail.FittedRegressor):
         mean, inverse = self._gaussians(features)
         draws = dovetail.spread_normal(_DRAWS, mean.shape[1]) @ inverse
         draws += mean[:, np.newaxis]
-        return dovetail.TargetDistribution(ndtr(draws, out=draws))
+        return dovetail.TargetDistribution(scipy.special.ndtr(draws, out=draws))
 
     def calibrated(self, features: NDArray[np.float32], quantiles: NDArray[np.float64]) -> FittedMLP:
         """Return the same regressor with Gaussians calibrated with held-back samples.
@@ -116,7 +116,7 @@ class FittedMLP(dovetail.FittedRegressor):
         groups = np.array_split(np.argsort(deviation, axis=0), min(_GROUPS, len(features) // _FEWEST_HELD_BACK))
         levels = [np.median(np.log(np.take_along_axis(deviation, rows, axis=0)), axis=0) for rows in groups]
         reaches = [np.quantile(np.take_along_axis(errors, rows, axis=0), _HELD, axis=0) for rows in groups]
-        factors = np.clip(np.array(reaches) / ndtri(0.5 + 0.5 * _HELD), 1.0 / _MOST_FACTOR, _MOST_FACTOR)
+        factors = np.clip(np.array(reaches) / scipy.special.ndtri(0.5 + 0.5 * _HELD), 1.0 / _MOST_FACTOR, _MOST_FACTOR)
         return FittedMLP(self._weights, self._biases, self._activation, True, (np.array(levels), factors))
 
     def _gaussians(self, features: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -150,7 +150,11 @@ class FittedMLP(dovetail.FittedRegressor):
             return self._gated(activation)
         for weight, bias in zip(self._weights[:-1], self._biases[:-1], strict=True):
             activation = activation @ weight + bias
-            activation = np.maximum(activation, 0.0) if self._activation == "relu" else activation * expit(activation)
+            activation = (
+                np.maximum(activation, 0.0)
+                if self._activation == "relu"
+                else activation * scipy.special.expit(activation)
+            )
         result: NDArray[np.float64] = activation @ self._weights[-1] + self._biases[-1]
         return result
 
@@ -159,7 +163,7 @@ class FittedMLP(dovetail.FittedRegressor):
         stream = rows @ first + into
         for (up, above), (down, below) in zip(blocks[::2], blocks[1::2], strict=True):
             linear, gate = np.split(_normalised(stream) @ up + above, 2, axis=1)
-            stream = stream + (linear * gate * expit(gate)) @ down + below
+            stream = stream + (linear * gate * scipy.special.expit(gate)) @ down + below
         return np.asarray(_normalised(stream) @ last + onto)
 
 
