@@ -60,6 +60,33 @@ def test_what_many_short_processes_import_loads_little(module, unloaded):
     assert done.stdout == "[]\n"
 
 
+NOT_FOR_NAMES = ("pint", "dask", "llvmlite", "scipy.linalg", "scipy.ndimage", "scipy.optimize", "scipy.sparse")
+"""Modules that take tens of milliseconds each, and which no list of names needs."""
+
+
+@pytest.mark.parametrize(
+    ("code", "unloaded"),
+    [
+        ("import dovetail; dovetail.load", NOT_FOR_NAMES),
+        (RUN_APP.format(arguments=["plugins"]), NOT_FOR_NAMES),
+        (RUN_APP.format(arguments=["describe", "collet"]), NOT_FOR_NAMES),
+        (RUN_APP.format(arguments=["--help"]), (*NOT_FOR_NAMES, "numpy", "pydantic", "rich")),
+        (
+            RUN_APP.format(arguments=["check", "sdof.yaml"]),
+            ("pint", "dask", "llvmlite", "scipy.ndimage", "scipy.optimize", "scipy.spatial", "scipy.stats"),
+        ),
+    ],
+    ids=["dovetail.load", "plugins", "describe", "--help", "check"],
+)
+def test_what_a_command_does_not_use_stays_unloaded(assemblies, code, unloaded):
+    script = f"{code}\nimport sys\nprint([name for name in {unloaded} if name in sys.modules])"
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, cwd=assemblies, timeout=PATIENCE
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
 def least(command: list[str]) -> float:
     """Return the least processor time [s] of five runs, which other programs hardly change."""
     seconds = []
