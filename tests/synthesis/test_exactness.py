@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
@@ -37,13 +37,14 @@ def load(name: str) -> dovetail.Assembly:
     return dovetail.load(FOLDER / name)
 
 
-def one_of_each(suits: Callable[[str], object] = bool) -> Iterable[object]:
+def one_of_each(suits: Callable[[str], object] = bool) -> list[object]:
     """The assemblies that suit; of those that differ in the tool or the training alone, all but the first are slow."""
-    seen = set[str]()
+    seen, chosen = set[str](), list[object]()
     for name in filter(suits, shipped()):
         kind = re.sub(r"(t[0-3]|_quick)?\.yaml$", "", name)
-        yield pytest.param(name, marks=[pytest.mark.slow] if kind in seen else [])
+        chosen.append(pytest.param(name, marks=[pytest.mark.slow] if kind in seen else []))
         seen.add(kind)
+    return chosen
 
 
 class WholeAssembly:
