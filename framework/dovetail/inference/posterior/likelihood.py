@@ -34,6 +34,8 @@ class Settings:
 
     most_off: float = 0.3
     """Largest deviation of a quantity of a known part, as the logarithm of the ratio to its described value."""
+    least_error: float = 1e-2
+    """Standard deviation of an error of the model, over that of the noise, below which it changes nothing."""
     tolerance: float = 1e-3
     """Root mean square of the part of a residual vector outside the subspace; its noise is 1."""
     error_multiple: float = 3.0
@@ -173,8 +175,10 @@ class MarginalisedResiduals(SumOfSquares):
 
     def __init__(self, misfit: SumOfSquares, errors: NDArray[np.float64], weight: float = 1.0) -> None:
         self._misfit, self._weight = misfit, weight
-        _, sizes, self._directions = np.linalg.svd(weight * errors, full_matrices=False)
-        self._reduction = 1.0 - 1.0 / np.sqrt(1.0 + sizes**2)
+        _, sizes, directions = np.linalg.svd(weight * errors, full_matrices=False)
+        large = sizes > _SETTINGS.least_error
+        self._directions = directions[large]
+        self._reduction = 1.0 - 1.0 / np.sqrt(1.0 + sizes[large] ** 2)
 
     def residuals(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return residuals (n, m)."""
@@ -186,8 +190,10 @@ class MarginalisedResiduals(SumOfSquares):
         return Linearisation(self._scaled(linear.residuals), self._scaled(linear.jacobian))
 
     def _scaled(self, residuals: NDArray[np.float64]) -> NDArray[np.float64]:
-        along = residuals @ self._directions.T * self._reduction
-        return np.asarray(self._weight * (residuals - along @ self._directions))
+        whitened = residuals @ self._directions.T * -self._reduction @ self._directions
+        whitened += residuals
+        whitened *= self._weight
+        return np.asarray(whitened)
 
 
 class ReducedResiduals(SumOfSquares):
