@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -149,31 +149,47 @@ class FrfResiduals(SumOfSquares):
         """Return residuals (n, m) at fractions (n, p) of the ranges."""
         return self._residual.of(self._model.frf(self._assembly.from_unit(fraction)))
 
-    def linearise(self, fraction: NDArray[np.float64]) -> Linearisation:
-        """Return residuals and their derivatives at fractions (n, p) of the ranges, in small blocks on all cores."""
+    def linearise(
+        self, fraction: NDArray[np.float64], change: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None
+    ) -> Linearisation:
+        """Return residuals and their derivatives at fractions (n, p) of the ranges, in small blocks on all cores.
+
+        Parameters
+        ----------
+        fraction : (n, p) array
+        change : callable, optional
+            A linear map of arrays (..., m), which is applied to residuals and derivatives.
+        """
         theta = self._assembly.from_unit(fraction)
         size = max(1, int(_SETTINGS.derivatives_at_once / max(1, sum(self._model.counts) * theta.shape[1])))
         if len(theta) <= size:
-            return self._linearised(theta)
-        first = self._linearised(theta[:size])
+            return self._linearised(theta, change)
+        first = self._linearised(theta[:size], change)
         residuals = np.empty((len(theta), first.residuals.shape[1]))
         jacobian = np.empty((*theta.shape, first.residuals.shape[1]))
         residuals[:size], jacobian[:size] = first.residuals, first.jacobian
 
         def fill(start: int) -> None:
             block = slice(start, start + size)
-            part = self._linearised(theta[block])
+            part = self._linearised(theta[block], change)
             residuals[block], jacobian[block] = part.residuals, part.jacobian
 
         with one_blas_thread():
             list(threads("residuals", cores()).map(fill, range(size, len(theta), size)))
         return Linearisation(residuals, jacobian)
 
-    def _linearised(self, theta: NDArray[np.float64]) -> Linearisation:
+    def _linearised(
+        self, theta: NDArray[np.float64], change: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None
+    ) -> Linearisation:
         frf, jacobian = self._model.frf_jacobian(theta)
         by_fraction = self._residual.jacobian(frf, np.swapaxes(jacobian, 1, 2))
         by_fraction *= self._model.slopes(theta)[:, :, np.newaxis]
-        return Linearisation(self._residual.of(frf), by_fraction)
+        residuals = self._residual.of(frf)
+        return (
+            Linearisation(residuals, by_fraction)
+            if change is None
+            else Linearisation(change(residuals), change(by_fraction))
+        )
 
 
 class WithPrior(SumOfSquares):

@@ -9,7 +9,9 @@ z is the normal quantile of a parameter's fraction of its range.
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -34,7 +36,7 @@ class Settings:
 
     most_off: float = 0.3
     """Largest deviation of a quantity of a known part, as the logarithm of the ratio to its described value."""
-    least_error: float = 1e-2
+    least_error: float = 1e-5
     """Standard deviation of an error of the model, over that of the noise, below which it changes nothing."""
     tolerance: float = 1e-3
     """Root mean square of the part of a residual vector outside the subspace; its noise is 1."""
@@ -162,7 +164,7 @@ class MarginalisedResiduals(SumOfSquares):
 
     Parameters
     ----------
-    misfit : SumOfSquares
+    misfit : FrfResiduals
     errors : (k, m) array
         Change of the residuals by one standard deviation of each error of the model.
     weight : float
@@ -173,12 +175,16 @@ class MarginalisedResiduals(SumOfSquares):
     Their squares sum to `marginalised_squares`. ``(1 + E^T E)^(-1/2)`` is 1 except in the directions of the errors.
     """
 
-    def __init__(self, misfit: SumOfSquares, errors: NDArray[np.float64], weight: float = 1.0) -> None:
+    def __init__(self, misfit: FrfResiduals, errors: NDArray[np.float64], weight: float = 1.0) -> None:
         self._misfit, self._weight = misfit, weight
-        _, sizes, directions = np.linalg.svd(weight * errors, full_matrices=False)
-        large = sizes > _SETTINGS.least_error
-        self._directions = directions[large]
-        self._reduction = 1.0 - 1.0 / np.sqrt(1.0 + sizes[large] ** 2)
+        _, self._sizes, self._all_directions = np.linalg.svd(errors, full_matrices=False)
+
+    def weighted(self, factor: float) -> MarginalisedResiduals:
+        """Return the same residuals with a weight that is larger by a factor."""
+        other = copy(self)
+        other._weight = factor * self._weight
+        other.__dict__.pop("_whitening", None)
+        return other
 
     def residuals(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return residuals (n, m)."""
@@ -186,11 +192,18 @@ class MarginalisedResiduals(SumOfSquares):
 
     def linearise(self, fraction: NDArray[np.float64]) -> Linearisation:
         """Return residuals and derivatives."""
-        linear = self._misfit.linearise(fraction)
-        return Linearisation(self._scaled(linear.residuals), self._scaled(linear.jacobian))
+        return self._misfit.linearise(fraction, self._scaled)
+
+    @cached_property
+    def _whitening(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Directions (k, m) of errors that exceed the noise, and how much residuals shrink along them (k,)."""
+        sizes = self._weight * self._sizes
+        large = sizes > _SETTINGS.least_error
+        return self._all_directions[large], 1.0 - 1.0 / np.sqrt(1.0 + sizes[large] ** 2)
 
     def _scaled(self, residuals: NDArray[np.float64]) -> NDArray[np.float64]:
-        whitened = residuals @ self._directions.T * -self._reduction @ self._directions
+        directions, reduction = self._whitening
+        whitened = (residuals @ directions.T * -reduction) @ directions
         whitened += residuals
         whitened *= self._weight
         return np.asarray(whitened)

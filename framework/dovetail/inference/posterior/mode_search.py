@@ -151,7 +151,8 @@ def _on_few_lines(
         misfit = FrfResiduals(model, likelihood.by_line.at(lines))
         errors = errors[:, likelihood.by_line.residuals_of(lines)]
         full_weight = float(np.sqrt(step))  # with which these lines weigh as much as all
-    return logarithms, lambda weight: PosteriorResiduals(MarginalisedResiduals(misfit, errors, weight * full_weight))
+    marginalised = MarginalisedResiduals(misfit, errors, full_weight)
+    return logarithms, lambda weight: PosteriorResiduals(marginalised.weighted(weight))
 
 
 def maximise_posterior(
