@@ -25,8 +25,6 @@ Prior = Literal["uniform", "normal"]
 
 _SAMPLES = 4
 """Number of random parameter vectors at which declarations about the matrices are verified."""
-
-
 _DEVIATIONS = 4.0
 """Standard deviations of a normal prior between the middle and each end of its range; 6e-5 of it lie outside."""
 _TAIL = 3.167124183311986e-05
