@@ -96,7 +96,8 @@ def scale_of(record: TimeRecord, signal: str, choice: Choice) -> Scale:
         factor, quantity = chosen.factor, chosen.quantity if signal == "response" else None
     if factor is None and record.is_counts:
         problem = f"the {signal} is in integers without a unit, such as the counts of a converter."
-        raise MeasurementError(Fault(record.where, problem, remedy=f"Give its unit by {argument(f'{signal}_unit')}."))
+        chosen_by = argument("response_unit") if signal == "response" else argument("force_unit")
+        raise MeasurementError(Fault(record.where, problem, remedy=f"Give its unit by {chosen_by}."))
     if signal == "response" and quantity is None:
         quantity = _documented(record)
     unit = choice.unit or ("" if factor is None else _unit_of(others))
