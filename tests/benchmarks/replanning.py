@@ -29,14 +29,15 @@ def assembly_with_stop():
     connection = assembly.graph.connections["collet"]
     model, parameter = connection.model, connection.model.parameters[0]
     limit = float(parameter.from_unit(np.array(BEARS)))
-    without, last = model.matrices, model.size - 1
+    last = model.size - 1
 
-    def matrices(theta):
-        result = without(theta)
-        result.add_contact_layer([(1, last)], 1e4 * np.maximum(theta[:, 0] / limit - 1.0, 0.0))
-        return result
+    class WithStop(type(model)):
+        def matrices(self, theta):
+            result = super().matrices(theta)
+            result.add_contact_layer([(1, last)], 1e4 * np.maximum(theta[:, 0] / limit - 1.0, 0.0))
+            return result
 
-    object.__setattr__(model, "matrices", matrices)
+    model.__class__ = WithStop
     below, above = np.full((2, 1, len(assembly.parameters)), 0.5)
     above[:, 0] = 0.99
     return assembly, assembly.by_joint(assembly.from_unit(below)), assembly.by_joint(assembly.from_unit(above))

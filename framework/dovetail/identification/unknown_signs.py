@@ -26,8 +26,8 @@ def with_signs(lines: MeasuredLines, progress: Progress) -> MeasuredLines:
     unknown = description.unknown_signs
     few = lines.every_nth
     pairs = list(zip(description.responses, few.problem.observations.frfs, strict=True))
-    amplitudes = [amplitudes(frf) if response.name in unknown else frf for response, frf in pairs]
-    theta = refine(few.problem.with_frfs(amplitudes), seed=description.identification.seed, progress=progress).theta
+    without_phase = [amplitudes(frf) if response.name in unknown else frf for response, frf in pairs]
+    theta = refine(few.problem.with_frfs(without_phase), seed=description.identification.seed, progress=progress).theta
     signs = {
         response.name: _sign(alone, theta, frf)
         for (response, frf), alone in zip(pairs, few.assembly.each_response, strict=True)

@@ -29,7 +29,7 @@ _LEAST_RADIUS = 1e-8
 """Radius, relative to the scaled position, at which a search ends."""
 _PROBE = 0.1
 """Part of a step after which the curvature of the residuals along it is measured."""
-_LARGEST_BEND = 0.75
+_LARGEST_BEND = 0.375
 """Length of the acceleration, over that of the step, above which the step is not bent."""
 _FEW_SEARCHES, _MOST_BYTES = 8, 128e6
 """Searches that advance together in any case, and memory of the derivatives up to which more do."""
