@@ -8,7 +8,7 @@ import scipy
 
 import dovetail
 from dovetail.problem import Problem
-from dovetail.problem.least_squares import _AT_BOUND, _LARGEST_BEND, SumOfSquares, minimise
+from dovetail.problem.least_squares import _AT_BOUND, _LARGEST_BEND, Linearisation, SumOfSquares, minimise
 
 
 def searched_slowly(problem: SumOfSquares, start: np.ndarray, tolerance: float, most_steps: int) -> np.ndarray:
@@ -123,3 +123,19 @@ def test_each_search_is_reported_once_when_it_ends(lap, starts):
     reported = []
     minimise(lap, starts, tolerance=1e-2, most_steps=9, callback=lambda: reported.append(1))
     assert len(reported) == len(starts)
+
+
+class Wall(SumOfSquares):
+    """A parabola about 0.7, without finite residuals below 0.2."""
+
+    def residuals(self, position):
+        return np.where(position < 0.2, np.inf, position - 0.7)
+
+    def linearise(self, position):
+        return Linearisation(self.residuals(position), np.ones((len(position), 1, 1)))
+
+
+def test_a_search_that_begins_where_nothing_is_finite_ends_there_and_others_go_on():
+    found = minimise(Wall(), np.array([[0.1], [0.9], [0.3]]), tolerance=1e-6, most_steps=40)
+    np.testing.assert_allclose(found.position[:, 0], [0.1, 0.7, 0.7], atol=1e-3)
+    assert found.cost[0] == np.inf

@@ -152,10 +152,11 @@ def minimise(
 
     Notes
     -----
-    A search ends where it would end alone. In coordinates that are scaled by the curvature and, near a face, by the
-    distance from it, a step minimises the Gauss-Newton model within a sphere. The sphere grows where the model predicts
-    the sum of squares well, and shrinks where it does not. No coordinate reaches a face in a step. This is the method
-    of `scipy.optimize.least_squares` without reflections at the faces, for many starts and by the normal equations.
+    A search ends where it would end alone; it does not enter places where residuals or derivatives are not finite.
+    In coordinates that are scaled by the curvature and, near a face, by the distance from it, a step minimises the
+    Gauss-Newton model within a sphere. The sphere grows where the model predicts the sum of squares well, and shrinks
+    where it does not. No coordinate reaches a face in a step. This is the method of `scipy.optimize.least_squares`
+    without reflections at the faces, for many starts and by the normal equations.
     In addition, steps follow the curvature of the residuals (geodesic acceleration): the valleys of badly determined
     parameters are long and bent, and a third of the steps or fewer reach their ends.
 
@@ -215,10 +216,12 @@ class _Searches:
         self._cost, self._gradient, self._curvature = self._here.cost, self._here.gradient, self._here.curvature
         self._sizes = _column_sizes(self._curvature)
         self._steps = np.ones(len(position), dtype=np.int64)
-        self.active = np.arange(len(position))
-        scale = np.sqrt(self._distances(self.active)) / self._sizes
+        scale = np.sqrt(self._distances(np.arange(len(position)))) / self._sizes
         first = np.linalg.norm(position / np.maximum(scale, _TINY), axis=1)
         self._radius = np.where(first > 0.0, first, 1.0)
+        self.active = np.flatnonzero(_are_finite(self._here))
+        if len(self.active) < len(position):
+            self._here = self._here.at_rows(self.active)
 
     def _distances(self, rows: NDArray[np.intp]) -> NDArray[np.float64]:
         """Return the distances from the faces towards which the sum of squares falls."""
@@ -249,8 +252,8 @@ class _Searches:
             ratio = (decrease - of_barrier) / np.maximum(model.decrease(velocity), _TINY)
         grown = np.where((ratio > 0.75) & (length > 0.95 * radius), 2.0 * radius, radius)
         grown = np.where(trusted, grown, np.minimum(grown, 0.5 * length))
-        self._radius[rows] = np.where(ratio < 0.25, 0.25 * length, grown)
-        better = decrease > 0.0
+        self._radius[rows] = np.where(ratio >= 0.25, grown, 0.25 * length)
+        better = (decrease > 0.0) & _are_finite(there)
         ended = better & trusted & (ratio > 0.25) & (decrease < self._tolerance / count * self._cost[rows])
         ended |= self._radius[rows] < _LEAST_RADIUS * np.linalg.norm(position * self._sizes[rows], axis=1)
         self._move(rows, np.flatnonzero(better), position + step, there)
@@ -289,6 +292,11 @@ class _Searches:
             self._position[moved], self._cost[moved] = onto[moved], there.cost
             self._curvature[moved] = there.curvature
         return Minima(self._position, self._cost, self._curvature, self._steps)
+
+
+def _are_finite(linear: Linearisation) -> NDArray[np.bool_]:
+    """Return at which positions (n,) a search can begin or go on."""
+    return np.isfinite(linear.cost) & np.isfinite(linear.curvature).all(axis=(1, 2))
 
 
 def _kept_inside(position: NDArray[np.float64], step: NDArray[np.float64]) -> NDArray[np.float64]:
