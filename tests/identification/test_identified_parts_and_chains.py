@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail.identification.identify import _sign, check_mass
+from dovetail.identification.identify import check_mass
+from dovetail.identification.unknown_signs import _sign
 
 MASSES: dict[str, Any] = {
     "dovetail": 1,

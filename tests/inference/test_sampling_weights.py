@@ -80,11 +80,24 @@ class Parabola:
         return self.residuals(z), np.stack([np.ones_like(z), (2.0 * z - 1.0) / self.error], axis=2)
 
 
+def sampled_about(problem, modes, count):
+    """Return samples of searches that are shared out to separate modes, and their weights, as `_Sampler.search`."""
+    random, separate = np.random.default_rng(0), sampling._separate_modes(sampling.LinearisedPoints.at(problem, modes))
+    samples, log_weights = [], []
+    for number, share, tangent_map in sampling._shares(problem, separate, count):
+        target, starts = random.standard_normal((share, 1)), separate.at_rows(np.full(share, number))
+        ends, log_density = sampling._ends_about(separate, number, tangent_map, target, starts)
+        samples.append(ends.z)
+        log_weights.append(ends.log_posterior - log_density - np.log(share))
+    weight = np.exp(np.concatenate(log_weights) - np.max(np.concatenate(log_weights)))
+    return np.concatenate(samples), weight / weight.sum()
+
+
 @pytest.mark.parametrize("order", [1, -1])
 def test_samples_about_separate_modes_weigh_what_the_posterior_has_there(order):
     z = np.linspace(-3.0, 4.0, 700_001)
     density = np.exp(-np.sum(Parabola().residuals(z[:, np.newaxis]) ** 2, axis=1) / 2.0)
-    samples, weight, _ = sampling.draw(Parabola(), np.array([[2.0], [-1.0]])[::order], "samples", 4000, 0)
+    samples, weight = sampled_about(Parabola(), np.array([[2.0], [-1.0]])[::order], 4000)
     right = samples[:, 0] > 0.5
     assert weight @ right == pytest.approx(density[z > 0.5].sum() / density.sum(), abs=0.01)
     assert weight[right] @ samples[right, 0] / weight[right].sum() == pytest.approx(

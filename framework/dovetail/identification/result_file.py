@@ -31,6 +31,7 @@ from dovetail.inference.adequacy.verdict import AtPoint
 from dovetail.inference.posterior import Form, ModelError, Posterior, typical_model_error
 from dovetail.inference.posterior.distribution import central_fractions
 from dovetail.measurement import ModalParameters
+from dovetail.problem.definition import values_at
 
 RESULT_FILE = "result.json"
 """Name of the file within a folder of results."""
@@ -312,7 +313,7 @@ def _posterior(file: Path, parameters: Mapping[str, IdentifiedParameter], stored
         theta=theta,
         fraction=fraction,
         weight=weight / total,
-        estimate=np.array([p.from_unit(value) for p, value in zip(ranges, middle, strict=True)]),
+        estimate=values_at(ranges, np.asarray(middle)),
         model_error=(
             stored.model_error
             if isinstance(stored.model_error, ModelError)

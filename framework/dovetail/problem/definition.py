@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly import Assembly, FrfModel
+from dovetail.assembly import Assembly, FrfModel, ParameterScales
 from dovetail.frf import Frf
 from dovetail.interfaces import Estimate, IdentificationProblem, Parameter, Scale
 from dovetail.problem.least_squares import Linearisation
@@ -144,13 +144,13 @@ class Problem(IdentificationProblem):
 
 def values_at(parameters: Sequence[Parameter], fraction: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return SI values (..., p) at fractions of the ranges (..., p)."""
-    return np.stack([p.from_unit(fraction[..., i]) for i, p in enumerate(parameters)], axis=-1)
+    return ParameterScales(parameters).from_unit(fraction)
 
 
 def fractions_within(parameters: Sequence[Parameter], theta: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the fractions (..., p) of SI values, those outside of their ranges brought to the nearest end."""
-    columns = [p.to_unit(np.clip(theta[..., i], p.lower, p.upper)) for i, p in enumerate(parameters)]
-    return np.clip(np.stack(columns, axis=-1), 0.0, 1.0)
+    lower, upper = np.transpose([(parameter.lower, parameter.upper) for parameter in parameters])
+    return np.clip(ParameterScales(parameters).to_unit(np.clip(theta, lower, upper)), 0.0, 1.0)
 
 
 def bounds_reached(parameters: Sequence[Parameter], fraction: NDArray[np.float64]) -> dict[str, str]:

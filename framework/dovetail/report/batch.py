@@ -19,8 +19,8 @@ from dovetail.report.html_report import write_report
 from dovetail.report.pages import write_page
 from dovetail.report.result_files import csv_text, json_text, write_folder, write_texts
 
-_SPARING = 10.0
-"""Time between two writings of the output folder over the time that the last one took."""
+_SHARE = 0.1
+"""Part of the time since the batch began that the output folder may be written."""
 
 
 def write_batch(batch: Batch, path: str | Path, title: str, reports: Mapping[str, str]) -> Path:
@@ -113,22 +113,22 @@ class BatchFiles:
         self._stems = dict(zip(names, file_stems(names), strict=True))
         self._arrived: dict[str, Identification] = {}
         self._failures: dict[str, str] = {}
-        self._next = 0.0
+        self._began, self._writing = time.monotonic(), 0.0
         self.written: set[str] = set()
 
     def add(self, name: str, outcome: Identification | str) -> None:
-        """Keep a result, and write what there is unless that was done a moment ago."""
+        """Keep a result, and write what there is unless that has taken too much of the time."""
         if isinstance(outcome, str):
             self._failures[name] = outcome
         elif self._output is None or self._is_made(name, outcome):
             self._arrived[name] = outcome
-        began = time.monotonic()
-        if self._output is None or began < self._next:
+        now = time.monotonic()
+        if self._output is None or self._writing > _SHARE * (now - self._began):
             return
         batch = Batch(dict(self._arrived), dict(self._failures))
         with suppress(FileError):  # which is tried again at the end, and then reported
             self.written |= set(write_folder(self._output, lambda to: self.write(batch, to), self.mark, self.written))
-        self._next = time.monotonic() + _SPARING * (time.monotonic() - began)
+        self._writing += time.monotonic() - now
 
     def complete(self, done: Batch, unread: Mapping[str, str]) -> Batch:
         """Return the batch in the order of the measurements, with what could not be read or made a report of."""
