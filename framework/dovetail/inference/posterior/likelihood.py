@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -176,15 +175,22 @@ class MarginalisedResiduals(SumOfSquares):
     """
 
     def __init__(self, misfit: FrfResiduals, errors: NDArray[np.float64], weight: float = 1.0) -> None:
-        self._misfit, self._weight = misfit, weight
+        self._misfit = misfit
         _, self._sizes, self._all_directions = np.linalg.svd(errors, full_matrices=False)
+        self._set_weight(weight)
 
     def weighted(self, factor: float) -> MarginalisedResiduals:
         """Return the same residuals with a weight that is larger by a factor."""
         other = copy(self)
-        other._weight = factor * self._weight
-        other.__dict__.pop("_whitening", None)
+        other._set_weight(factor * self._weight)
         return other
+
+    def _set_weight(self, weight: float) -> None:
+        """Keep the directions of errors that exceed the noise, and how much residuals shrink along them."""
+        sizes = weight * self._sizes
+        large = sizes > _SETTINGS.least_error
+        self._weight = weight
+        self._directions, self._reduction = self._all_directions[large], 1.0 - 1.0 / np.sqrt(1.0 + sizes[large] ** 2)
 
     def residuals(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return residuals (n, m)."""
@@ -194,16 +200,8 @@ class MarginalisedResiduals(SumOfSquares):
         """Return residuals and derivatives."""
         return self._misfit.linearise(fraction, self._scaled)
 
-    @cached_property
-    def _whitening(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Directions (k, m) of errors that exceed the noise, and how much residuals shrink along them (k,)."""
-        sizes = self._weight * self._sizes
-        large = sizes > _SETTINGS.least_error
-        return self._all_directions[large], 1.0 - 1.0 / np.sqrt(1.0 + sizes[large] ** 2)
-
     def _scaled(self, residuals: NDArray[np.float64]) -> NDArray[np.float64]:
-        directions, reduction = self._whitening
-        whitened = (residuals @ directions.T * -reduction) @ directions
+        whitened = (residuals @ self._directions.T * -self._reduction) @ self._directions
         whitened += residuals
         whitened *= self._weight
         return np.asarray(whitened)
