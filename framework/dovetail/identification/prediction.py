@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly import Assembly, AssemblySource, as_assembly
+from dovetail.assembly import Assembly, AssemblySource, ParameterScales, as_assembly
 from dovetail.errors import Fault, ParameterError, UnitError, listing
 from dovetail.frf import Frf
 from dovetail.identification.result import Identification
@@ -319,11 +319,11 @@ def _linearised_frfs(
     assembly: Assembly, result: Identification, fraction: NDArray[np.float64], mode: NDArray[np.float64]
 ) -> NDArray[np.complex128]:
     """Return the FRFs (n, n_freq) of samples, linear in the normal coordinates about the posterior mode."""
-    parameters = [parameter.definition for parameter in result.parameters.values()]
-    centre = normal_from_unit(np.array([p.to_unit(value) for p, value in zip(parameters, mode, strict=True)]))
+    scales = ParameterScales([parameter.definition for parameter in result.parameters.values()])
+    centre = normal_from_unit(scales.to_unit(mode))
     steps = _SETTINGS.step * np.eye(len(mode))
     near = unit_from_normal(centre + np.concatenate([steps, -steps]))
-    theta = np.stack([p.from_unit(column) for p, column in zip(parameters, near.T, strict=True)], axis=1)
+    theta = scales.from_unit(near)
     ahead, behind = np.split(_frfs(assembly, result, theta), 2)
     jacobian = (ahead - behind) / (2.0 * _SETTINGS.step)
     return np.asarray(_frfs(assembly, result, mode[np.newaxis]) + (normal_from_unit(fraction) - centre) @ jacobian)

@@ -21,6 +21,7 @@ from pydantic import (
     ValidationError,
 )
 
+from dovetail.assembly import ParameterScales
 from dovetail.atomic_files import read_bounded
 from dovetail.errors import DovetailError, Fault, damage_reported
 from dovetail.frf import Frf, Quantity
@@ -31,7 +32,6 @@ from dovetail.inference.adequacy.verdict import AtPoint
 from dovetail.inference.posterior import Form, ModelError, Posterior, typical_model_error
 from dovetail.inference.posterior.distribution import central_fractions
 from dovetail.measurement import ModalParameters
-from dovetail.problem.definition import values_at
 
 RESULT_FILE = "result.json"
 """Name of the file within a folder of results."""
@@ -305,7 +305,8 @@ def _posterior(file: Path, parameters: Mapping[str, IdentifiedParameter], stored
     if stored.mode is not None and len(stored.mode) != len(parameters):
         raise DovetailError(Fault(str(file), "the most probable place of its posterior does not fit its parameters."))
     ranges = [parameter.definition for parameter in parameters.values()]
-    fraction = np.stack([parameter.to_unit(column) for parameter, column in zip(ranges, theta.T, strict=True)], axis=1)
+    scales = ParameterScales(ranges)
+    fraction = scales.to_unit(theta)
     normal = np.array([parameter.prior == "normal" for parameter in ranges])
     middle = central_fractions(fraction, weight / total, normal)
     return Posterior(
@@ -313,7 +314,7 @@ def _posterior(file: Path, parameters: Mapping[str, IdentifiedParameter], stored
         theta=theta,
         fraction=fraction,
         weight=weight / total,
-        estimate=values_at(ranges, np.asarray(middle)),
+        estimate=scales.from_unit(middle),
         model_error=(
             stored.model_error
             if isinstance(stored.model_error, ModelError)
