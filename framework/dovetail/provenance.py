@@ -5,16 +5,14 @@ from __future__ import annotations
 import hashlib
 import inspect
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from dovetail.assembly import Assembly
-from dovetail.frf import Frf
 from dovetail.interfaces import Component
-from dovetail.measurement import ModalParameters
 from dovetail.registry import installed_components
 
 _PACKAGES = ("dovetail-frf", "numpy", "scipy", "scikit-learn", "umap-learn", "torch")
@@ -57,21 +55,24 @@ def component_sources(assembly: Assembly) -> dict[str, str]:
 
 
 def provenance(
-    assembly: Assembly,
-    measured: Sequence[Frf | ModalParameters],
-    seed: int,
-    evaluation: Mapping[str, Any] | None = None,
+    assembly: Assembly, measurement: Mapping[str, Any], seed: int, evaluation: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
-    """Return what is needed to reproduce a result, as plain values, with the evaluation of a network that took part."""
-    description, first = assembly.description, measured[0]
-    further = {"further_measurements": [frf.label for frf in measured[1:]]} if len(measured) > 1 else {}
+    """Return what is needed to reproduce a result, as plain values.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    measurement : mapping
+        What is recorded of the measurement.
+    seed : int
+    evaluation : mapping, optional
+        Of a network that took part.
+    """
+    description = assembly.description
     return {
         "assembly": description.name,
         "description_sha256": description_hash(description.text),
-        "measurement": first.label,
-        "measurement_note": first.note if isinstance(first, Frf) else "",
-        "measured_quantity": first.quantity if isinstance(first, Frf) else "modal parameters",
-        **further,
+        **measurement,
         "seed": seed,
         "components": component_sources(assembly),
         "packages": package_versions(),

@@ -11,6 +11,7 @@ import dovetail
 from dovetail.errors import MeasurementError, ParameterError
 from dovetail.identification.reconstruction import reconstruct
 from dovetail.measurement import add_accelerometer_mass
+from dovetail.problem import Problem
 from dovetail_bench import PeakRow, read_cases, validate
 from dovetail_bench.pages.validation_figures import series_figure, validation_figure
 
@@ -54,7 +55,9 @@ class Known:
     def __call__(self, assembly, measured):
         self.asked.append((assembly.name, measured))
         theta = assembly.vector(TRUTH)
-        return reconstruct(assembly, theta, measured, method="known", provenance={"assembly": assembly.name})
+        return reconstruct(
+            Problem.of(assembly, measured), theta, method="known", provenance={"assembly": assembly.name}
+        )
 
 
 def test_the_joint_of_one_measurement_predicts_another(bench):
@@ -82,7 +85,7 @@ def test_a_joint_is_identified_once_and_without_the_accelerometer(bench):
 def test_a_wrong_joint_shows(bench):
     def wrong(assembly, measured):
         theta = assembly.vector(TRUTH | {"k": 3.3e6})
-        return reconstruct(assembly, theta, measured, method="wrong", provenance={})
+        return reconstruct(Problem.of(assembly, measured), theta, method="wrong", provenance={})
 
     (peak,) = validate(read_cases(bench / "cases.yaml"), wrong).cases[0].peaks
     assert peak.error == pytest.approx(100 * (np.sqrt(1.1) - 1), rel=0.01)
@@ -91,7 +94,7 @@ def test_a_wrong_joint_shows(bench):
 def test_a_peak_without_counterpart_stays_in_the_table(bench):
     def far(assembly, measured):
         theta = assembly.vector(TRUTH | {"k": 6e6})
-        return reconstruct(assembly, theta, measured, method="far", provenance={})
+        return reconstruct(Problem.of(assembly, measured), theta, method="far", provenance={})
 
     measured, predicted = validate(read_cases(bench / "cases.yaml"), far).cases[0].peaks
     assert (measured.predicted, measured.error) == (None, None)

@@ -9,6 +9,7 @@ import pytest
 
 import dovetail
 from dovetail.identification.reconstruction import reconstruct
+from dovetail.problem import Problem
 
 OUTSIDE = "The identified model has no natural frequency within the assembly's frequencies."
 
@@ -38,7 +39,7 @@ class Plugin:
 
 def warnings_of(assembly, theta):
     measured = dovetail.Frf(assembly.frequency, assembly.frf(theta), "accelerance")
-    result = reconstruct(assembly, np.array(theta), measured, method="network", provenance={})
+    result = reconstruct(Problem.of(assembly, measured), np.array(theta), method="network", provenance={})
     return result.modes, result.warnings
 
 

@@ -11,6 +11,7 @@ import dovetail
 from dovetail.assembly import VibrationMode
 from dovetail.frf.resonance_peaks import resonance_peaks
 from dovetail.identification.reconstruction import paired_modes, reconstruct, unpaired_peaks
+from dovetail.problem import Problem
 from dovetail.report.content import ABSENT, mode_rows
 
 FREQUENCY = np.arange(100.0, 2000.0, 0.5)
@@ -118,7 +119,7 @@ def test_a_joint_that_its_damper_locks_has_the_one_resonance_of_the_locked_struc
     natural = assembly.natural_frequencies(theta)
     assert natural[0] == pytest.approx(np.sqrt(4e6 / 3.0) / (2.0 * np.pi), rel=2e-3)
     assert np.isnan(natural[1:]).all()
-    result = reconstruct(assembly, theta, assembly.simulate(theta), method="by hand", provenance={})
+    result = reconstruct(Problem.of(assembly, assembly.simulate(theta)), theta, method="by hand", provenance={})
     (row,) = mode_rows(result, None)
     assert float(row.natural) == pytest.approx(natural[0], abs=0.1)
     assert row.measured_peak == row.reconstructed_peak != ABSENT
@@ -132,7 +133,7 @@ def test_the_table_names_measured_peaks_that_the_model_lacks():
     theta = np.array([1e5, 2e4])
     frf = assembly.simulate(theta)
     other = replace(frf, values=frf.values + 1e-6 / (1.0 - (frf.frequency / 400.0) ** 2 + 0.01j))
-    result = reconstruct(assembly, theta, other, method="by hand", provenance={})
+    result = reconstruct(Problem.of(assembly, other), theta, method="by hand", provenance={})
     first, second = mode_rows(result, None)
     assert (first.natural != ABSENT, second.natural) == (True, ABSENT)
     assert float(second.measured_peak) == pytest.approx(400.0, rel=1e-2)

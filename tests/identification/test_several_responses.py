@@ -112,7 +112,9 @@ def test_one_response_in_a_list_is_the_same_as_one(chain, frfs):
 
 
 def test_the_jacobian_is_that_of_the_residuals(chain, clean):
-    measured = Observations.of(chain, [clean[0], noisy(chain.at(1), clean[1].values, 0.02, 5, has_phase=False)])
+    measured = Observations.of(
+        chain.description, [clean[0], noisy(chain.at(1), clean[1].values, 0.02, 5, has_phase=False)]
+    )
     variance = measured.variance()
     weighted = measured.weighted(variance, np.ones(2 * LINES, dtype=bool))
     fraction, step = np.array([[0.3, 0.4, 0.6, 0.5]]), 1e-6
@@ -126,7 +128,9 @@ def test_the_jacobian_is_that_of_the_residuals(chain, clean):
 
 
 def test_residuals_on_some_lines_are_those_of_all_lines(chain, frfs):
-    measured = Observations.of(chain, [frfs[0], noisy(chain.at(1), frfs[1].values, 0.02, 5, has_phase=False)])
+    measured = Observations.of(
+        chain.description, [frfs[0], noisy(chain.at(1), frfs[1].values, 0.02, 5, has_phase=False)]
+    )
     residual = measured.weighted(measured.variance(), np.ones(2 * LINES, dtype=bool))
     fraction = np.array([[0.3, 0.4, 0.6, 0.5]])
     whole = FrfResiduals(chain, residual).residuals(fraction)[0]

@@ -82,7 +82,7 @@ def check(cause, kind):
 
 def fit_of(assembly, measured, theta=None):
     """A fit that has some parameters, by default those in the middle, which spares the search for others."""
-    target = Observations.of(assembly, measured)
+    target = Observations.of(assembly.description, measured)
     fraction = assembly.to_unit(assembly.vector(theta))
     return fit_at(Problem(assembly, target), fraction)
 
@@ -181,7 +181,7 @@ TRUTH = {"k1.k": 1e6, "k2.k": 1.5e6, "k1.c": 8.0, "k2.c": 5.0}
 def causes_of(assembly, measured):
     """Find the causes from a fit that has the true parameters, which spares the search for others."""
     fit = fit_of(assembly, measured, {name: TRUTH[name] for name in names(assembly)})
-    return find_causes(Problem.of(assembly, Observations.of(assembly, measured).frfs), fit, seconds=200.0)
+    return find_causes(Problem.of(assembly, Observations.of(assembly.description, measured).frfs), fit, seconds=200.0)
 
 
 def names(assembly):

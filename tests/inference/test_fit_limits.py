@@ -273,6 +273,6 @@ def test_starts_are_brought_to_the_ends_of_their_ranges_and_no_further(sdof, sta
     plain = json.loads(sdof.description.text)
     plain["response"]["calibration"] = {"delay": {"range": ["-1 ms", "1 ms"]}}
     assembly = dovetail.load(plain)
-    target = Observations.of(assembly, [noisy(assembly, assembly.frf())])
+    target = Observations.of(assembly.description, [noisy(assembly, assembly.frf())])
     (fraction,) = _Refinement(Problem(assembly, target), 0, silent)._first_batch([np.array([1e6, 50.0, start])])
     np.testing.assert_allclose(assembly.from_unit(fraction), [1e6, 50.0, expected])

@@ -125,7 +125,7 @@ def told_of_moved_resonance(chain, theta, number, ratio, damping=1.0):
     other = ratio * complex(pole.real, damping * pole.imag)
     moved = values + near * (axis - pole) / (axis - other) - near
     measured = noisy(chain, moved, 1e-3, 1)
-    target = Observations.of(chain, measured)
+    target = Observations.of(chain.description, measured)
     fit = fit_at(Problem(chain, target), chain.to_unit(theta))
     told = estimate_model_error(Problem(chain, target), fit).size
     return told, abs(ratio - 1.0) / np.sqrt(len(resonances.poles)), resonance_peaks(measured)
@@ -178,7 +178,7 @@ def test_sizes_are_sought_with_the_derivatives_of_their_prior():
 
 def test_other_errors_are_as_large_in_an_antiresonance_that_the_model_has_too_deep(chain):
     exact = chain.frf(TRUTH)
-    deep, target = exact.copy(), Observations.of(chain, dovetail.Frf(chain.frequency, exact, "accelerance"))
+    deep, target = exact.copy(), Observations.of(chain.description, dovetail.Frf(chain.frequency, exact, "accelerance"))
     deep[np.argmin(np.abs(deep))] *= 0.01
     assert np.allclose(unshaped_deviation(target, deep, ModelError(1e-4, other=0.1)), 0.1 * np.abs(exact))
 

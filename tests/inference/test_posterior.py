@@ -49,7 +49,7 @@ EXACT = ModelError(0.0)
 
 def exact_likelihood(assembly, frf):
     """The likelihood of a measurement with known noise and of a model without errors."""
-    target, every = Observations.of(assembly, frf), np.ones(len(frf.frequency), dtype=bool)
+    target, every = Observations.of(assembly.description, frf), np.ones(len(frf.frequency), dtype=bool)
     residual, none = target.weighted(frf.variance, every), np.zeros((0, target.residual_count(every)))
     return Likelihood(target, frf.variance, ModelFrfs.of(assembly), residual, residual, none)
 

@@ -24,7 +24,9 @@ def warnings_of(assembly, factor=1.0, **options):
     theta = assembly.from_unit(np.full(2, 0.5))
     measured = dovetail.Frf(assembly.frequency, factor * assembly.frf(theta), "accelerance")
     return " ".join(
-        reconstruct(assembly, theta, measured, **({"method": "network", "provenance": {}} | options)).warnings
+        reconstruct(
+            Problem.of(assembly, measured), theta, **({"method": "network", "provenance": {}} | options)
+        ).warnings
     )
 
 

@@ -86,7 +86,7 @@ def test_fewer_lines_of_the_model_give_the_same_averages(collet, torque_100, wid
     The last averages, of half as many lines, are within 5 %.
     """
     values = collet.frf(torque_100)
-    target = Observations.of(collet, noisy(collet, values, 0.01, 1))
+    target = Observations.of(collet.description, noisy(collet, values, 0.01, 1))
     used, variance = np.ones(len(values), dtype=bool), target.frfs[0].variance
     lines, residual = weigh(target, variance, used, values, ModelError(width))
     every_line = np.arange(len(values))
@@ -106,10 +106,10 @@ def test_several_responses_are_averaged_each_on_its_own_lines(assemblies):
     assembly = assembly.on(np.arange(100.0, 9001.0, 8.0), np.arange(102.0, 8000.0, 5.0))
     theta = assembly.from_unit(np.full(len(assembly.parameters), 0.4))
     frfs = [noisy(alone, alone.frf(theta), 0.01, seed) for seed, alone in enumerate(assembly.each_response)]
-    model, target = ModelFrfs.of(assembly), Observations.of(assembly, frfs)
+    model, target = ModelFrfs.of(assembly), Observations.of(assembly.description, frfs)
     values, variance = model.frf(theta[np.newaxis])[0], np.concatenate([frf.variance for frf in frfs])
     without = Observations.of(
-        assembly, [replace(frf, values=part) for frf, part in zip(frfs, target.split(values), strict=True)]
+        assembly.description, [replace(frf, values=part) for frf, part in zip(frfs, target.split(values), strict=True)]
     )
     shown = []
     for measured in (target, without):

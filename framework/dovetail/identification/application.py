@@ -183,9 +183,8 @@ class Application:
         evaluation, seed = None if self.trained is None else self.trained.evaluation, self.seed
         if evaluation is not None and not self.method.fits_lines:
             seed = evaluation.seed
-        origin = provenance(
-            measured.described, measured.whole, seed, None if evaluation is None else evaluation.to_dict()
-        )
+        tested = None if evaluation is None else evaluation.to_dict()
+        origin = provenance(measured.described, measured.record, seed, tested)
         origin["components"][f"method {self.method.name}"] = source_of(self.method)
         origin["method_options"] = self.method.config.model_dump(mode="json")
         return origin
@@ -198,7 +197,7 @@ class Application:
             return measured.result(theta, method=self.method.name, **known)
         lines, counts = measured.all_lines or measured, [len(frf.frequency) for frf in measured.frfs]
         result = reconstruct(
-            lines.assembly, theta, lines.frfs, method=self.method.name, band=measured.band, fitted_lines=counts, **known
+            lines.problem, theta, method=self.method.name, band=measured.band, fitted_lines=counts, **known
         )
         if result.fit is None:
             return result

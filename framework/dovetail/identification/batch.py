@@ -144,7 +144,7 @@ class _Work:
     ) -> None:
         self._assembly, self._measurements, self._method, self._options = assembly, measurements, method, options
         self.names = unique_names(measurements)
-        self._faults = batch_contradictions(assembly, [_read(measurement) for measurement in measurements])
+        self._faults = batch_contradictions(assembly.description, [_read(measurement) for measurement in measurements])
 
     def __call__(self, index: int) -> Identification | str:
         """Return the result of a measurement, or why there is none."""

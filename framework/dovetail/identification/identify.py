@@ -172,7 +172,7 @@ def _lines(
     phase: bool,
 ) -> MeasuredLines:
     """Return the lines of measured FRFs with the requested weights, with the signs that the description leaves open."""
-    frfs = one_per_response(assembly, frfs)
+    frfs = one_per_response(assembly.description, frfs)
     for frf, response in zip(frfs, assembly.description.responses, strict=True):
         _check_numbers(frf)
         _check_kind(frf, response)

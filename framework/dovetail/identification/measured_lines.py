@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,7 @@ from dovetail.measurement import ModelDof, Role, check_roles, find_gaps, find_mi
 from dovetail.measurement.roles import PHASE_ERROR, SUSPICIOUS, contradictions, power_delivered
 from dovetail.problem import Problem
 from dovetail.problem.merged_lines import MOST_LINES, every_nth_line, merged_lines
-from dovetail.problem.observations import Observations, one_per_response
+from dovetail.problem.observations import one_per_response
 from dovetail.problem.random_error import random_error_variance
 
 _RECIPROCITY, _EXCESS = 0.05, 3.0
@@ -78,10 +79,9 @@ class MeasuredLines:
             There are more or fewer FRFs than responses, or the DOFs in a file are not those of its response; or names
             all that have too few lines within the band.
         """
-        whole = check_measured(assembly, measured)
-        pairs = zip(whole, assembly.each_response, strict=True)
+        whole = check_measured(assembly.description, measured)
         select = partial(within_band, left_out=assembly.description.left_out)
-        return MeasuredLines(assembly, whole, _each(select, pairs))
+        return MeasuredLines(assembly, whole, _each(select, whole, _axes(assembly)))
 
     @cached_property
     def assembly(self) -> Assembly:
@@ -91,10 +91,7 @@ class MeasuredLines:
     @cached_property
     def problem(self) -> Problem:
         """The problem of these lines."""
-        problem = Problem.of(self.assembly, self.frfs)
-        if self.unweighted is None:
-            return problem
-        return replace(problem, unweighted=Observations.of(self.assembly, self.unweighted))
+        return Problem.of(self.assembly, self.frfs, self.unweighted)
 
     @property
     def per_group(self) -> int:
@@ -125,12 +122,19 @@ class MeasuredLines:
         if few is self or self.unweighted is not None:
             return few
         theta = refine(few.problem, seed=seed, progress=progress).theta
-        triples = zip(self.frfs, few.frfs, self.described.each_response, strict=True)
         frfs = tuple(
-            merged_lines(frf, len(thinned.frequency), alone, theta) if frf.has_phase else thinned
-            for frf, thinned, alone in triples
+            merged_lines(alone, len(thinned.frequency), theta) if thinned.has_phase else thinned
+            for alone, thinned in zip(self.problem.each_response, few.frfs, strict=True)
         )
         return MeasuredLines(self.described, self.whole, frfs, self, theta)
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """What the provenance of a result records of the measurement."""
+        first, *others = self.whole
+        further = {"further_measurements": [frf.label for frf in others]} if others else {}
+        about = {"measurement": first.label, "measurement_note": first.note, "measured_quantity": first.quantity}
+        return {**about, **further}
 
     @property
     def band(self) -> tuple[float, float]:
@@ -146,8 +150,7 @@ class MeasuredLines:
         MeasurementError
             Names all that do not cover these frequencies, or whose lines are too far apart.
         """
-        pairs = zip(one_per_response(assembly, self.whole), assembly.each_response, strict=True)
-        return _each(on_grid, pairs)
+        return _each(on_grid, one_per_response(assembly.description, self.whole), _axes(assembly))
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -280,22 +283,21 @@ class MeasuredLines:
         return zip(self.frfs, self.described.each_response, places, strict=True)
 
 
-def check_measured(assembly: Assembly, measured: Frf | Sequence[Frf]) -> tuple[Frf, ...]:
-    """Return the measured FRFs, one for each response of an assembly, whose files do not contradict the responses.
+def check_measured(description: Description, measured: Frf | Sequence[Frf]) -> tuple[Frf, ...]:
+    """Return the measured FRFs, one for each described response, whose files do not contradict the responses.
 
     Raises
     ------
     MeasurementError
         There are more or fewer, or they do.
     """
-    frfs = one_per_response(assembly, measured)
-    check_roles(roles_of(assembly, frfs), substructures=_moving_parts(assembly), passive=False)
+    frfs = one_per_response(description, measured)
+    check_roles(_roles(description, frfs), substructures=_moving_parts(description), passive=False)
     return frfs
 
 
-def roles_of(assembly: Assembly, frfs: Sequence[Frf]) -> list[Role]:
-    """Return what FRFs are used as, of which there is one for each response of the assembly."""
-    description = assembly.description
+def _roles(description: Description, frfs: Sequence[Frf]) -> list[Role]:
+    """Return what FRFs are used as, of which there is one for each response."""
     return [
         Role(frf, _model_dof(description, response), _model_dof(description, response.force or response))
         for frf, response in zip(frfs, description.responses, strict=True)
@@ -310,12 +312,12 @@ def _sharp_peaks(frf: Frf) -> NDArray[np.float64]:
     return peaks[sides < _SHARP * amplitude[at]]
 
 
-def batch_contradictions(assembly: Assembly, measured: Sequence[Frf | Sequence[Frf] | None]) -> dict[int, Fault]:
+def batch_contradictions(description: Description, measured: Sequence[Frf | Sequence[Frf] | None]) -> dict[int, Fault]:
     """Return which measurements of a batch have other DOFs than most, as the first of the contradictions of each.
 
     Parameters
     ----------
-    assembly : Assembly
+    description : Description
     measured : sequence
         An FRF each, or one for each response; None for one that cannot be read.
 
@@ -324,11 +326,11 @@ def batch_contradictions(assembly: Assembly, measured: Sequence[Frf | Sequence[F
     mapping of int to Fault
         By the number in the sequence. Those that contradict the responses by themselves are left out.
     """
-    substructures, sound = _moving_parts(assembly), dict[int, list[Role]]()
+    substructures, sound = _moving_parts(description), dict[int, list[Role]]()
     for number, given in enumerate(measured):
         frfs = (given,) if isinstance(given, Frf) else tuple(given or ())
-        if len(frfs) == len(assembly.description.responses):
-            roles = roles_of(assembly, frfs)
+        if len(frfs) == len(description.responses):
+            roles = _roles(description, frfs)
             if not any(contradictions(roles, substructures=substructures)):
                 sound[number] = roles
     if not sound:
@@ -344,9 +346,14 @@ def batch_contradictions(assembly: Assembly, measured: Sequence[Frf | Sequence[F
     return {number: fault for number, fault in found.items() if fault is not None}
 
 
-def _moving_parts(assembly: Assembly) -> tuple[str, ...]:
+def _moving_parts(description: Description) -> tuple[str, ...]:
     """Return the substructures on which something can be measured."""
-    return tuple(name for name, model in assembly.description.substructures.items() if not model.grounded)
+    return tuple(name for name, model in description.substructures.items() if not model.grounded)
+
+
+def _axes(assembly: Assembly) -> list[NDArray[np.float64]]:
+    """Return the frequencies of each response."""
+    return [alone.frequency for alone in assembly.each_response]
 
 
 def _model_dof(description: Description, place: Place) -> ModelDof:
@@ -355,12 +362,14 @@ def _model_dof(description: Description, place: Place) -> ModelDof:
     return ModelDof(words, place.rotation, place.substructure, labels[place.node], labels)
 
 
-def _each(prepare: Callable[[Frf, NDArray[np.float64]], Frf], pairs: Iterable[tuple[Frf, Assembly]]) -> tuple[Frf, ...]:
+def _each(
+    prepare: Callable[[Frf, NDArray[np.float64]], Frf], frfs: Sequence[Frf], axes: Iterable[NDArray[np.float64]]
+) -> tuple[Frf, ...]:
     """Prepare each FRF for its response's frequencies; raise the faults of all FRFs together."""
     prepared, faults = [], list[Fault]()
-    for frf, alone in pairs:
+    for frf, frequency in zip(frfs, axes, strict=True):
         try:
-            prepared.append(prepare(frf, alone.frequency))
+            prepared.append(prepare(frf, frequency))
         except MeasurementError as error:
             faults += error.faults
     if faults:

@@ -35,9 +35,9 @@ class MeasuredModes:
     table: ModalParameters
 
     @property
-    def whole(self) -> tuple[ModalParameters]:
-        """The measurement as it was given."""
-        return (self.table,)
+    def record(self) -> dict[str, Any]:
+        """What the provenance of a result records of the measurement."""
+        return {"measurement": self.table.label, "measurement_note": "", "measured_quantity": "modal parameters"}
 
     @cached_property
     def problem(self) -> ModalProblem:

@@ -22,8 +22,8 @@ from dovetail.inference.adequacy.resonances import describe_lacking, lacking_res
 from dovetail.inference.adequacy.verdict import AtPoint
 from dovetail.inference.fitting import Fit
 from dovetail.interfaces import Parameter
+from dovetail.problem import Problem
 from dovetail.problem.merged_lines import MOST_LINES, frf_in_blocks
-from dovetail.problem.observations import one_per_response
 from dovetail.synthesis import Point
 from dovetail.units import format_quantity
 
@@ -49,9 +49,8 @@ _SETTINGS = Settings()
 
 
 def reconstruct(
-    assembly: Assembly,
+    problem: Problem,
     theta: NDArray[np.float64],
-    measured: Frf | Sequence[Frf],
     *,
     method: str,
     provenance: Mapping[str, Any],
@@ -64,11 +63,10 @@ def reconstruct(
 
     Parameters
     ----------
-    assembly : Assembly
+    problem : Problem
+        With all lines that the result has.
     theta : (n_params,) array
         SI values.
-    measured : Frf or sequence of Frf
-        One for each response, on its frequencies in the assembly.
     method : str
     provenance : mapping
         Plain values.
@@ -85,7 +83,7 @@ def reconstruct(
     -------
     Identification
     """
-    at_points = _at_points(assembly, theta, one_per_response(assembly, measured), f"{assembly.name}, {method}")
+    assembly, at_points = problem.assembly, _at_points(problem, theta, f"{problem.assembly.name}, {method}")
     first = at_points[0]
     band = (float(assembly.frequency[0]), float(assembly.frequency[-1])) if band is None else band
     paired = [PairedPeaks.from_frfs(at_point.measured, at_point.frf) for at_point in at_points]
@@ -110,17 +108,16 @@ def reconstruct(
     return replace(result, warnings=_warnings(result, without_modes, counts))
 
 
-def _at_points(
-    assembly: Assembly, theta: NDArray[np.float64], measured: Sequence[Frf], label: str
-) -> tuple[AtPoint, ...]:
+def _at_points(problem: Problem, theta: NDArray[np.float64], label: str) -> tuple[AtPoint, ...]:
     """Return the reconstructed and the measured FRF at each response."""
-    description, at_points = assembly.description, []
-    responses = zip(description.responses, description.response_labels, assembly.each_response, measured, strict=True)
+    description, measured, at_points = problem.assembly.description, problem.measured, []
+    assemblies = problem.assembly.each_response
+    responses = zip(description.responses, description.response_labels, assemblies, measured, strict=True)
     for response, point, alone, frf in responses:
         name = label if len(measured) == 1 else f"{label}, {point}"
         computed = alone.frf(theta) if len(alone.frequency) <= MOST_LINES else frf_in_blocks(alone, theta)
         values = response.frf(alone.frequency, computed, label=name)
-        there = replace(frf.to(response.quantity), rotation=response.rotation, moment=response.moment)
+        there = replace(frf, rotation=response.rotation, moment=response.moment)
         at_points.append(AtPoint(point, values, there))
     return tuple(at_points)
 

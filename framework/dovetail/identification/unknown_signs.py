@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly import Assembly
 from dovetail.frf import Frf
 from dovetail.identification.measured_lines import MeasuredLines
 from dovetail.inference.fitting import refine
 from dovetail.interfaces import Progress
+from dovetail.problem import Problem
 
 _DELAYS = 201
 """Delays over their range with which a sign is determined; enough for 25 turns of the phase."""
@@ -25,12 +25,12 @@ def with_signs(lines: MeasuredLines, progress: Progress) -> MeasuredLines:
     description = lines.described.description
     unknown = description.unknown_signs
     few = lines.every_nth
-    pairs = list(zip(description.responses, few.problem.observations.frfs, strict=True))
+    pairs = list(zip(description.responses, few.problem.measured, strict=True))
     without_phase = [amplitudes(frf) if response.name in unknown else frf for response, frf in pairs]
     theta = refine(few.problem.with_frfs(without_phase), seed=description.identification.seed, progress=progress).theta
     signs = {
-        response.name: _sign(alone, theta, frf)
-        for (response, frf), alone in zip(pairs, few.assembly.each_response, strict=True)
+        response.name: _sign(alone, theta)
+        for response, alone in zip(description.responses, few.problem.each_response, strict=True)
         if response.name in unknown
     }
     described = lines.described.with_description(lines.described.description.with_signs(signs))
@@ -42,17 +42,18 @@ def amplitudes(frf: Frf) -> Frf:
     return replace(frf, values=np.abs(frf.values), has_phase=False)
 
 
-def _sign(assembly: Assembly, theta: NDArray[np.float64], frf: Frf) -> float:
-    """Return the sign, 1 or -1, with which the phases of an FRF agree better with the model's, at the best delay.
+def _sign(problem: Problem, theta: NDArray[np.float64]) -> float:
+    """Return the sign, 1 or -1, with which the phases of one FRF agree better with the model's, at the best delay.
 
     There is a warning where they agree with neither.
     """
+    assembly, (frf,) = problem.assembly, problem.measured
     response = assembly.description.response
     delays = [column for column, p in enumerate(assembly.parameters) if p.name == f"{response.name}.delay"]
     vectors = np.repeat(theta[np.newaxis], _DELAYS if delays else 1, axis=0)
     for column in delays:
         vectors[:, column] = assembly.parameters[column].from_unit(np.linspace(0.0, 1.0, _DELAYS))
-    model, values = assembly.frf(vectors), frf.to(response.quantity).values
+    model, values = assembly.frf(vectors), frf.values
     agreements = np.cos(np.angle(np.conj(model) * values)).mean(axis=1)
     sign = 1.0 if not frf.has_phase or agreements.max() >= -agreements.min() else -1.0
     if frf.has_phase and (agreement := float((sign * agreements).max())) < _CLEAR_SIGN:

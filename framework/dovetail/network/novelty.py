@@ -6,7 +6,7 @@ the same assembly exceeds, among those that were not used for training.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any, Self
 
@@ -253,7 +253,7 @@ def learn_novelty(
     levels, limits = [], []
     for level in _SETTINGS.noise_levels:
         noisy = [noisy_frf(frf, level, generator) for frf in clean]
-        predicted = _predicted_amplitudes(assembly, network, noisy)
+        predicted = _predicted_amplitudes(assembly, network, np.stack([frf.amplitude for frf in noisy]))
         compared = [_statistics(basis, frf, amplitude) for frf, amplitude in zip(noisy, predicted, strict=True)]
         statistics, noise_levels, _ = zip(*compared, strict=True)
         levels.append(float(np.median(noise_levels)))
@@ -261,9 +261,9 @@ def learn_novelty(
     return Novelty(basis, np.maximum.accumulate(np.array(levels)), np.maximum(limits, [0.0, near_maximum, 0.0]))
 
 
-def _predicted_amplitudes(assembly: Assembly, network: Network, measured: Sequence[Frf]) -> NDArray[np.float64]:
-    """Return the amplitudes (n, n_freq) of the accelerances at a network's estimates; 0 where it has none."""
-    predicted = network.predict(np.stack([frf.amplitude for frf in measured]))
+def _predicted_amplitudes(assembly: Assembly, network: Network, measured: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the amplitudes (n, n_freq) at a network's estimates from measured ones; 0 where it has no estimate."""
+    predicted = network.predict(measured)
     finite = np.isfinite(predicted).all(axis=1)  # far from its training data the network may have no finite estimate
     amplitudes = np.zeros((len(predicted), len(assembly.frequency)))
     amplitudes[finite] = assembly.accelerance_amplitude(predicted[finite]) if finite.any() else 0.0

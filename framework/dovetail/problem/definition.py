@@ -49,15 +49,24 @@ class Problem(IdentificationProblem):
     changed: FrfModel | None = None
 
     @staticmethod
-    def of(assembly: Assembly, measured: Frf | Sequence[Frf]) -> Problem:
+    def of(assembly: Assembly, measured: Frf | Sequence[Frf], unweighted: Frf | Sequence[Frf] | None = None) -> Problem:
         """Return the problem of one measured FRF, or of one for each response, in any quantities.
+
+        Parameters
+        ----------
+        assembly : Assembly
+        measured : Frf or sequence of Frf
+        unweighted : Frf or sequence of Frf, optional
+            The same with their own random error, if the variance of `measured` represents weights.
 
         Raises
         ------
         MeasurementError
             There are more or fewer than responses.
         """
-        return Problem(assembly, Observations.of(assembly, measured))
+        description = assembly.description
+        own = None if unweighted is None else Observations.of(description, unweighted)
+        return Problem(assembly, Observations.of(description, measured), own)
 
     @cached_property
     def model(self) -> ModelFrfs:
@@ -73,6 +82,15 @@ class Problem(IdentificationProblem):
     def judged(self) -> Problem:
         """The problem by which the model is judged: with the random error of the measurement, whatever the weights."""
         return self if self.unweighted is None else Problem(self.assembly, self.unweighted, changed=self.changed)
+
+    @property
+    def each_response(self) -> tuple[Problem, ...]:
+        """The problem of each response by itself, with all parameters."""
+        if len(self.measured) == 1:
+            return (self,)
+        first, *further = self.assembly.each_response
+        pairs = zip((first.at(0), *further), self.measured, strict=True)
+        return tuple(Problem(alone, Observations((frf,))) for alone, frf in pairs)
 
     def from_unit(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
         """Map fractions of the ranges (..., p) to SI values."""

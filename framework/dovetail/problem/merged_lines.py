@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly
 from dovetail.frf import Frf
 from dovetail.measurement import find_gaps
+from dovetail.problem.definition import Problem
 from dovetail.problem.random_error import known_variance
 
 MOST_LINES = 50_000
@@ -23,17 +24,15 @@ def every_nth_line(frf: Frf, count: int) -> Frf:
     return _at(frf, np.arange(count // 2, len(frf.frequency), count))
 
 
-def merged_lines(frf: Frf, most: int, assembly: Assembly, theta: NDArray[np.float64]) -> Frf:
+def merged_lines(problem: Problem, most: int, theta: NDArray[np.float64]) -> Frf:
     """Return the means of groups of neighbouring lines, less the curvature of a fitted FRF.
 
     Parameters
     ----------
-    frf : Frf
-        With phase.
+    problem : Problem
+        With one response, measured with its phase.
     most : int
         Number of groups, not counting further ones that end at gaps.
-    assembly : Assembly
-        With one response, that of the FRF.
     theta : (n_params,) array
         SI values that fit the measurement.
 
@@ -51,8 +50,8 @@ def merged_lines(frf: Frf, most: int, assembly: Assembly, theta: NDArray[np.floa
     sensitive to the parameters and nothing is lost. An unknown variance is estimated from the scatter of the means, as
     it is from that of lines, for which groups need the same size.
     """
-    measured = frf.to(assembly.description.response.quantity)
-    fitted = frf_in_blocks(assembly.on(measured.frequency), theta)
+    (measured,) = problem.measured
+    fitted = frf_in_blocks(problem.assembly, theta)
     variance = known_variance(measured)
     firsts = _first_lines(measured, fitted, most, is_even=variance is None)
     sizes = np.diff(firsts, append=len(measured.frequency))
@@ -61,7 +60,7 @@ def merged_lines(frf: Frf, most: int, assembly: Assembly, theta: NDArray[np.floa
         return np.asarray(np.add.reduceat(values, firsts) / sizes)
 
     frequency = mean(measured.frequency)
-    values = frf_in_blocks(assembly.on(frequency), theta) + mean(measured.values - fitted)
+    values = frf_in_blocks(problem.assembly.on(frequency), theta) + mean(measured.values - fitted)
     merged = None if variance is None else mean(variance) / sizes
     return replace(measured, frequency=frequency, values=values, variance=merged, coherence=None, averages=None)
 

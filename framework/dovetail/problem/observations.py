@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly import Assembly
+from dovetail.description import Description
 from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf, Quantity
 from dovetail.problem.random_error import (
@@ -36,8 +36,8 @@ _LEAST_DISCREPANCY = 1e-6
 """Relative error of a model that is negligible."""
 
 
-def one_per_response(assembly: Assembly, measured: Frf | Sequence[Frf]) -> tuple[Frf, ...]:
-    """Return the measured FRFs, one for each response of the assembly in its order.
+def one_per_response(description: Description, measured: Frf | Sequence[Frf]) -> tuple[Frf, ...]:
+    """Return the measured FRFs, one for each described response in its order.
 
     Raises
     ------
@@ -45,12 +45,12 @@ def one_per_response(assembly: Assembly, measured: Frf | Sequence[Frf]) -> tuple
         There are more or fewer.
     """
     frfs = (measured,) if isinstance(measured, Frf) else tuple(measured)
-    labels = assembly.description.response_labels
+    labels = description.response_labels
     if len(frfs) == len(labels):
         return frfs
     wanted = "; ".join(f"{number}. {label}" for number, label in enumerate(labels, start=1))
     received = f"{_counted(len(frfs), 'measured FRF')} {'was' if len(frfs) == 1 else 'were'} given"
-    expected = f"'{assembly.name}' has {_counted(len(labels), 'response')}"
+    expected = f"'{description.name}' has {_counted(len(labels), 'response')}"
     remedy = "Give one FRF for each response, in this order."
     raise MeasurementError(Fault("measured", f"{received}, and {expected}.", wanted, remedy))
 
@@ -75,16 +75,16 @@ class Observations:
     recorded: tuple[Quantity, ...] = ()
 
     @staticmethod
-    def of(assembly: Assembly, measured: Frf | Sequence[Frf]) -> Observations:
-        """Return the observations of one FRF, or of one for each response, in any quantities.
+    def of(description: Description, measured: Frf | Sequence[Frf]) -> Observations:
+        """Return the observations of one FRF, or of one for each described response, in any quantities.
 
         Raises
         ------
         MeasurementError
             There are more or fewer than responses.
         """
-        frfs = one_per_response(assembly, measured)
-        pairs = zip(frfs, assembly.description.responses, strict=True)
+        frfs = one_per_response(description, measured)
+        pairs = zip(frfs, description.responses, strict=True)
         in_quantities = tuple(frf.to(response.quantity) for frf, response in pairs)
         return Observations(in_quantities, tuple(frf.quantity for frf in frfs))
 

@@ -64,8 +64,7 @@ class Explorer:
             raise ParameterError(Fault(assembly.name, "all parameters are known: there is nothing to explore."))
         self._lines = MeasuredLines.of(assembly, measured) if measured else None
         self._assembly = assembly if self._lines is None else self._lines.assembly
-        pairs = zip(self._lines.frfs, assembly.description.responses, strict=True) if self._lines is not None else ()
-        self._measured = tuple(frf.to(response.quantity) for frf, response in pairs)
+        self._measured = () if self._lines is None else self._lines.problem.measured
         self._fits: dict[str, tuple[NDArray[np.float64], Identification]] = {}
         self._fit_numbers = count(1)
         self._computing = threading.Lock()  # an engine computes for one caller at a time
@@ -268,10 +267,10 @@ class Explorer:
             raise DovetailError(Fault(self.name, "there is no measured FRF to report on."))
         if result is None:
             described = self._lines.described
-            origin = provenance(described, self._lines.whole, described.description.identification.seed)
-            frfs, band = self._lines.frfs, self._lines.band
+            origin = provenance(described, self._lines.record, described.description.identification.seed)
+            problem, band = self._lines.problem, self._lines.band
             with self._computing:
-                result = reconstruct(self._assembly, theta, frfs, method=_BY_HAND, provenance=origin, band=band)
+                result = reconstruct(problem, theta, method=_BY_HAND, provenance=origin, band=band)
         with TemporaryDirectory() as folder:
             file = write_report(result, Path(folder) / "report.html", assembly=self._assembly)
             content: bytes = file.read_bytes()

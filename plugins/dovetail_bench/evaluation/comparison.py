@@ -217,7 +217,7 @@ def compare(
         with failures.of(case.name):
             measured[case.name] = _measurement(case, assembly)
     failures.raise_unless(measured)
-    if faults := batch_contradictions(assembly, list(measured.values())):
+    if faults := batch_contradictions(assembly.description, list(measured.values())):
         raise MeasurementError(*faults.values())
     with progress_reporter(progress) as report:
         models, training, seconds = _trained(assembly, variants, samples, data, report)
@@ -250,7 +250,7 @@ def _measurement(case: Case, assembly: Assembly) -> Frf:
     assert case.joint is not None
     assert case.joint.measured is not None
     check_mass(assembly, case.joint.measured.accelerometer_mass)
-    (read,) = check_measured(assembly, case.joint.measured.read(compensated=True))
+    (read,) = check_measured(assembly.description, case.joint.measured.read(compensated=True))
     left_out = assembly.description.left_out
     check_cover(within_band(read, assembly.frequency, left_out), assembly.frequency)
     return read.to(assembly.description.response.quantity)

@@ -226,7 +226,7 @@ def _check_same_points(cases: Cases, assemblies: Sequence[Assembly]) -> None:
     for described in {case.assembly for case in cases.cases}:
         own_cases = [pair for pair in zip(cases.cases, assemblies, strict=True) if pair[0].assembly == described]
         frfs = [_readable(case) for case, _ in own_cases]
-        if faults := batch_contradictions(own_cases[0][1].each_response[0], frfs):
+        if faults := batch_contradictions(own_cases[0][1].each_response[0].description, frfs):
             raise MeasurementError(*faults.values())
 
 
@@ -243,7 +243,7 @@ def _joint(source: JointSource, identified: Identify, plugins: tuple[str | PathL
         assert source.result is not None
         return load_result(source.result)
     check_mass(assembly := load(source.assembly, plugins=plugins), source.measured.accelerometer_mass)
-    return identified(assembly, *check_measured(assembly, source.measured.read(compensated=True)))
+    return identified(assembly, *check_measured(assembly.description, source.measured.read(compensated=True)))
 
 
 def _validated(case: Case, assembly: Assembly, joint_of: Callable[[JointSource], Identification]) -> ValidatedCase:
@@ -259,7 +259,7 @@ def _validated(case: Case, assembly: Assembly, joint_of: Callable[[JointSource],
     joint = None if case.joint is None else joint_of(case.joint)
     known: Identification | dict[str, float] = {} if joint is None else joint
     quantity, left_out = assembly.description.response.quantity, assembly.description.left_out
-    first = assembly.each_response[0]
+    first = assembly.each_response[0].description
     read = [check_measured(first, case.measured.read(compensated=compensated))[0] for compensated in (False, True)]
     raw, bare = (within_band(frf, assembly.frequency, left_out).to(quantity) for frf in read)
     check_cover(raw, assembly.frequency)
