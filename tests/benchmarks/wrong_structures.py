@@ -13,9 +13,10 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 import dovetail
+from dovetail.assembly.overhangs import find_overhangs
 from dovetail.description import with_damping
 from dovetail.errors import DovetailError
-from dovetail.inference.adequacy.perturbations import find_overhangs, list_perturbations
+from dovetail.inference.adequacy.perturbations import list_perturbations
 from dovetail.inference.posterior.model_error import fit_resonances
 from dovetail.problem.part_quantities import list_quantities
 from dovetail_bench.evaluation.mesh_refinement import finer

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.description import Description, Response
+from dovetail.assembly.variants import repetitions
 from dovetail.frf.resonances import Resonances, fit_resonances
 from dovetail.inference.adequacy.model_causes import Candidate
 from dovetail.inference.adequacy.quick_fits import QuickFit, QuickFits
@@ -35,8 +35,7 @@ _SETTINGS = Settings()
 
 def try_levels(fits: QuickFits) -> Iterator[Candidate]:
     """Yield the fit in which each of several measurements at one point, as at levels of force, is fitted alone."""
-    measured_at = [_structure_at(fits.assembly.description, r) for r in fits.assembly.description.responses]
-    level = np.array([measured_at[:number].count(place) for number, place in enumerate(measured_at)])
+    level = repetitions(fits.assembly)
     if not level.max():
         return
     of_response, resonances = dict[int, NDArray[np.complex128]](), list[Resonances]()
@@ -49,8 +48,8 @@ def try_levels(fits: QuickFits) -> Iterator[Candidate]:
     words = f"each of {len(resonances)} measurements at one point fitted alone"
     if all(len(found.poles) for found in resonances):
         words += _drift(resonances)
-    together = np.concatenate([of_response[number] for number in range(len(measured_at))])
-    yield "level", f"{words} (does it depend on the amplitude?)", fits.judged(fits.best, together)
+    fitted_alone = np.concatenate([of_response[number] for number in range(len(level))])
+    yield "level", f"{words} (does it depend on the amplitude?)", fits.judged(fits.best, fitted_alone)
 
 
 def _drift(resonances: Sequence[Resonances]) -> str:
@@ -69,12 +68,6 @@ def _drift(resonances: Sequence[Resonances]) -> str:
 
 def _strongest(resonances: Resonances) -> complex:
     return complex(resonances.poles[np.argmax(np.abs(resonances.near[0]).max(axis=1))])
-
-
-def _structure_at(description: Description, response: Response) -> tuple[object, ...]:
-    """Return where a response is, and what its calibration adds to the structure: another mass is no other level."""
-    chain = description.chain_of(response)
-    return response.point, response.force_point, chain.fixed.get("mass", 0.0), chain.fixed.get("window", 0.0)
 
 
 def try_damping_growth(fits: QuickFits) -> Iterator[Candidate]:

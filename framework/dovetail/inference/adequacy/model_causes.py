@@ -11,14 +11,22 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from dovetail.assembly import Assembly
-from dovetail.description import Place, has_dampers, with_damping
+from dovetail.assembly.variants import (
+    Node,
+    measured_at,
+    motion_at,
+    movable_nodes,
+    with_range,
+    with_responses_exchanged,
+    with_structural_joints,
+    with_viscous_joints,
+)
 from dovetail.errors import DovetailError
 from dovetail.frf import conversion
 from dovetail.frf.resonances import Resonances, fit_resonances
 from dovetail.inference.adequacy.quick_fits import QuickFit, QuickFits
 from dovetail.inference.fitting.search_lines import missed_resonances
 from dovetail.interfaces import Parameter
-from dovetail.synthesis import Point
 from dovetail.units import format_quantity
 
 
@@ -69,9 +77,6 @@ class Settings:
 
 _SETTINGS = Settings()
 
-Node = tuple[str, int]
-"""Substructure and number of a node."""
-
 Candidate = tuple[str, str, QuickFit]
 """Kind and words of a cause, and the fit with it."""
 
@@ -82,11 +87,11 @@ def try_points(fits: QuickFits) -> Iterator[Candidate]:
     Nodes beside the best one follow as long as they fit better, because amplitudes of wrong parameters tell a point
     only roughly.
     """
-    nodes = [] if len(fits.target.frfs) > 1 else _movable_nodes(fits.assembly)
+    nodes = [] if len(fits.target.frfs) > 1 else movable_nodes(fits.assembly)
     ends = dict[tuple[bool, Node], QuickFit]()
 
     def at(node: Node, with_force: bool, start: NDArray[np.float64]) -> Candidate:
-        there = _measured_at(fits.assembly, node, with_force=with_force)
+        there = measured_at(fits.assembly, node, with_force=with_force)
         quick = fits.fit(fits.problem.with_assembly(there), [fits.search(there, fits.shape, start)])
         ends[with_force, node] = quick
         which = "force and response" if with_force else "the response"
@@ -138,30 +143,13 @@ def _apart(distances: NDArray[np.float64], nodes: list[Node]) -> list[int]:
     return chosen[: _SETTINGS.points[1]]
 
 
-def _measured_at(assembly: Assembly, place: Node, *, with_force: bool) -> Assembly:
-    """Return the assembly with another point of response; the force is moved there too if `with_force`."""
-    described = assembly.description.response
-    force = described.force or Place(described.substructure, described.node, described.direction)
-    there = replace(described, substructure=place[0], node=place[1], force=None if with_force else force)
-    return assembly.with_description(replace(assembly.description, responses=(there,)))
-
-
-def _movable_nodes(assembly: Assembly) -> list[Node]:
-    """Return all nodes that can move, apart from the response's own."""
-    response = assembly.description.response
-    substructures = assembly.description.substructures.items()
-    places = [(name, node) for name, model in substructures for node in range(len(model.nodes))]
-    places.remove((response.substructure, response.node))
-    return [place for place in places if _can_move(assembly, place)]
-
-
 def _distances(
     assembly: Assembly, amplitude: NDArray[np.float64], joints: NDArray[np.float64], places: list[Node]
 ) -> list[NDArray[np.float64]]:
     """Return how amplitudes at places differ from the measured one, (n, n_places): force as described, and there."""
     lines = np.unique(np.linspace(0, len(amplitude) - 1, _SETTINGS.lines).round().astype(np.intp))
     few = assembly.on(assembly.frequency[lines])
-    points, force = [_point(few, place) for place in places], few.description.response.force_point
+    points, force = [motion_at(few, place) for place in places], few.description.response.force_point
     engine = few.engine_of([*dict.fromkeys([*points, force])])
     measured = np.log(np.maximum(amplitude[lines], np.finfo(float).tiny))
     power = np.log(np.abs(conversion(few.frequency, "receptance", few.description.response.quantity)))
@@ -179,16 +167,6 @@ def _distances(
     return [np.stack(transfer), np.stack(driven)]
 
 
-def _point(assembly: Assembly, place: Node) -> Point:
-    """Return the DOF of a node in the direction of the response."""
-    return Place(*place, assembly.description.response.direction).point
-
-
-def _can_move(assembly: Assembly, place: Node) -> bool:
-    substructure, dof = _point(assembly, place)
-    return bool(assembly.graph.substructure_dofs(substructure)[dof] >= 0)
-
-
 def _words(assembly: Assembly, place: Node) -> str:
     node = assembly.description.substructures[place[0]].nodes[place[1]]
     return f"on the {place[0]} at {1e3 * node.position:.4g} mm"
@@ -196,24 +174,12 @@ def _words(assembly: Assembly, place: Node) -> str:
 
 def try_exchanges(fits: QuickFits) -> Iterator[Candidate]:
     """Yield the fits with the measurements of two responses exchanged, by exchanging the responses of the model."""
-    frfs, description = fits.target.frfs, fits.assembly.description
-    for former, latter in islice(combinations(range(len(frfs)), 2), _SETTINGS.most_exchanges):
-        responses = list(description.responses)
-        first, second = responses[former], responses[latter]
-        told = [(response.point, response.force_point, description.chain_of(response)) for response in (first, second)]
-        alike = told[0] == told[1]
-        if alike or (first.rotation, first.moment) != (second.rotation, second.moment):
-            continue
-        responses[former] = replace(second, quantity=first.quantity)
-        responses[latter] = replace(first, quantity=second.quantity)
-        exchanged = fits.assembly.with_description(replace(description, responses=tuple(responses)))
-        labels = description.response_labels
-        words = f"the measurements at {labels[former]} and {labels[latter]} exchanged"
-        yield (
-            "order",
-            words,
-            fits.fit(fits.problem.with_assembly(exchanged), [fits.search(exchanged, fits.shape)]),
-        )
+    labels = fits.assembly.description.response_labels
+    for former, latter in islice(combinations(range(len(labels)), 2), _SETTINGS.most_exchanges):
+        exchanged = with_responses_exchanged(fits.assembly, former, latter)
+        if exchanged is not None:
+            quick = fits.fit(fits.problem.with_assembly(exchanged), [fits.search(exchanged, fits.shape)])
+            yield "order", f"the measurements at {labels[former]} and {labels[latter]} exchanged", quick
 
 
 def try_missing_resonances(fits: QuickFits) -> Iterator[Candidate]:
@@ -262,10 +228,10 @@ def try_ranges(fits: QuickFits) -> Iterator[Candidate]:
     """Try wider ranges for the parameters that ended at an end of theirs."""
     assembly, fraction = fits.assembly, fits.assembly.to_unit(fits.unchanged.theta)
     for index in np.flatnonzero((fraction <= 0.0) | (fraction >= 1.0)).tolist():
-        parameter, (joint, name) = assembly.parameters[index], assembly.description.identified_parameters[index]
+        parameter = assembly.parameters[index]
         for lower, upper in _widened(parameter, at_upper=fraction[index] >= 1.0):
             try:
-                widened = assembly.with_description(assembly.description.with_range(joint, name, lower, upper))
+                widened = with_range(assembly, index, lower, upper)
                 starts = [fits.unchanged.theta, fits.search(widened, fits.shape)]
                 quick = fits.fit(fits.problem.with_assembly(widened), starts)
             except DovetailError:
@@ -293,17 +259,16 @@ def _widened(parameter: Parameter, *, at_upper: bool) -> list[tuple[float, float
 
 def try_damping(fits: QuickFits) -> Iterator[Candidate]:
     """Yield the fits with structural damping in all joints, and with viscous damping in all, where either is new."""
-    description, axis = fits.assembly.description, fits.target.frequency
+    assembly, axis = fits.assembly, fits.target.frequency
     middle = float(f"{np.sqrt(axis.min() * axis.max()):.2g}")
-    others: list[tuple[float | None, str]] = []
-    if any(joint.structural_damping is None and has_dampers(joint) for joint in description.joints.values()):
-        others.append((middle, f"joints damped structurally ('structural_damping: {middle:g} Hz' of each)"))
-    if any(joint.structural_damping is not None for joint in description.joints.values()):
-        others.append((None, "joints damped viscously (without 'structural_damping')"))
-    for structural, words in others:
-        damped = fits.assembly.with_description(with_damping(description, structural))
-        starts = [fits.unchanged.theta, fits.search(damped, fits.unchanged.theta)]
-        yield "damping", words, fits.fit(fits.problem.with_assembly(damped), starts)
+    others = (
+        (with_structural_joints(assembly, middle), f"structurally ('structural_damping: {middle:g} Hz' of each)"),
+        (with_viscous_joints(assembly), "viscously (without 'structural_damping')"),
+    )
+    for damped, words in others:
+        if damped is not None:
+            starts = [fits.unchanged.theta, fits.search(damped, fits.unchanged.theta)]
+            yield "damping", f"joints damped {words}", fits.fit(fits.problem.with_assembly(damped), starts)
 
 
 def try_window(fits: QuickFits) -> Iterator[Candidate]:

@@ -8,17 +8,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from itertools import pairwise
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dovetail.assembly import Assembly, FrfModel, Theta
-from dovetail.description import Description
+from dovetail.assembly.overhangs import Overhang, find_overhangs
+from dovetail.assembly.variants import at_drive_point
 from dovetail.errors import DovetailError
 from dovetail.frf import conversion
-from dovetail.interfaces import StructuralMatrices, SubstructureModel
 from dovetail.problem.least_squares import Linearisation, SumOfSquares
 from dovetail.problem.part_quantities import (
     MOST_DOFS,
@@ -42,8 +41,6 @@ class Settings:
     """Step of the finite differences by an amount, as a fraction of its range."""
     least_overhang: float = 0.05
     """Smallest fraction of the length between the joint and the response, or the end, that remains."""
-    rounding: float = 1e-9
-    """Difference of the matrices of a divided and of the whole substructure up to which the two are the same."""
 
 
 _SETTINGS = Settings()
@@ -87,21 +84,13 @@ def list_perturbations(assembly: Assembly) -> tuple[Perturbation, ...]:
 def _added_mass(assembly: Assembly) -> Iterator[Perturbation]:
     if any(response.rotation for response in assembly.description.responses):
         return
-    responses = [(each, _drive_point(each)) for each in assembly.each_response]
+    responses = [(each, at_drive_point(each)) for each in assembly.each_response]
     drive_point = responses[0][1]
     quantity = drive_point.description.response.quantity
     accelerance = drive_point.frf() * conversion(drive_point.frequency, quantity, "accelerance")
     apparent = 1.0 / float(np.median(np.abs(accelerance)))
     apply, describe = partial(LoadedModel, responses), partial(_describe_mass, len(responses))
     yield Perturbation("mass", "mass", apply, describe, -0.5 * apparent, apparent, 1e-3 * apparent)
-
-
-def _drive_point(assembly: Assembly) -> Assembly:
-    """Return an assembly of one response with the force where it is measured."""
-    response = assembly.description.response
-    if response.is_drive_point:
-        return assembly
-    return assembly.with_description(replace(assembly.description, responses=(replace(response, force=None),)))
 
 
 def _describe_mass(responses: int, mass: float) -> str:
@@ -255,108 +244,3 @@ class LoadedModel:
         loaded = values / (1.0 + self._load * there)
         change = jacobian - (loaded * self._load)[..., np.newaxis] * slope
         return loaded, change / (1.0 + self._load * there)[..., np.newaxis]
-
-
-@dataclass(frozen=True)
-class Overhang:
-    """The free end of a substructure that a joint holds.
-
-    Parameters
-    ----------
-    substructure, joint : str
-    length : float
-        From the joint's nearest node to the end [m].
-    unchanged : float
-        Length between the end and the farthest response on it [m], which stays as it is.
-    first, last : int
-        Nodes between which the substructure is lengthened or shortened.
-    end : float
-        Position of the end [m].
-    """
-
-    substructure: str
-    joint: str
-    length: float
-    unchanged: float
-    first: int
-    last: int
-    end: float
-
-    def lengthen(self, model: SubstructureModel, length: float) -> SubstructureModel:
-        """Return the substructure with another overhang [m], longer than `unchanged`, and as many nodes."""
-        factor = (length - self.unchanged) / (self.length - self.unchanged)
-        return _stretch(model, self.first, self.last, factor)
-
-
-def find_overhangs(description: Description, most_nodes: int) -> Iterator[Overhang]:
-    """Yield the free ends of all substructures that joints hold and that are described by sections.
-
-    Parameters
-    ----------
-    description : Description
-    most_nodes : int
-        Of a substructure; larger ones take too long.
-    """
-    for name, model in description.known_parts.items():
-        held = {node: joint for joint, nodes in _attachments(description, name) for node in nodes}
-        if not held or len(model.nodes) > most_nodes or not _has_sections(model):
-            continue
-        measured = [response.node for response in description.responses if response.substructure == name]
-        positions, last = [node.position for node in model.nodes], len(model.nodes) - 1
-        low, high = min(held), max(held)
-        below = max((node for node in measured if node < low), default=0)
-        above = min((node for node in measured if node > high), default=last)
-        if below < low and _can_divide(model, below, low):
-            length, unchanged = positions[low] - positions[0], positions[below] - positions[0]
-            yield Overhang(name, held[low], length, unchanged, below, low, positions[0])
-        if above > high and _can_divide(model, high, above):
-            length, unchanged = positions[last] - positions[high], positions[last] - positions[above]
-            yield Overhang(name, held[high], length, unchanged, high, above, positions[last])
-
-
-def _attachments(description: Description, substructure: str) -> Iterator[tuple[str, tuple[int, ...]]]:
-    for name, joint in description.joints.items():
-        for attachment in joint.connection.attachments:
-            if attachment.substructure == substructure:
-                yield name, tuple(attachment.nodes)
-
-
-def _has_sections(model: SubstructureModel) -> bool:
-    sections = getattr(model.config, "sections", None)
-    return isinstance(sections, tuple) and all(
-        hasattr(section, "length") and hasattr(section, "elements") for section in sections
-    )
-
-
-def _can_divide(model: SubstructureModel, first: int, last: int) -> bool:
-    """Return whether sections can be divided at two nodes and nothing else changes; those of a taper cannot."""
-    try:
-        divided = _stretch(model, first, last, 1.0)
-    except DovetailError:
-        return False
-    if len(divided.nodes) != len(model.nodes):
-        return False
-    matrices, of_divided = model.matrices(), divided.matrices()
-    if not (isinstance(matrices, StructuralMatrices) and isinstance(of_divided, StructuralMatrices)):
-        return False
-    return _are_equal(matrices.M, of_divided.M) and _are_equal(matrices.K, of_divided.K)
-
-
-def _are_equal(matrix: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
-    """Return whether two symmetric matrices are equal up to rounding, each entry on the scale of its DOFs."""
-    scale = np.sqrt(np.abs(np.diag(matrix)))
-    return bool(np.all(np.abs(matrix - other) <= _SETTINGS.rounding * np.outer(scale, scale)))
-
-
-def _stretch(model: SubstructureModel, first: int, last: int, factor: float) -> SubstructureModel:
-    """Return a substructure whose elements between two nodes are longer by a factor."""
-    sections: list[Any] = []
-    start = 0
-    for section in model.config.sections:
-        end = start + section.elements
-        cuts = sorted({start, end, *(node for node in (first, last) if start < node < end)})
-        for near, far in pairwise(cuts):
-            length = section.length * (far - near) / section.elements * (factor if first <= near < last else 1.0)
-            sections.append(section.model_copy(update={"length": length, "elements": far - near}))
-        start = end
-    return type(model)(model.config.model_copy(update={"sections": tuple(sections)}))

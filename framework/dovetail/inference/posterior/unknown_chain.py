@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.description import ParameterEntry
+from dovetail.assembly.variants import with_unknown_chains
 from dovetail.frf import Frf
 from dovetail.frf.single_mode import background_shapes
 from dovetail.inference.fitting import Fit
@@ -54,24 +54,16 @@ class UnknownChain:
         )
         phase = Parameter.with_normal_prior("phase", "rad", 0.0, model_error.phase, "linear", "Of the measured FRF")
         assembly, target = problem.assembly, problem.observations
-        description = assembly.description
-        chains, added = dict(description.calibrations), list[str]()
-        for response in description.responses:
-            entry = chains.get(response.name, ParameterEntry())
-            known = {parameter.name for parameter in entry.parameters}
-            new = tuple(parameter for parameter in (gain, phase) if parameter.name not in known)
-            chains[response.name] = replace(entry, parameters=(*entry.parameters, *new))
-            added += [f"{response.name}.{parameter.name}" for parameter in new]
+        unknown, added = with_unknown_chains(assembly, (gain, phase))
         if not added:
             return None
-        unknown = assembly.with_description(replace(description, calibrations=chains))
         names = [parameter.name for parameter in unknown.parameters]
         columns = np.array([names.index(parameter.name) for parameter in assembly.parameters], dtype=np.intp)
         theta = unknown.vector(dict.fromkeys(added, 0.0) | {name: 1.0 for name in added if name.endswith(".gain")})
         theta[columns] = fit.theta
         values = target.split(problem.frf_at(fit.theta))
         pairs = zip(target.frfs, values, target.split(fit.variance), strict=True)
-        for response, factor in zip(description.responses, (_factor(*pair) for pair in pairs), strict=True):
+        for response, factor in zip(assembly.description.responses, (_factor(*pair) for pair in pairs), strict=True):
             for name, value in ((f"{response.name}.gain", abs(factor)), (f"{response.name}.phase", np.angle(factor))):
                 if name in added:
                     theta[names.index(name)] = value
