@@ -34,8 +34,9 @@ from dovetail.inference.posterior.likelihood import (
     normal_from_unit,
     unit_from_normal,
 )
+from dovetail.inference.posterior.metropolis import metropolis_steps
 from dovetail.inference.posterior.mode_search import search_modes
-from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, metropolis_step
+from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap
 from dovetail.problem import Problem
 from dovetail.problem.observations import Observations
 from dovetail.problem.residuals import FrfResiduals, ModelFrfs, Weighted
@@ -87,7 +88,8 @@ def test_the_samples_are_those_of_the_posterior_on_a_grid(sdof, has_phase):
 def test_where_no_search_arrives_moves_from_the_peak_find_the_same_posterior(sdof, monkeypatch):
     frf = noisy(sdof, sdof.frf(sdof.from_unit(np.array([0.4, 0.5]))), 0.2, 1)
     mean, deviation = on_a_grid(sdof, frf)
-    monkeypatch.setattr(sampling._Sampler, "search", lambda *_: (np.empty((0, 2)), np.empty(0)))
+    nothing = LinearisedPoints(np.empty((0, 2)), np.empty((0, 3)), np.empty((0, 2, 3)))
+    monkeypatch.setattr(sampling._Sampler, "_search", lambda *_: (nothing, np.empty(0)))
     found = sample_posterior(Problem.of(sdof, frf), refine(Problem.of(sdof, frf)), samples=1000, model_error=EXACT)
     ours = found.weight @ found.fraction
     assert found.converged_fraction < 0.01
@@ -194,8 +196,7 @@ class Bow:
 def test_moves_along_a_bent_valley_lead_to_its_distribution_from_one_end_of_it():
     problem, random = Bow(), np.random.default_rng(0)
     places = LinearisedPoints.at(problem, np.tile([[1.6, 1.56]], (1500, 1)))
-    for _ in range(40):
-        places, taken = metropolis_step(problem, places, random)
+    places, taken = metropolis_steps(problem, places, random, 40)
     assert taken > 0.3
     along = np.linspace(-4, 4, 4001)
     density = np.exp(-(along**2 + (along**2 - 1.0) ** 2) / 2)  # the narrow direction is integrated out

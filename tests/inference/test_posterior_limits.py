@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dovetail.inference.posterior import ModelError, Posterior, error_shapes, typical_model_error
-from dovetail.inference.posterior import randomize_then_optimize as rto
+from dovetail.inference.posterior import ModelError, Posterior, error_shapes, metropolis, typical_model_error
 from dovetail.inference.posterior.laplace import LaplaceApproximation
 from dovetail.inference.posterior.likelihood import normal_from_unit, unit_from_normal
 from dovetail.inference.posterior.mode_search import CubeResiduals
 from dovetail.inference.posterior.model_error import Settings, fit_resonances
-from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, metropolis_step
+from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap
 from support.noisy_measurements import frf_on
 
 FREQUENCY = np.linspace(100.0, 200.0, 501)
@@ -215,8 +214,8 @@ def steps_that_do_not_lead_back(check, monkeypatch):
     along = random.uniform(-2.0, 2.0, 1500)
     before = LinearisedPoints.at(Wave(), np.stack([along, np.sin(2.0 * along)], axis=1))
     if not check:
-        monkeypatch.setattr(rto, "_are_reversible", lambda _, start, end: np.ones(len(end.z), dtype=bool))
-    after, acceptance = metropolis_step(Wave(), before, random)
+        monkeypatch.setattr(metropolis, "_SETTINGS", metropolis.Settings(return_distance=np.inf))
+    after, acceptance = metropolis.metropolis_steps(Wave(), before, random, 1)
     moved = np.flatnonzero(np.any(after.z != before.z, axis=1))
     assert acceptance > 0.5
     assert len(moved) / 1500 == pytest.approx(acceptance)

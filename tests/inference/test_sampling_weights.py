@@ -12,6 +12,8 @@ import dovetail
 from dovetail.inference.fitting import refine
 from dovetail.inference.posterior import laplace_posterior, sample_posterior, sampling, typical_model_error
 from dovetail.inference.posterior.laplace import half_about_the_fit
+from dovetail.inference.posterior.likelihood import normal_from_unit, squared_norms
+from dovetail.inference.posterior.separate_modes import separate_modes
 from dovetail.problem import Problem
 from support.noisy_measurements import noisy
 
@@ -21,18 +23,20 @@ def test_samples_are_moved_where_fewer_than_four_tenths_of_them_count(sdof, monk
     """Of 100 samples so many have weight 1, and the others next to none."""
     z, calls = np.random.default_rng(0).standard_normal((100, 2)), []
 
-    class Sampler:
+    class Sampler(sampling._Sampler):
         lines = 9
+        _likelihood = SimpleNamespace(log=lambda fraction: squared_norms(normal_from_unit(fraction)) / 2.0)
 
         def __init__(self, *_):
             pass
 
-        def search(self, _):
-            return z, np.where(np.arange(100) < effective, 0.0, -50.0)
+        def _search(self, _):
+            log_density = np.where(np.arange(100) < effective, 0.0, 50.0)
+            return SimpleNamespace(z=z, log_posterior=np.zeros(100)), log_density
 
-        def move(self, points, log_weight, count):
+        def _move(self, points, log_weight, count):
             calls.append(count)
-            return points, np.zeros(len(points))
+            return SimpleNamespace(z=points, log_posterior=np.zeros(100))
 
     monkeypatch.setattr(sampling, "_Sampler", Sampler)
     frf = noisy(sdof, sdof.frf(), 0.1)
@@ -56,13 +60,12 @@ def test_weights_are_cut_where_fewer_than_a_tenth_of_the_samples_count(monkeypat
     sampler = SimpleNamespace(
         _random=np.random.default_rng(0),
         _posterior=None,
-        _log_posterior=lambda _: np.zeros(1),
         _mode=None,
         _progress=None,
     )
     log_weight = np.where(np.arange(1000) < 20, 0.0, -light)
     z = np.arange(1000.0)[:, np.newaxis]
-    sampling._Sampler.move(sampler, z, log_weight, 1000)
+    sampling._Sampler._move(sampler, z, log_weight, 1000)
     share = np.mean(chosen[0][:, 0] < 20)
     weight = np.exp(log_weight)
     assert share == pytest.approx(weight[:20].sum() / weight.sum() if kept else 0.02, abs=0.002)
@@ -82,7 +85,7 @@ class Parabola:
 
 def sampled_about(problem, modes, count):
     """Return samples of searches that are shared out to separate modes, and their weights, as `_Sampler.search`."""
-    random, separate = np.random.default_rng(0), sampling._separate_modes(sampling.LinearisedPoints.at(problem, modes))
+    random, separate = np.random.default_rng(0), separate_modes(sampling.LinearisedPoints.at(problem, modes))
     samples, log_weights = [], []
     for number, share, tangent_map in sampling._shares(problem, separate, count):
         target, starts = random.standard_normal((share, 1)), separate.at_rows(np.full(share, number))
@@ -107,10 +110,10 @@ def test_samples_about_separate_modes_weigh_what_the_posterior_has_there(order):
 
 def test_the_same_mode_counts_once_and_one_of_hardly_any_probability_not_at_all():
     modes = np.array([[2.0], [2.001], [-1.0]])
-    assert len(sampling._separate_modes(sampling.LinearisedPoints.at(Parabola(), modes)).z) == 2
+    assert len(separate_modes(sampling.LinearisedPoints.at(Parabola(), modes)).z) == 2
     steep = Parabola()
     steep.residuals = lambda z: np.concatenate([z, (z - 2.0) * (z + 1.0) / 0.05 + 10.0 * (z < 0.5)], axis=1)
-    assert len(sampling._separate_modes(sampling.LinearisedPoints.at(steep, modes)).z) == 1
+    assert len(separate_modes(sampling.LinearisedPoints.at(steep, modes)).z) == 1
 
 
 @pytest.mark.parametrize(("light", "kept"), [(4.0, False), (3.5, True)])

@@ -2,8 +2,7 @@
 
 The tangent map takes z to the components of the residuals along their tangent space at an anchor. Where the residuals
 are normal these components are standard normal, however curved the valley of the posterior is. A sample is the z whose
-components are a standard normal draw. Metropolis steps by the same map, anchored at each sample, correct samples where
-the map folds over.
+components are a standard normal draw.
 
 References
 ----------
@@ -14,6 +13,7 @@ distributions in nonlinear inverse problems, SIAM J. Sci. Comput. 36 (2014) A189
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,12 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.inference.posterior.likelihood import Z_LIMIT, PosteriorResiduals, squared_norms
-from dovetail.interfaces import Progress, silent
 
 
 @dataclass(frozen=True)
 class Settings:
-    """Constants of the searches (damped Gauss-Newton with geodesic acceleration) and of the Metropolis steps."""
+    """Constants of the searches (damped Gauss-Newton with geodesic acceleration)."""
 
     damping: float = 1e-4
     """First damping, relative to the diagonal of the normal matrix; starts are near, so little is needed."""
@@ -41,15 +40,8 @@ class Settings:
     tolerance: float = 1e-6
     """Squared distance from the target, in standard deviations, at which a search ends. A search that ends within a
     hundred times this distance has converged."""
-    correlation: float = 0.6
-    """Correlation of the components before and after a Metropolis step; the larger, the more steps are accepted."""
-    metropolis_iterations: int = 40
-    """Iterations after which a Metropolis step is given up; most converge after ten to thirty."""
-    return_distance: float = 1e-2
-    """Largest difference of coordinates at which a reversed step counts as back at its start."""
-    remaining_correlation: float = 0.1
-    """Correlation of moved samples with the original ones below which they count as independent."""
-    most_metropolis_steps: int = 10
+    most_damping: float = 1e8
+    """Damping at which a search is given up."""
 
 
 _SETTINGS = Settings()
@@ -116,7 +108,7 @@ class TangentMap:
 
     def components(self, residuals: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the components (n, d) of residuals (n, d + m)."""
-        return self._along(residuals, np.arange(len(residuals)))
+        return self.along(residuals, np.arange(len(residuals)))
 
     def log_determinant(self, points: LinearisedPoints) -> NDArray[np.float64]:
         """Return the logarithm (n,) of the map's Jacobian determinant at points."""
@@ -125,6 +117,16 @@ class TangentMap:
     def log_density(self, points: LinearisedPoints) -> NDArray[np.float64]:
         """Return the log density (n,), up to a constant, of points whose components are standard normal draws."""
         return self.log_determinant(points) - squared_norms(self.components(points.residuals)) / 2.0
+
+    def at_rows(self, rows: NDArray[np.intp]) -> TangentMap:
+        """Return the map with the tangents of some of the rows."""
+        chosen = copy(self)
+        chosen._tangents = self._tangents_of(rows).copy()
+        return chosen
+
+    def overwrite(self, rows: NDArray[np.intp], others: TangentMap) -> None:
+        """Overwrite the tangents of `rows` by as many others."""
+        self._tangents[rows] = others._tangents
 
     def solve(
         self, target: NDArray[np.float64], start: LinearisedPoints, most_steps: int
@@ -143,32 +145,25 @@ class TangentMap:
         (n,) bool array
             Whether each search converged.
         """
-        ends = start.copy()
-        error = self.components(ends.residuals) - target
-        squares = squared_norms(error)
-        damping, active = np.full(len(error), _SETTINGS.damping), np.flatnonzero(squares > _SETTINGS.tolerance)
-        for _ in range(most_steps):
-            if not len(active):
-                break
-            step, trusted = self._steps(ends, error[active], active, target[active], damping[active])
-            tried = LinearisedPoints.at(self._posterior, np.clip(ends.z[active] + step, -Z_LIMIT, Z_LIMIT))
-            new_error = self._along(tried.residuals, active) - target[active]
-            new_squares = squared_norms(new_error)
-            better = trusted & (new_squares < squares[active])
-            accepted = active[better]
-            ends.overwrite(accepted, tried.at_rows(np.flatnonzero(better)))
-            error[accepted], squares[accepted] = new_error[better], new_squares[better]
-            damping[active] *= np.where(better, *_SETTINGS.damping_factors)
-            active = active[(squares[active] > _SETTINGS.tolerance) & (damping[active] < 1e8)]
-        return ends, squares <= 100.0 * _SETTINGS.tolerance
+        searches = TangentSearches(self, target, start, most_steps)
+        active = searches.active(np.arange(len(target)))
+        while len(active):
+            searches.advance(active)
+            active = searches.active(active)
+        return searches.ends, searches.converged
 
     def _tangents_of(self, rows: NDArray[np.intp]) -> NDArray[np.float64]:
         return self._tangents if len(self._tangents) == 1 else self._tangents[rows]
 
-    def _along(self, residuals: NDArray[np.float64], rows: NDArray[np.intp]) -> NDArray[np.float64]:
+    def along(self, residuals: NDArray[np.float64], rows: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Return the components of residuals by the tangents of some of the rows."""
         return np.asarray((residuals[:, np.newaxis] @ self._tangents_of(rows))[:, 0])
 
-    def _steps(
+    def tried(self, z: NDArray[np.float64]) -> LinearisedPoints:
+        """Linearise the residuals at points z (n, d), moved within the limits of z."""
+        return LinearisedPoints.at(self._posterior, np.clip(z, -Z_LIMIT, Z_LIMIT))
+
+    def steps(
         self,
         points: LinearisedPoints,
         error: NDArray[np.float64],
@@ -186,82 +181,73 @@ class TangentMap:
         longest = np.abs(velocity).max(axis=1)
         velocity *= np.minimum(1.0, _SETTINGS.longest_step / np.maximum(longest, np.finfo(float).tiny))[:, np.newaxis]
         probed = self._posterior.residuals(points.z[rows] + _SETTINGS.probe * velocity)
-        change = (self._along(probed, rows) - target - error) / _SETTINGS.probe
+        change = (self.along(probed, rows) - target - error) / _SETTINGS.probe
         bend = 2.0 / _SETTINGS.probe * (change - _multiply(along.transpose(0, 2, 1), velocity))
         acceleration = _multiply(to_step, bend)
         lengths = [np.einsum("nd,nd->n", diagonal, vector**2) for vector in (acceleration, velocity)]
         return velocity + acceleration / 2.0, lengths[0] <= _SETTINGS.largest_bend**2 * lengths[1]
 
 
-def decorrelate(
-    posterior: PosteriorResiduals,
-    points: LinearisedPoints,
-    random: np.random.Generator,
-    progress: Progress = silent,
-) -> LinearisedPoints:
-    """Move points by Metropolis steps until they are independent of their starts."""
-    correlation = 1.0
-    for number in range(_SETTINGS.most_metropolis_steps):
-        progress("independence", number, _SETTINGS.most_metropolis_steps)
-        points, acceptance = metropolis_step(posterior, points, random)
-        correlation *= 1.0 - (1.0 - _SETTINGS.correlation) * acceptance
-        if correlation < _SETTINGS.remaining_correlation:
-            break
-    return points
+class TangentSearches:
+    """Searches, each for the point whose components by a tangent map have given values.
 
-
-def metropolis_step(
-    posterior: PosteriorResiduals, points: LinearisedPoints, random: np.random.Generator
-) -> tuple[LinearisedPoints, float]:
-    """Move each point by one step that leaves the posterior invariant.
+    Each has its own number of steps, so that one that has ended can begin again while others go on.
 
     Parameters
     ----------
-    posterior : PosteriorResiduals
-    points : LinearisedPoints
-    random : numpy.random.Generator
+    tangent_map : TangentMap
+    target : (n, d) array
+    start : LinearisedPoints
+    most_steps : int
 
-    Returns
-    -------
-    LinearisedPoints
-    float
-        Fraction of the steps that were accepted.
-
-    Notes
-    -----
-    In the tangent map anchored at a point, the posterior is nearly standard normal, however curved its valley is. The
-    proposal therefore has the components ``0.6 u + 0.8 n``, with those of the point, u, and a standard normal draw n.
-    The Metropolis-Hastings rule makes the step exact: the density of a proposal is that of its components times the
-    map's determinant. A proposal whose reverse does not return, because the map folds over, is rejected.
+    Attributes
+    ----------
+    ends : LinearisedPoints
+        Where the searches have come to.
     """
-    forth = TangentMap(posterior, points)
-    components = forth.components(points.residuals)
-    drawn = random.standard_normal(components.shape)
-    target = _SETTINGS.correlation * components + np.sqrt(1.0 - _SETTINGS.correlation**2) * drawn
-    ends, converged = forth.solve(target, points, _SETTINGS.metropolis_iterations)
-    back = TangentMap(posterior, ends)
-    log_ratio = ends.log_posterior - points.log_posterior
-    log_ratio += _log_proposal(back, ends, points) - _log_proposal(forth, points, ends)
-    accepted = np.flatnonzero(converged & (np.log(random.random(len(converged))) < log_ratio))
-    if len(accepted):
-        accepted = accepted[_are_reversible(posterior, points.at_rows(accepted), ends.at_rows(accepted))]
-    moved = points.copy()
-    moved.overwrite(accepted, ends.at_rows(accepted))
-    return moved, len(accepted) / len(converged)
 
+    def __init__(
+        self, tangent_map: TangentMap, target: NDArray[np.float64], start: LinearisedPoints, most_steps: int
+    ) -> None:
+        self._map, self._target, self._most_steps = tangent_map, target.copy(), most_steps
+        self.ends = start.copy()
+        self._error = tangent_map.components(start.residuals) - target
+        self._squares = squared_norms(self._error)
+        self._damping, self._steps = np.full(len(target), _SETTINGS.damping), np.zeros(len(target), dtype=np.int64)
 
-def _log_proposal(tangent_map: TangentMap, start: LinearisedPoints, end: LinearisedPoints) -> NDArray[np.float64]:
-    """Return the log density of proposals `end` from `start`, the map's anchors."""
-    kept = _SETTINGS.correlation * tangent_map.components(start.residuals)
-    squares = squared_norms(tangent_map.components(end.residuals) - kept)
-    return np.asarray(tangent_map.log_determinant(end) - squares / (2.0 * (1.0 - _SETTINGS.correlation**2)))
+    @property
+    def converged(self) -> NDArray[np.bool_]:
+        """(n,) whether each search is at its target."""
+        return np.asarray(self._squares <= 100.0 * _SETTINGS.tolerance)
 
+    def active(self, rows: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Return those of `rows` whose searches have not ended."""
+        far = self._squares[rows] > _SETTINGS.tolerance
+        return rows[far & (self._damping[rows] < _SETTINGS.most_damping) & (self._steps[rows] < self._most_steps)]
 
-def _are_reversible(posterior: PosteriorResiduals, start: LinearisedPoints, end: LinearisedPoints) -> NDArray[np.bool_]:
-    """Return which steps lead back to their start when they are reversed."""
-    back = TangentMap(posterior, end)
-    returned, converged = back.solve(back.components(start.residuals), end, _SETTINGS.metropolis_iterations)
-    return np.asarray(converged & (np.abs(returned.z - start.z).max(axis=1) < _SETTINGS.return_distance))
+    def restart(
+        self, rows: NDArray[np.intp], tangent_map: TangentMap, target: NDArray[np.float64], start: LinearisedPoints
+    ) -> None:
+        """Begin the searches `rows` again, with as many other tangents, targets and starts."""
+        self._map.overwrite(rows, tangent_map)
+        self.ends.overwrite(rows, start)
+        self._target[rows], self._error[rows] = target, tangent_map.components(start.residuals) - target
+        self._squares[rows] = squared_norms(self._error[rows])
+        self._damping[rows], self._steps[rows] = _SETTINGS.damping, 0
+
+    def advance(self, rows: NDArray[np.intp]) -> None:
+        """Take a step in the searches `rows`."""
+        target, ends = self._target[rows], self.ends
+        step, trusted = self._map.steps(ends, self._error[rows], rows, target, self._damping[rows])
+        tried = self._map.tried(ends.z[rows] + step)
+        error = self._map.along(tried.residuals, rows) - target
+        squares = squared_norms(error)
+        better = trusted & (squares < self._squares[rows])
+        accepted = rows[better]
+        ends.overwrite(accepted, tried.at_rows(np.flatnonzero(better)))
+        self._error[accepted], self._squares[accepted] = error[better], squares[better]
+        self._damping[rows] *= np.where(better, *_SETTINGS.damping_factors)
+        self._steps[rows] += 1
 
 
 def _multiply(matrices: NDArray[Any], vectors: NDArray[np.float64]) -> NDArray[np.float64]:

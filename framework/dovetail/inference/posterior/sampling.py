@@ -25,9 +25,11 @@ from dovetail.inference.posterior.likelihood import (
     squared_norms,
     unit_from_normal,
 )
+from dovetail.inference.posterior.metropolis import decorrelate
 from dovetail.inference.posterior.mode_search import likelihood_at_mode, maximise_posterior, search_modes
 from dovetail.inference.posterior.model_error import TYPICAL, ModelError
-from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, decorrelate
+from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap
+from dovetail.inference.posterior.separate_modes import nearest_modes, separate_modes
 from dovetail.inference.posterior.unknown_chain import UnknownChain
 from dovetail.inference.posterior.verdicts import drawn_by_weight
 from dovetail.interfaces import Progress, logged, silent
@@ -63,10 +65,6 @@ class Settings:
     """Effective samples over searches above which samples need no Metropolis steps."""
     uneven_weights: float = 0.1
     """Effective samples over searches below which a few weights dominate and the largest are clipped."""
-    least_mass: float = 1e-3
-    """Probability about a mode, over the largest about any, below which it is left out."""
-    apart: float = 3.0
-    """Standard deviations from which two modes are separate."""
     still: float = 0.1
     """Decrease of chi-squared that the tangent promises below which an end of a search is a mode."""
     least_ends: float = 0.7
@@ -140,16 +138,15 @@ def sample_posterior(
     with logged(__name__, f"{samples} samples of the posterior"):
         if isinstance(problem, ModalProblem):
             z, log_weight, converged = _draw(likelihood.posterior, modes, samples, seed)
-            lines = len(likelihood.variance)
+            log_likelihood, lines = None, len(likelihood.variance)
         else:
             sampler = _Sampler(likelihood, modes, fit.information, np.random.default_rng([seed, 2]), progress)
-            z, log_weight = sampler.search(samples)
-            converged, lines = len(z), sampler.lines
-            if _effective_sample_size(log_weight) < _SETTINGS.even_weights * samples:
-                z, log_weight = sampler.move(z, log_weight, samples)
+            z, log_weight, log_likelihood = sampler.draw(samples)
+            converged, lines = sampler.converged, sampler.lines
     weight = np.exp(log_weight - log_weight.max())
     if model_error.quantities:
         z, weight = half_about_the_fit(problem, fit, model_error, z, weight, seed)
+        log_likelihood = None
     fraction = unit_from_normal(z)
     return Posterior.from_fractions(
         problem.parameters,
@@ -159,7 +156,7 @@ def sample_posterior(
         searches=round(len(weight) * samples / max(converged, 1)),
         lines=lines,
         seconds=time.perf_counter() - began,
-        log_likelihood=likelihood.log(fraction),
+        log_likelihood=likelihood.log(fraction) if log_likelihood is None else log_likelihood,
     )
 
 
@@ -175,6 +172,13 @@ class _Sampler:
         Fisher information of the fractions at the best fit.
     random : numpy.random.Generator
     progress : Progress
+
+    Attributes
+    ----------
+    lines : int
+        Number of lines from which the reduced misfit is computed.
+    converged : int
+        Number of searches for samples that converged.
     """
 
     def __init__(
@@ -206,7 +210,7 @@ class _Sampler:
             if number >= _SETTINGS.rounds[0] and error[near].max(initial=0.0) < _SETTINGS.reduction_error:
                 break
             snapshots = np.concatenate([snapshots, frfs[near]])[-_SETTINGS.most_snapshots :]
-        self.lines = reduced.lines
+        self.lines, self.converged = reduced.lines, 0
 
     def _first_snapshots(self, modes: NDArray[np.float64], information: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return the FRFs at the modes, given as fractions of the ranges, and at points scattered around them."""
@@ -236,51 +240,63 @@ class _Sampler:
         squares = squared_norms(components) - 2.0 * target @ components.T
         return target, LinearisedPoints.at(self._posterior, points[np.argmin(squares, axis=1)])
 
-    def search(self, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the ends z of the searches that converged, and the logarithms of their weights.
+    def draw(self, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Return samples z, the logarithms of their weights, and their log-likelihoods, by all lines.
+
+        If the weights of the ends of searches are uneven, samples are drawn by weight and moved by Metropolis steps.
+        """
+        ends, log_density = self._search(count)
+        z, log_weight = ends.z, ends.log_posterior - log_density
+        self.converged = len(z)
+        if _effective_sample_size(log_weight) < _SETTINGS.even_weights * count:
+            points = self._move(z, log_weight, count)
+            z, log_density = points.z, points.log_posterior
+        log_likelihood = self._likelihood.log(unit_from_normal(z))
+        return z, log_likelihood - squared_norms(z) / 2.0 - log_density, log_likelihood
+
+    def _search(self, count: int) -> tuple[LinearisedPoints, NDArray[np.float64]]:
+        """Return the ends of the searches that converged, and the logarithms of their density.
 
         The searches are shared out to the separate modes. Those about each have a map and starts of their own, and
         only ends that are nearest to it count: one map for all would reach a part of each mode only. A curved valley
         has many points that seem to be modes, but searches about them end elsewhere: it takes one map.
         """
         modes = self._separate()
-        z, log_weight = self._search_about(modes, count)
-        if len(modes.z) == 1 or len(z) > _SETTINGS.least_ends * count:
-            return z, log_weight
+        ends, log_density = self._search_about(modes, count)
+        if len(modes.z) == 1 or len(ends.z) > _SETTINGS.least_ends * count:
+            return ends, log_density
         return self._search_about(LinearisedPoints.at(self._posterior, self._mode), count)
 
-    def _search_about(self, modes: LinearisedPoints, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        z, log_weight = self._mode[:0], np.empty(0)
+    def _search_about(self, modes: LinearisedPoints, count: int) -> tuple[LinearisedPoints, NDArray[np.float64]]:
+        found, log_densities, finished = [], [], 0
         for number, share, tangent_map in _shares(self._posterior, modes, count):
             for first in range(0, share, _SETTINGS.batch):
-                self._progress("samples", len(z), count)
-                about = np.concatenate([modes.z[[number]], self._points[_nearest(modes, self._points) == number]])
+                self._progress("samples", finished, count)
+                about = np.concatenate([modes.z[[number]], self._points[nearest_modes(modes, self._points) == number]])
                 target, starts = self._starts(min(_SETTINGS.batch, share - first), tangent_map, about)
                 ends, log_density = _ends_about(modes, number, tangent_map, target, starts)
-                self._points, z = np.concatenate([self._points, ends.z]), np.concatenate([z, ends.z])
-                log_weight = np.concatenate([log_weight, self._log_posterior(ends.z) - log_density - np.log(share)])
+                self._points, finished = np.concatenate([self._points, ends.z]), finished + len(ends.z)
+                found.append(ends)
+                log_densities.append(log_density + np.log(share))
         self._progress("samples", count, count)
-        mixed = _mixed(len(z), modes, self._random)
-        return z[mixed], log_weight[mixed]
+        mixed = _mixed(finished, modes, self._random)
+        return LinearisedPoints.joined(found).at_rows(mixed), np.concatenate(log_densities)[mixed]
 
     def _separate(self) -> LinearisedPoints:
         """Return the separate modes of the reduced posterior; the highest alone if there are no others."""
         others = maximise_posterior(self._posterior, self._modes, tolerance=1e-3)
         ends = LinearisedPoints.at(self._posterior, np.concatenate([self._mode, others]))
         steps = squared_norms(TangentMap(self._posterior, ends).components(ends.residuals))
-        modes = _separate_modes(ends.at_rows(np.flatnonzero(steps < _SETTINGS.still)))
+        modes = separate_modes(ends.at_rows(np.flatnonzero(steps < _SETTINGS.still)))
         return modes if len(modes.z) > 1 else LinearisedPoints.at(self._posterior, self._mode)
 
-    def move(
-        self, z: NDArray[np.float64], log_weight: NDArray[np.float64], count: int
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return samples drawn by weight and moved by Metropolis steps, and the logarithms of their new weights."""
+    def _move(self, z: NDArray[np.float64], log_weight: NDArray[np.float64], count: int) -> LinearisedPoints:
+        """Return samples drawn by weight and moved by Metropolis steps."""
         if not len(z):
             z, log_weight = self._mode, np.zeros(1)
         chosen = drawn_by_weight(_clipped(log_weight, count), count, self._random)
         start = LinearisedPoints.at(self._posterior, z[chosen])
-        points = decorrelate(self._posterior, start, self._random, self._progress)
-        return points.z, self._log_posterior(points.z) - points.log_posterior
+        return decorrelate(self._posterior, start, self._random, self._progress)
 
     def _log_posterior(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the log density (n,), up to a constant, of z (n, p), from all lines."""
@@ -300,7 +316,7 @@ def _draw(
     count, seed
         As in `sample_posterior`.
     """
-    random, separate = np.random.default_rng([seed, 8]), _separate_modes(LinearisedPoints.at(posterior, modes))
+    random, separate = np.random.default_rng([seed, 8]), separate_modes(LinearisedPoints.at(posterior, modes))
     about, log_weights = [], []
     for number, share, tangent_map in _shares(posterior, separate, count):
         target, starts = random.standard_normal((share, modes.shape[1])), separate.at_rows(np.full(share, number))
@@ -317,30 +333,6 @@ def _draw(
         chosen = drawn_by_weight(_clipped(log_weight, count), count, random)
         return decorrelate(posterior, points.at_rows(chosen), random).z, np.zeros(count), converged
     return points.z, log_weight, converged
-
-
-def _separate_modes(modes: LinearisedPoints) -> LinearisedPoints:
-    """Return the modes that are not within one another's Gaussians, except those of hardly any probability."""
-    precision = modes.jacobian @ modes.jacobian.transpose(0, 2, 1)
-    log_mass = modes.log_posterior - np.linalg.slogdet(precision)[1] / 2.0
-    kept: list[int] = []
-    for number in np.argsort(-log_mass).tolist():
-        likely = log_mass[number] > log_mass.max() + np.log(_SETTINGS.least_mass)
-        others = modes.at_rows(np.array(kept, dtype=np.intp))
-        if likely and (_distances(others, modes.z[[number]]) > _SETTINGS.apart**2).all():
-            kept.append(number)
-    return modes.at_rows(np.array(kept, dtype=np.intp))
-
-
-def _distances(modes: LinearisedPoints, z: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the squared distances (n, n_modes) of points from modes, in standard deviations of each."""
-    moved = np.einsum("pkd,kdm->pkm", z[:, np.newaxis] - modes.z, modes.jacobian)
-    return np.asarray(np.einsum("pkm,pkm->pk", moved, moved))
-
-
-def _nearest(modes: LinearisedPoints, z: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Return the numbers (n,) of the modes to which points are nearest."""
-    return np.asarray(np.argmin(_distances(modes, z), axis=1))
 
 
 def _shares(
@@ -360,7 +352,7 @@ def _ends_about(
 ) -> tuple[LinearisedPoints, NDArray[np.float64]]:
     """Return the ends of searches from one of several modes, those nearest to it, and their log densities."""
     ends, converged = tangent_map.solve(target, starts, _SETTINGS.iterations)
-    ends = ends.at_rows(np.flatnonzero(converged & (_nearest(modes, ends.z) == number)))
+    ends = ends.at_rows(np.flatnonzero(converged & (nearest_modes(modes, ends.z) == number)))
     return ends, tangent_map.log_density(ends)
 
 

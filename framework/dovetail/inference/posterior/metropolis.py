@@ -1,0 +1,170 @@
+"""Metropolis steps by tangent maps: they correct samples where a single map folds over.
+
+In the tangent map anchored at a point, the posterior is nearly standard normal, however curved its valley is. The
+proposal from there has the components ``0.6 u + 0.8 n``, with those of the point, u, and a standard normal draw n. The
+Metropolis-Hastings rule makes the step exact: the density of a proposal is that of its components times the map's
+determinant. A proposal whose reverse does not return, because the map folds over, is rejected.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.inference.posterior.likelihood import PosteriorResiduals, squared_norms
+from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, TangentSearches
+from dovetail.interfaces import Progress, silent
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How far a step goes, and how many are needed."""
+
+    correlation: float = 0.6
+    """Correlation of the components before and after a step; the larger, the more steps are accepted."""
+    iterations: int = 40
+    """Iterations after which a search is given up; most converge after ten to thirty."""
+    return_distance: float = 1e-2
+    """Largest difference of coordinates at which a reversed step counts as back at its start."""
+    remaining_correlation: float = 0.1
+    """Correlation of moved samples with the original ones below which they count as independent."""
+    steps: tuple[int, int] = (5, 10)
+    """Fewest and most steps of each sample. With five that are all accepted, samples are independent."""
+
+
+_SETTINGS = Settings()
+
+
+def decorrelate(
+    posterior: PosteriorResiduals,
+    points: LinearisedPoints,
+    random: np.random.Generator,
+    progress: Progress = silent,
+) -> LinearisedPoints:
+    """Move points by Metropolis steps until they are independent of their starts."""
+    fewest, most = _SETTINGS.steps
+    progress("independence", 0, most)
+    points, acceptance = metropolis_steps(posterior, points, random, fewest)
+    of_one = 1.0 - (1.0 - _SETTINGS.correlation) * acceptance
+    needed = np.log(_SETTINGS.remaining_correlation) / np.log(min(of_one, 1.0 - 1e-6))
+    further = int(min(np.ceil(needed), most)) - fewest
+    if further > 0:
+        progress("independence", fewest, fewest + further)
+        points, _ = metropolis_steps(posterior, points, random, further)
+    return points
+
+
+def metropolis_steps(
+    posterior: PosteriorResiduals, points: LinearisedPoints, random: np.random.Generator, steps: int
+) -> tuple[LinearisedPoints, float]:
+    """Move each point by steps that leave the posterior invariant.
+
+    Parameters
+    ----------
+    posterior : PosteriorResiduals
+    points : LinearisedPoints
+    random : numpy.random.Generator
+    steps : int
+        Of each point.
+
+    Returns
+    -------
+    LinearisedPoints
+    float
+        Fraction of the steps that were accepted.
+    """
+    walk = _Walk(posterior, points, random, steps)
+    walk.run()
+    return walk.points, walk.accepted / (steps * len(points.z))
+
+
+class _Walk:
+    """Chains of Metropolis steps, one from each point.
+
+    A step is a search for the proposal and, if that is accepted, one back to the start. Chains do not wait for one
+    another: the searches of all chains advance together, whichever step they belong to.
+
+    Parameters
+    ----------
+    posterior, points, random, steps
+        As in `metropolis_steps`.
+
+    Attributes
+    ----------
+    points : LinearisedPoints
+        Where the chains are.
+    accepted : int
+        Number of accepted steps.
+    """
+
+    def __init__(
+        self, posterior: PosteriorResiduals, points: LinearisedPoints, random: np.random.Generator, steps: int
+    ) -> None:
+        shape = (steps, *points.z.shape)
+        self._drawn, self._levels = random.standard_normal(shape), np.log(random.random(shape[:2]))
+        self._posterior, self._steps = posterior, steps
+        self.points, self._proposed, self.accepted = points.copy(), points.copy(), 0
+        self._maps = TangentMap(posterior, points)  # anchored at the points
+        rows = np.arange(len(points.z))
+        self._taken, self._returning = np.zeros(len(rows), dtype=np.int64), np.zeros(len(rows), dtype=np.bool_)
+        self._searches = TangentSearches(self._maps.at_rows(rows), self._targets(rows), points, _SETTINGS.iterations)
+
+    def run(self) -> None:
+        """Take all steps of all chains."""
+        while len(walking := np.flatnonzero(self._taken < self._steps)):
+            active = self._searches.active(walking)
+            self._searches.advance(active)
+            self._go_on(np.setdiff1d(walking, self._searches.active(active), assume_unique=True))
+
+    def _targets(self, rows: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Return the components (k, d) of the proposals of some of the chains."""
+        components = self._maps.along(self.points.residuals[rows], rows)
+        drawn = self._drawn[self._taken[rows], rows]
+        return np.asarray(_SETTINGS.correlation * components + np.sqrt(1.0 - _SETTINGS.correlation**2) * drawn)
+
+    def _go_on(self, rows: NDArray[np.intp]) -> None:
+        """Continue the chains whose searches have ended: reverse an accepted proposal, or begin the next step."""
+        returning = self._returning[rows]
+        self._arrive(rows[returning])
+        reversing = self._judge(rows[~returning])
+        done = np.setdiff1d(rows, reversing, assume_unique=True)
+        self._taken[done] += 1
+        self._returning[done] = False
+        next_step = done[self._taken[done] < self._steps]
+        if len(next_step):
+            maps, start = self._maps.at_rows(next_step), self.points.at_rows(next_step)
+            self._searches.restart(next_step, maps, self._targets(next_step), start)
+
+    def _judge(self, rows: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Accept or reject the proposals that were found; return the chains whose step has to be reversed."""
+        rows = rows[self._searches.converged[rows]]
+        if not len(rows):
+            return rows
+        start, end, forth = self.points.at_rows(rows), self._searches.ends.at_rows(rows), self._maps.at_rows(rows)
+        back = TangentMap(self._posterior, end)
+        log_ratio = end.log_posterior - start.log_posterior
+        log_ratio += _log_proposal(back, end, start) - _log_proposal(forth, start, end)
+        accepted = np.flatnonzero(self._levels[self._taken[rows], rows] < log_ratio)
+        rows, end, back = rows[accepted], end.at_rows(accepted), back.at_rows(accepted)
+        self._proposed.overwrite(rows, end)
+        self._returning[rows] = True
+        self._searches.restart(rows, back, back.components(start.residuals[accepted]), end)
+        return rows
+
+    def _arrive(self, rows: NDArray[np.intp]) -> None:
+        """Move the chains whose reversed steps lead back to their starts."""
+        distance = np.abs(self._searches.ends.z[rows] - self.points.z[rows]).max(axis=1, initial=0.0)
+        moved = rows[self._searches.converged[rows] & (distance < _SETTINGS.return_distance)]
+        if len(moved):
+            self.points.overwrite(moved, self._proposed.at_rows(moved))
+            self._maps.overwrite(moved, TangentMap(self._posterior, self.points.at_rows(moved)))
+            self.accepted += len(moved)
+
+
+def _log_proposal(tangent_map: TangentMap, start: LinearisedPoints, end: LinearisedPoints) -> NDArray[np.float64]:
+    """Return the log density of proposals `end` from `start`, the map's anchors."""
+    kept = _SETTINGS.correlation * tangent_map.components(start.residuals)
+    squares = squared_norms(tangent_map.components(end.residuals) - kept)
+    return np.asarray(tangent_map.log_determinant(end) - squares / (2.0 * (1.0 - _SETTINGS.correlation**2)))
