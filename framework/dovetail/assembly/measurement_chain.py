@@ -36,10 +36,12 @@ class Chain:
         self._omega = 2.0 * np.pi * frequency
         self._power = QUANTITIES.index(quantity)
         self._gain = self._column("gain", theta, 1.0)
-        delay = self._column("delay", theta, 0.0)
         phase = self._column("phase", theta, 0.0)
-        self._turned = (1.0 if np.isnan(sign) else sign) * np.exp(1j * (phase - self._omega * delay))
-        self._ratio = 1.0 + self._column("window", theta, 0.0) / (1j * self._omega)
+        if (delay := self._column("delay", theta, 0.0)).any():
+            phase = phase - self._omega * delay
+        self._turned = (1.0 if np.isnan(sign) else sign) * np.exp(1j * phase)
+        window = self._column("window", theta, 0.0)
+        self._ratio = 1.0 + window / (1j * self._omega) if window.any() else np.ones((1, 1))
 
     def _column(self, name: str, theta: NDArray[np.float64], otherwise: float) -> NDArray[np.float64]:
         """Return one of the parameters, (n, 1)."""
@@ -49,11 +51,11 @@ class Chain:
 
     @cached_property
     def factor(self) -> NDArray[np.complex128]:
-        """(n, n_freq) gain, sign, phase, delay, and the window's change of the time derivatives."""
+        """(n, n_freq), or (n, 1) if the same on all lines: gain, sign, phase, delay, and the effect of the window."""
         return np.asarray(self._gain * self._turned * self._ratio**self._power)
 
     def derivative(self, column: int) -> NDArray[np.complex128]:
-        """Return the derivative of the factor by the parameter in a column of theta, (n, n_freq)."""
+        """Return the derivative of the factor by the parameter in a column of theta, (n, n_freq) or (n, 1)."""
         name = self._names[column]
         if name == "gain":
             return np.asarray(self._turned * self._ratio**self._power)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -35,12 +36,8 @@ class Settings:
 
     most_off: float = 0.3
     """Largest deviation of a quantity of a known part, as the logarithm of the ratio to its described value."""
-    least_error: float = 1e-5
-    """Standard deviation of an error of the model, over that of the noise, below which it changes nothing."""
     tolerance: float = 1e-3
     """Root mean square of the part of a residual vector outside the subspace; its noise is 1."""
-    error_multiple: float = 3.0
-    """Standard deviations of the model's errors that are represented as accurately as the residual vectors."""
     most_shapes: int = 200
     """Largest number of vectors of the basis."""
     least_amplitude: float = 1e-3
@@ -91,10 +88,15 @@ class Likelihood:
         """The residuals as functions of the parameters."""
         return FrfResiduals(self.model, self.residual)
 
+    @cached_property
+    def marginalised(self) -> MarginalisedResiduals:
+        """The residuals with the model's errors marginalised."""
+        return MarginalisedResiduals(self.misfit, self.errors)
+
     @property
     def posterior(self) -> PosteriorResiduals:
         """The residuals with the model's errors marginalised, and those of the prior."""
-        return PosteriorResiduals(MarginalisedResiduals(self.misfit, self.errors))
+        return PosteriorResiduals(self.marginalised)
 
     def frf(self, fraction: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return the model's FRFs (n, f) at fractions of the ranges (n, p)."""
@@ -103,7 +105,7 @@ class Likelihood:
     def log(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the log-likelihood (n,), up to a constant, at fractions of the ranges (n, p)."""
         blocks = [fraction[first : first + _BLOCK] for first in range(0, max(1, len(fraction)), _BLOCK)]
-        squares = [marginalised_squares(self.misfit.residuals(block), self.errors) for block in blocks]
+        squares = [self.marginalised.squares(self.misfit.residuals(block)) for block in blocks]
         return np.asarray(-np.concatenate(squares) / 2.0)
 
 
@@ -171,40 +173,44 @@ class MarginalisedResiduals(SumOfSquares):
 
     Notes
     -----
-    Their squares sum to `marginalised_squares`. ``(1 + E^T E)^(-1/2)`` is 1 except in the directions of the errors.
+    Their squares sum to `marginalised_squares`. With ``E E^T = V L V^T`` and ``R = (1 + L)^(1/2)``, the factor is
+    ``(1 + E^T E)^(-1/2) = 1 - E^T V (R + R^2)^(-1) V^T E``.
     """
 
     def __init__(self, misfit: FrfResiduals, errors: NDArray[np.float64], weight: float = 1.0) -> None:
-        self._misfit = misfit
-        _, self._sizes, self._all_directions = np.linalg.svd(errors, full_matrices=False)
-        self._set_weight(weight)
+        self._misfit, self._errors, self._weight = misfit, errors, weight
+        squares, self._mixing = np.linalg.eigh(errors @ errors.T)
+        self._squares = np.maximum(squares, 0.0)
 
     def weighted(self, factor: float) -> MarginalisedResiduals:
         """Return the same residuals with a weight that is larger by a factor."""
         other = copy(self)
-        other._set_weight(factor * self._weight)
+        other._weight = factor * self._weight
         return other
-
-    def _set_weight(self, weight: float) -> None:
-        """Keep the directions of errors that exceed the noise, and how much residuals shrink along them."""
-        sizes = weight * self._sizes
-        large = sizes > _SETTINGS.least_error
-        self._weight = weight
-        self._directions, self._reduction = self._all_directions[large], 1.0 - 1.0 / np.sqrt(1.0 + sizes[large] ** 2)
 
     def residuals(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return residuals (n, m)."""
-        return self._scaled(self._misfit.residuals(fraction))
+        return self.scaled(self._misfit.residuals(fraction))
 
     def linearise(self, fraction: NDArray[np.float64]) -> Linearisation:
         """Return residuals and derivatives."""
-        return self._misfit.linearise(fraction, self._scaled)
+        return self._misfit.linearise(fraction, self.scaled)
 
-    def _scaled(self, residuals: NDArray[np.float64]) -> NDArray[np.float64]:
-        whitened = (residuals @ self._directions.T * -self._reduction) @ self._directions
-        whitened += residuals
-        whitened *= self._weight
-        return np.asarray(whitened)
+    def squares(self, residuals: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the sums of squares (n,) of the scaled ones of residuals (n, m) of the measurement."""
+        weight = self._weight**2
+        along = residuals @ self._errors.T @ self._mixing * np.sqrt(weight / (1.0 + weight * self._squares))
+        return np.asarray(weight * (squared_norms(residuals) - squared_norms(along)))
+
+    def scaled(self, residuals: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return residuals (n, m) of the measurement, or changes of them, with the model's errors marginalised."""
+        weight = self._weight**2
+        root = np.sqrt(1.0 + weight * self._squares)
+        part = (self._mixing * (-weight / (root * (1.0 + root)))) @ self._mixing.T
+        scaled = (residuals @ self._errors.T @ part) @ self._errors
+        scaled += residuals
+        scaled *= self._weight
+        return np.asarray(scaled)
 
 
 class ReducedResiduals(SumOfSquares):
@@ -221,32 +227,34 @@ class ReducedResiduals(SumOfSquares):
 
     Notes
     -----
-    The basis is that of a singular value decomposition, and its interpolation lines follow from pivoted QR (Drmac and
-    Gugercin, A new selection operator for the discrete empirical interpolation method, 2016); for likelihoods this is
-    known as reduced-order quadrature (Canizares et al., 2013). The part of the residuals outside the subspace does not
-    depend on the parameters. Averages over lines are linear in an FRF with phase, so that the lines that determine the
-    FRF suffice; averages of amplitudes need all lines.
+    The basis of their differences is that of a singular value decomposition, and its interpolation lines follow from
+    pivoted QR (Drmac and Gugercin, A new selection operator for the discrete empirical interpolation method, 2016); for
+    likelihoods this is known as reduced-order quadrature (Canizares et al., 2013). Its vectors are scaled as the
+    residuals are, and these span the subspace. The part of the residuals outside it does not depend on the parameters.
+    Averages over lines are linear in an FRF with phase, so that the lines that determine the FRF suffice; averages of
+    amplitudes need all lines.
     """
 
     def __init__(
         self, likelihood: Likelihood, snapshots: NDArray[np.complex128], origin: NDArray[np.complex128]
     ) -> None:
-        errors, at_origin = likelihood.errors, likelihood.residual.of(origin[np.newaxis])[0]
+        at_origin = likelihood.residual.of(origin[np.newaxis])[0]
         differences = likelihood.residual.of(snapshots) - at_origin
-        basis = _basis(np.concatenate([differences, _SETTINGS.error_multiple * errors]))
         if likelihood.by_line is not None:
-            few = _few_lines(likelihood, likelihood.by_line, basis, at_origin)
+            few = _few_lines(likelihood, likelihood.by_line, _basis(differences), at_origin)
         elif all(frf.has_phase for frf in likelihood.target.frfs):
-            few = _few_lines_of_averages(likelihood, basis, differences, snapshots - origin, origin)
+            few = _few_lines_of_averages(likelihood, differences, snapshots - origin, origin)
         else:
-            few = _FewLines(likelihood.model, likelihood.residual, at_origin, basis)
+            basis = _basis(differences)
+            few = _FewLines(likelihood.model, likelihood.residual, at_origin, basis, basis.T)
         self.lines = sum(few.model.counts)
         self._misfit = FrfResiduals(few.model, few.residual)
-        scaled = _inverse_square_root(np.eye(basis.shape[1]) + (errors @ basis).T @ (errors @ basis))
-        self._to_subspace: NDArray[np.float64] = few.to_basis @ scaled
-        self._at_origin = at_origin @ basis @ scaled
+        basis, mixing = np.linalg.qr(likelihood.marginalised.scaled(few.vectors).T)
+        scaled = likelihood.marginalised.scaled(at_origin[np.newaxis])[0]
+        self._to_subspace: NDArray[np.float64] = few.to_vectors @ mixing.T
+        self._at_origin = scaled @ basis
         self._origin_rows = few.origin
-        self.outside = float(at_origin @ at_origin - np.sum((at_origin @ basis) ** 2))
+        self.outside = float(scaled @ scaled - self._at_origin @ self._at_origin)
 
     def residuals(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return residuals (n, k) in the subspace; with `outside`, their squares sum to `marginalised_squares`."""
@@ -262,16 +270,17 @@ class ReducedResiduals(SumOfSquares):
 
 
 class _FewLines(NamedTuple):
-    """How the coordinates of residuals in a subspace of k dimensions follow from few lines.
+    """How residuals (m,) of all lines follow from those of few.
 
-    `residual` are q residuals of a `model` on few lines, `origin` (q,) those of the origin, and `to_basis` (q, k) maps
-    their difference to the coordinates.
+    `residual` are q residuals of a `model` on few lines, `origin` (q,) those of the origin. The product of their
+    difference with `to_vectors` (q, k) gives the coefficients of k `vectors` (k, m) in the residuals of all lines.
     """
 
     model: ModelFrfs
     residual: Residual
     origin: NDArray[np.float64]
-    to_basis: NDArray[np.float64]
+    to_vectors: NDArray[np.float64]
+    vectors: NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -296,18 +305,17 @@ def _few_lines(
     """Return the lines whose residuals determine the coordinates in a basis best."""
     lines = by_line.lines_of(_pivots(basis))
     rows = by_line.residuals_of(lines)
-    to_basis = np.asarray(np.linalg.pinv(basis[rows]).T)
-    return _FewLines(likelihood.model.at(lines), by_line.at(lines), origin[rows], to_basis)
+    to_vectors = np.asarray(np.linalg.pinv(basis[rows]).T)
+    return _FewLines(likelihood.model.at(lines), by_line.at(lines), origin[rows], to_vectors, basis.T)
 
 
 def _few_lines_of_averages(
     likelihood: Likelihood,
-    basis: NDArray[np.float64],
     differences: NDArray[np.float64],
     of_frf: NDArray[np.complex128],
     origin: NDArray[np.complex128],
 ) -> _FewLines:
-    """Return the lines that determine the FRF, and the map from there to the coordinates of the averages.
+    """Return the lines that determine the FRF, and the changes of the averages with the vectors of its basis.
 
     FRFs are scaled so that their differences (n, f) are as large as those of the residuals (n, m).
     """
@@ -320,19 +328,12 @@ def _few_lines_of_averages(
     rows = np.stack([2 * lines, 2 * lines + 1], axis=1).ravel()
     vectors = np.ascontiguousarray(of_lines.T).view(np.complex128) * scaled.scale
     added = likelihood.residual.jacobian(origin[np.newaxis], vectors[np.newaxis])[0]
-    to_basis = np.asarray(np.linalg.pinv(of_lines[rows]).T @ (added @ basis))
-    on_few = _ScaledValues(scaled.scale[lines])
-    return _FewLines(likelihood.model.at(lines), on_few, on_few.of(origin[np.newaxis, lines])[0], to_basis)
+    to_vectors, on_few = np.asarray(np.linalg.pinv(of_lines[rows]).T), _ScaledValues(scaled.scale[lines])
+    return _FewLines(likelihood.model.at(lines), on_few, on_few.of(origin[np.newaxis, lines])[0], to_vectors, added)
 
 
 def _pivots(basis: NDArray[np.float64]) -> NDArray[np.intp]:
     return np.asarray(qr(basis.T, mode="r", pivoting=True)[1][: basis.shape[1]])
-
-
-def _inverse_square_root(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return M^(-1/2) of a symmetric M = 1 + A, A positive; eigenvalues below 1 are rounding errors."""
-    values, vectors = np.linalg.eigh(matrix)
-    return np.asarray((vectors / np.sqrt(np.maximum(values, 1.0))) @ vectors.T)
 
 
 def _basis(vectors: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -60,6 +60,10 @@ class Settings:
     """Largest number of orders of the values of like joints from which a search begins: all of four joints."""
     same: float = 0.05
     """Largest difference of coordinates, of which the prior's deviation is 1, at which two ends are the same mode."""
+    worth: float = 400.0
+    """Chi-squared above the best one up to which a mode is of interest: twice as much as sampling accepts."""
+    standard_errors: float = 5.0
+    """Uncertainty of chi-squared from few lines, in standard errors, within which a mode may be of interest."""
     tolerance: float = 1e-2
     steps: int = 100
     """Limits of the searches on all lines; sampling starts at the modes and does not need them more precisely."""
@@ -122,7 +126,7 @@ def search_modes(
     def callback() -> None:
         progress("modes", next(searches), total)
 
-    logarithms, tempered = _on_few_lines(problem, likelihood)
+    logarithms, tempered, every = _on_few_lines(problem, likelihood)
     points = scipy.stats.qmc.LatinHypercube(len(best), rng=random).random(_SETTINGS.searches)
     tolerance, most_steps = _SETTINGS.first_tolerance, _SETTINGS.first_steps
     near = minimise(logarithms, points, tolerance=tolerance, most_steps=most_steps, callback=callback).position
@@ -133,15 +137,19 @@ def search_modes(
     ends = np.concatenate([direct, cooled, exchanged])
     ends = maximise_posterior(tempered(1.0), ends, most_steps=_SETTINGS.rough_steps, **rough)
     ends = ends[[bool((np.abs(ends[:row] - end) > _SETTINGS.same).any(axis=1).all()) for row, end in enumerate(ends)]]
-    modes = maximise_posterior(likelihood.posterior, np.concatenate([of_fit, ends[:refined]]), callback=callback)
+    starts = _promising(tempered(1.0), np.concatenate([of_fit, ends[:refined]]), every)
+    modes = maximise_posterior(likelihood.posterior, starts, callback=callback)
     progress("modes", total, total)  # fewer may have been different
     return modes
 
 
 def _on_few_lines(
     problem: Problem, likelihood: Likelihood
-) -> tuple[FrfResiduals, Callable[[float], PosteriorResiduals]]:
-    """Return the logarithms' residuals on evenly chosen lines, and the posterior there with a weighted measurement."""
+) -> tuple[FrfResiduals, Callable[[float], PosteriorResiduals], int]:
+    """Return the logarithms' residuals on every n-th line, the posterior there with a weighted measurement, and n.
+
+    Averages over lines are all taken: n is then 1.
+    """
     step = max(1, len(likelihood.variance) // _SETTINGS.lines)
     lines = np.arange(step // 2, len(likelihood.variance), step)
     model = problem.model.at(lines)
@@ -152,7 +160,20 @@ def _on_few_lines(
         errors = errors[:, likelihood.by_line.residuals_of(lines)]
         full_weight = float(np.sqrt(step))  # with which these lines weigh as much as all
     marginalised = MarginalisedResiduals(misfit, errors, full_weight)
-    return logarithms, lambda weight: PosteriorResiduals(marginalised.weighted(weight))
+    every = 1 if likelihood.by_line is None else step
+    return logarithms, lambda weight: PosteriorResiduals(marginalised.weighted(weight)), every
+
+
+def _promising(posterior: PosteriorResiduals, z: NDArray[np.float64], every: int) -> NDArray[np.float64]:
+    """Return those of the points z (n, p) that may be near modes worth having, by the posterior on every n-th line.
+
+    A point as good as the best one has as large a standard error of chi-squared, by which it may seem to be worse.
+    """
+    squares = posterior.residuals(z)[:, z.shape[1] :] ** 2
+    chi_squared = squares.sum(axis=1)
+    best = np.argmin(chi_squared)
+    error = np.sqrt((1.0 - 1.0 / every) * np.sum(squares[best] ** 2))
+    return np.asarray(z[chi_squared - chi_squared[best] <= _SETTINGS.worth + _SETTINGS.standard_errors * error])
 
 
 def maximise_posterior(

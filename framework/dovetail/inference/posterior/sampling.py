@@ -21,7 +21,6 @@ from dovetail.inference.posterior.likelihood import (
     Likelihood,
     PosteriorResiduals,
     ReducedResiduals,
-    marginalised_squares,
     squared_norms,
     unit_from_normal,
 )
@@ -203,7 +202,7 @@ class _Sampler:
             pilots, _ = self._tangent_map.solve(target, starts, _SETTINGS.pilot_iterations)
             fraction = unit_from_normal(pilots.z)
             frfs, on_few = likelihood.frf(fraction), reduced.residuals(fraction)
-            squares = marginalised_squares(likelihood.residual.of(frfs), likelihood.errors)
+            squares = likelihood.marginalised.squares(likelihood.residual.of(frfs))
             error = np.abs(squared_norms(on_few) + reduced.outside - squares)
             near = squares <= squares.min() + _SETTINGS.region
             self._points = np.concatenate([self._points, pilots.z[near]])
@@ -268,7 +267,7 @@ class _Sampler:
         return self._search_about(LinearisedPoints.at(self._posterior, self._mode), count)
 
     def _search_about(self, modes: LinearisedPoints, count: int) -> tuple[LinearisedPoints, NDArray[np.float64]]:
-        found, log_densities, finished = [], [], 0
+        of_modes, log_densities, finished = [], [], 0
         for number, share, tangent_map in _shares(self._posterior, modes, count):
             for first in range(0, share, _SETTINGS.batch):
                 self._progress("samples", finished, count)
@@ -276,11 +275,11 @@ class _Sampler:
                 target, starts = self._starts(min(_SETTINGS.batch, share - first), tangent_map, about)
                 ends, log_density = _ends_about(modes, number, tangent_map, target, starts)
                 self._points, finished = np.concatenate([self._points, ends.z]), finished + len(ends.z)
-                found.append(ends)
+                of_modes.append(ends)
                 log_densities.append(log_density + np.log(share))
         self._progress("samples", count, count)
         mixed = _mixed(finished, modes, self._random)
-        return LinearisedPoints.joined(found).at_rows(mixed), np.concatenate(log_densities)[mixed]
+        return LinearisedPoints.joined(of_modes).at_rows(mixed), np.concatenate(log_densities)[mixed]
 
     def _separate(self) -> LinearisedPoints:
         """Return the separate modes of the reduced posterior; the highest alone if there are no others."""
