@@ -100,3 +100,14 @@ def test_frfs_and_derivatives_of_a_law_are_those_of_the_values_that_it_gives(cou
         change = frfs.frfs(theta * (1 + step)) - frfs.frfs(theta * (1 - step))
         expected = change / (2e-6 * theta[:, column])[:, np.newaxis, np.newaxis]
         np.testing.assert_allclose(jacobian[:, :, column], expected, rtol=1e-4, atol=1e-6 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("places", [([2, 0, 4], [0, 1, 2]), ([2, 0, 4, 1], [0, 1, 2, 0]), ([3], [1])])
+@pytest.mark.parametrize("shape", [(4, 5, 6), (4, 2, 5, 6)])
+def test_the_chain_rule_sums_over_the_values_that_depend_on_a_parameter(places, shape):
+    """One value for each parameter, two of them tied to one, and parameters on which nothing depends."""
+    random = np.random.default_rng(0)
+    derivatives, slopes = random.standard_normal(shape), np.zeros((4, 5, 3))
+    slopes[:, *places] = random.standard_normal((4, len(places[0])))
+    expected = np.einsum("n...vf,nvp->n...pf", derivatives, slopes)
+    np.testing.assert_allclose(chain_rule(derivatives, slopes), expected, rtol=1e-13)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -35,7 +36,7 @@ from dovetail.inference.posterior.likelihood import (
     unit_from_normal,
 )
 from dovetail.inference.posterior.metropolis import metropolis_steps
-from dovetail.inference.posterior.mode_search import search_modes
+from dovetail.inference.posterior.mode_search import _promising, search_modes
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap
 from dovetail.problem import Problem
 from dovetail.problem.observations import Observations
@@ -236,7 +237,10 @@ def test_errors_of_the_model_scale_residuals_to_their_sum_of_squares(sdof):
     errors = residual.jacobian(values[None], shapes[None])[0]
     places = np.random.default_rng(0).random((5, 2))
     scaled = MarginalisedResiduals(misfit, errors).linearise(places)
-    np.testing.assert_allclose(scaled.cost, marginalised_squares(misfit.residuals(places), errors), rtol=1e-9)
+    squares = marginalised_squares(misfit.residuals(places), errors)
+    np.testing.assert_allclose(scaled.cost, squares, rtol=1e-9)
+    weighted = MarginalisedResiduals(misfit, errors).weighted(3.0)
+    np.testing.assert_allclose(weighted.squares(misfit.residuals(places)), weighted.linearise(places).cost, rtol=1e-9)
     step = np.array([1e-6, 0.0])
     ahead, behind = (MarginalisedResiduals(misfit, errors).residuals(places + sign * step) for sign in (1, -1))
     np.testing.assert_allclose(
@@ -398,3 +402,12 @@ def test_a_few_lines_stand_for_averages_of_responses_whose_units_differ():
     inside = reduced.residuals(near[250:])
     squares = np.einsum("nk,nk->n", inside, inside) + reduced.outside
     np.testing.assert_allclose(squares, -2.0 * likelihood.log(near[250:]), atol=0.1)
+
+
+@pytest.mark.parametrize(("chi_squared", "every", "kept"), [(1350, 1, True), (1500, 1, False), (1500, 50, True)])
+def test_points_that_few_lines_show_to_be_hopeless_are_left_out(chi_squared, every, kept):
+    """By every fiftieth line chi-squared is uncertain: by 5 standard errors of about 310 here."""
+    of_lines = np.random.default_rng(0).standard_normal(1000 // every) * np.sqrt(every)
+    best = of_lines * np.sqrt(1000.0 / np.sum(of_lines**2))
+    posterior = SimpleNamespace(residuals=lambda z: np.stack([best, best * np.sqrt(chi_squared / 1000.0)]))
+    assert len(_promising(posterior, np.zeros((2, 0)), every)) == 1 + kept

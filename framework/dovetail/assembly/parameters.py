@@ -115,8 +115,13 @@ def chain_rule(derivatives: NDArray[Any], slopes: NDArray[np.float64]) -> NDArra
     _, count, parameters = slopes.shape
     if count == parameters and (slopes == np.eye(count)).all():
         return derivatives
+    depends = slopes.any(axis=0)
+    if (depends.sum(axis=0) == 1).all():  # each parameter is the only source of one value
+        values = np.argmax(depends, axis=0)
+        factors = slopes[:, values, np.arange(parameters)]
+        return derivatives[..., values, :] * factors.reshape(len(slopes), *(1,) * (derivatives.ndim - 3), parameters, 1)
     total = np.zeros((*derivatives.shape[:-2], parameters, derivatives.shape[-1]), dtype=derivatives.dtype)
-    for value, column in np.argwhere(slopes.any(axis=0)):
+    for value, column in np.argwhere(depends):
         slope = slopes[:, value, column].reshape(-1, *(1,) * (derivatives.ndim - 2))
         total[..., column, :] += slope * derivatives[..., value, :]
     return total
