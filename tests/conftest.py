@@ -23,10 +23,9 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 # Before torch or numba load OpenMP: threads that spin while they wait starve each other on a busy machine.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
-PARALLEL = "PYTEST_XDIST_WORKER" in os.environ
-if PARALLEL:  # every core has a process of its own already
-    os.environ.setdefault("OMP_NUM_THREADS", "1")
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# Matrices are small here: several threads gain nothing, and on a busy machine they make a test ten times slower.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 ROOT = Path(__file__).resolve().parent.parent
 ASSEMBLIES = ROOT / "assemblies"
@@ -81,7 +80,7 @@ def peak_of() -> Callable[[Callable[[], object]], float]:
     return megabytes
 
 
-@pytest.fixture(scope="session", autouse=PARALLEL)
+@pytest.fixture(scope="session", autouse=True)
 def one_thread_of_linear_algebra():
     """NumPy is loaded already, so that its libraries do not look at the environment again."""
     with threadpool_limits(1, user_api="blas"):

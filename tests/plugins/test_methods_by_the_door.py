@@ -1,4 +1,4 @@
-"""The methods of identification that ship are plugins like anybody's: the kit passes them, in any package."""
+"""The methods of identification that ship are plugins like anybody's: they work in any package."""
 
 import importlib
 import shutil
@@ -9,7 +9,6 @@ import pytest
 import dovetail
 import dovetail_plugins
 from dovetail.registry import Registry
-from dovetail.testing import check_component
 
 FOLDER = Path(dovetail_plugins.__file__).parent / "methods"
 NAMES = ("multistart", "network", "posterior", "refined")
@@ -24,12 +23,6 @@ def dovetail_components():
     members = vars({module}).values()
     return [one for one in members if inspect.isclass(one) and one.__module__ == {module}.__name__]
 """
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_the_conformance_kit_passes_a_method_that_ships(name):
-    results = check_component(name)
-    assert [result for result in results if result.outcome == "failed"] == []
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -69,12 +70,22 @@ def write_measurements(folder: Path, sdof: dovetail.Assembly, *names: str) -> No
 
 
 def start(place: Path, *words: str) -> subprocess.Popen[str]:
-    """Start an identification of the measurements in `place`, with its results in the folder `results`."""
+    """Start an identification of the measurements in `place`, with its results in the folder `results`.
+
+    Ctrl-C reaches it, also where this process was started in the background, to ignore it.
+    """
     (place / "marks").mkdir(exist_ok=True)
     (place / "faulty.py").write_text(COMMAND)
     options = ["identify", "sdof.yaml", *words, "-o", "results", "--cause-seconds", "0", "--samples", "50"]
     command = [sys.executable, "faulty.py", "marks", *options]
-    return subprocess.Popen(command, cwd=place, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    return subprocess.Popen(
+        command,
+        cwd=place,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
 
 
 def summary(place: Path) -> list[str]:

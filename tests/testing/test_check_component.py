@@ -20,7 +20,8 @@ from support.broken_plugins.lists import BROKEN
 
 SLOW = ("flow",)
 """Of which `mlp`, whose training it shares, shows most."""
-REGISTERED = [(kind, name) for kind in KINDS for name in installed_components().names(kind)]
+REGISTERED = [(kind, name) for kind in KINDS if kind != "reader" for name in installed_components().names(kind)]
+"""All but the readers, which test_own_readers.py tests."""
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pytest
 import dovetail
 import dovetail_plugins
 from dovetail.registry import installed_components
-from dovetail.testing import check_component
+from dovetail.testing import check_component, check_names
 from dovetail.testing.kit import each_check
 
 READERS = [offer.component for offer in installed_components().offers("reader")]
@@ -42,7 +42,10 @@ def test_every_format_has_a_reader():
 
 @pytest.mark.parametrize("reader", [one for one in READERS if one.name not in GUARDED], ids=lambda one: one.name)
 def test_a_reader_conforms(reader):
-    assert faults(check_component(reader)) == []
+    results = check_component(reader)
+    assert faults(results) == []
+    assert sum(result.passed for result in results) >= 10
+    assert [result.name for result in results] == list(check_names("reader"))
 
 
 @pytest.mark.parametrize("reader", [one for one in READERS if one.name in GUARDED], ids=lambda one: one.name)
