@@ -13,6 +13,8 @@ import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
+from importlib import import_module
+from importlib.util import find_spec
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -35,16 +37,27 @@ _TRUSTING = frozenset((
 """Estimators whose native code reads outside of its arrays, or divides by zero, if the state was manipulated."""
 _LIBSVM = ("SVR", "NuSVR")
 """Such estimators whose states can be checked."""
+_NESTED = ("feature_extraction.image", "feature_extraction.text")
+"""Public modules of scikit-learn with estimators that the module above does not export."""
 _LOST = object()
 _STRUCTURE = "structure"
 
 
 @cache
 def _exported() -> dict[str, type]:
-    """Return the estimators of scikit-learn by name."""
-    from sklearn.utils import all_estimators
+    """Return the estimators of scikit-learn by name: those of `all_estimators`, which imports torch on its way."""
+    import sklearn
+    from sklearn.base import BaseEstimator
 
-    return {name: entry for name, entry in all_estimators() if name not in _TRUSTING}
+    names = {*sklearn.__all__, *_NESTED}
+    modules = [import_module(f"sklearn.{name}") for name in names if find_spec(f"sklearn.{name}") is not None]
+    classes = {name: entry for module in modules for name, entry in inspect.getmembers(module, inspect.isclass)}
+    return {
+        name: entry
+        for name, entry in classes.items()
+        if issubclass(entry, BaseEstimator) and entry is not BaseEstimator and not inspect.isabstract(entry)
+        if not name.startswith("_") and name not in _TRUSTING
+    }
 
 
 class EstimatorConfig(ComponentConfig):

@@ -27,25 +27,31 @@ def test_a_delay_turns_the_phase_and_nothing_else():
     assert np.allclose(ratio, np.exp(-2j * np.pi * 20e-6 * assembly.frequency))
 
 
-def test_a_case_has_a_row():
-    case = judged((10, "young", 2e-3), 1, "refined")
+@pytest.fixture(scope="module")
+def case():
+    return judged((10, "young", 2e-3), 1, "refined")
+
+
+def test_a_case_has_a_row(case):
     assert abs(case.known / 2e-3 - 1.0) < 0.12
     assert case.resonances >= 2
     assert row("all", [case]).startswith("| all | 1 |")
 
 
-def test_joints_damped_by_another_law_are_judged_by_damping():
-    case = replace(judged((10, "young", 2e-3), 1, "refined"), kind="law", known_damping=0.2, left_damping=0.1)
+def test_joints_damped_by_another_law_are_judged_by_damping(case):
+    case = replace(case, kind="law", known_damping=0.2, left_damping=0.1)
     assert replace(case, told=1e9, told_damping=0.06).between
     assert not replace(case, told=case.known, told_damping=0.04).between
 
 
-@pytest.mark.parametrize("number", [1, 6])
+@pytest.mark.parametrize("number", [1, pytest.param(6, marks=pytest.mark.slow)])
 def test_another_structure_does_not_fit(number):
     assert foreign(number, seed=88) == "does not fit"
 
 
-@pytest.mark.parametrize(("number", "size", "seed"), [(2, 3e-3, 612), (0, 5e-2, 871)])
+@pytest.mark.parametrize(
+    ("number", "size", "seed"), [pytest.param(2, 3e-3, 612, marks=pytest.mark.slow), (0, 5e-2, 871)]
+)
 def test_a_mistake_of_units_is_named_where_the_model_errs(number, size, seed):
     named = caused((number, "thousand", size), seed, limit=200.0)
     assert named.words == "all values divided by 1000 (mm and m, or N and kN confused?)"

@@ -302,7 +302,7 @@ def test_a_network_takes_no_model_error(model, measured):
 
 @pytest.mark.usefixtures("few_mode_searches")
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("model_error", [0.0, 1e-4, 0.01, 0.3])
+@pytest.mark.parametrize("model_error", [0.0, 1e-4, pytest.param(0.01, marks=pytest.mark.slow), 0.3])
 def test_every_error_can_be_allowed_with_noise_and_without(sdof, method, model_error):
     lines = sdof.frequency[::5]
     for values in (sdof.on(lines).frf(), 1.2 * sdof.on(lines).frf()):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -30,6 +32,18 @@ def stored(state):
     """A state as a model's folder keeps it: arrays, and what JSON holds."""
     plain = {name: value for name, value in state.items() if not isinstance(value, np.ndarray)}
     return {**{name: value for name, value in state.items() if name not in plain}, **json.loads(json.dumps(plain))}
+
+
+def test_the_estimators_are_those_that_scikit_learn_lists():
+    assert scikit_learn._exported() == {
+        name: entry for name, entry in all_estimators() if name not in scikit_learn._TRUSTING
+    }
+
+
+def test_no_other_library_is_imported_for_an_estimator():
+    code = "import sys; from dovetail_plugins.scikit_learn import _exported; _exported(); print('torch' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"
 
 
 @pytest.mark.parametrize(
