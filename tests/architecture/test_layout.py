@@ -29,7 +29,7 @@ def test_no_two_test_modules_have_the_same_name():
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
-def test_what_modules_share_is_imported_from_support(file):
+def test_shared_code_of_tests_is_imported_from_support(file):
     text = file.read_text(encoding="utf-8")
     imported = {node.module for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ImportFrom)}
     shared = {other.stem for other in TESTS.rglob("*.py")} - SCRIPTS

@@ -123,7 +123,7 @@ def test_a_beam_with_an_overhang_is_measured_at_its_coil_still():
     assert lengths == [60, 400, 40]
 
 
-def test_the_program_judges_what_is_in_the_folder(data):
+def test_the_program_judges_the_measurements_in_a_folder(data):
     script = Path(__file__).with_name("measured_structures.py")
     command = [sys.executable, str(script), "--data", str(data), "--only", "frame_fitted"]
     printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout

@@ -186,7 +186,7 @@ def test_zoom_and_cursor_are_linked_in_the_report(browser: Browser, report: str)
         assert page.evaluate("document.querySelector('.chart-readout').textContent").startswith(f"{frequency:.6g}"[:3])
 
 
-def test_keys_do_what_the_mouse_does(browser: Browser, report: str) -> None:
+def test_the_keyboard_moves_and_zooms_the_chart(browser: Browser, report: str) -> None:
     with browser.page(report) as page:
         page.wait_for("document.querySelectorAll('canvas').length === 3")
         page.evaluate("document.querySelector('.chart-panels').focus(); 0")

@@ -72,7 +72,7 @@ def kept_out(browser: Browser, file: Path, width: int, scheme: str) -> list[tupl
 
 
 @pytest.mark.parametrize(("width", "scheme"), SIZES)
-def test_main_pages_fit_and_keep_nobody_out(browser: Browser, site: Path, width: int, scheme: str) -> None:
+def test_main_pages_fit_the_window_and_are_accessible(browser: Browser, site: Path, width: int, scheme: str) -> None:
     for name in MAIN:
         assert unfit(browser, site / f"{name}.html", width, scheme) == []
         assert kept_out(browser, site / f"{name}.html", width, scheme) == []
@@ -84,5 +84,5 @@ def test_every_page_fits_and_is_silent(browser: Browser, site: Path, width: int,
 
 
 @pytest.mark.parametrize(("width", "scheme"), [(360, "dark"), (1440, "light")])
-def test_every_page_keeps_nobody_out(browser: Browser, site: Path, width: int, scheme: str) -> None:
+def test_every_page_is_accessible(browser: Browser, site: Path, width: int, scheme: str) -> None:
     assert [fault for file in _pages(site) for fault in kept_out(browser, file, width, scheme)] == []

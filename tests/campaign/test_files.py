@@ -73,7 +73,7 @@ def test_the_truth_shows_in_the_compensated_peaks(campaign, truth):
 
 
 @pytest.mark.parametrize("file", ["parts", "torques", "novel_tools", "on_spindle"])
-def test_the_files_of_cases_name_what_is_there(file, campaign):
+def test_the_files_of_cases_name_existing_measurements(file, campaign):
     for case in read_cases(campaign / "cases" / f"{file}.yaml").cases:
         assert case.measured.file.exists()
         assert case.assembly.exists()

@@ -68,7 +68,7 @@ def test_wrong_options(run, bench, arguments, code, found):
     assert found in run("calibrate", bench.description, *arguments, code=code).stderr
 
 
-def test_a_folder_with_other_files_is_left_alone(run, bench, tmp_path):
+def test_a_folder_with_other_files_is_not_written_to(run, bench, tmp_path):
     (tmp_path / "ranks.png").write_text("mine")
     assert "would be replaced" in run("calibrate", bench.description, "-o", tmp_path, code=1).stderr
     assert (tmp_path / "ranks.png").read_text() == "mine"

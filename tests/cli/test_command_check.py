@@ -40,7 +40,7 @@ def test_check_shows_fixed_parameters_and_held_parts(run, tmp_path, assemblies):
     assert not any(row[:1] == ["c"] for row in rows)
 
 
-def test_without_natural_frequencies_in_the_range_it_says_so(run, tmp_path, assemblies):
+def test_check_reports_a_band_without_natural_frequencies(run, tmp_path, assemblies):
     description = tmp_path / "low.yaml"
     description.write_text(f"extends: {assemblies / 'sdof.yaml'}\nfrequency: {{stop: 20 Hz}}\n")
     printed = run("check", description).stdout

@@ -42,7 +42,7 @@ def test_figures_are_written(run, files, tmp_path):
     assert "Accepted: .png, .svg, .html" in run("plot", *files, "-o", tmp_path / "frfs.pdf", code=2).stderr
 
 
-def test_the_figure_draws_what_was_measured(files):
+def test_the_figure_draws_the_measured_frf(files):
     frfs = [dovetail.read_frf(file) for file in files]
     amplitude, phase, coherence = measured_figure(frfs).axes
     for frf, line in zip(frfs, amplitude.get_lines(), strict=True):

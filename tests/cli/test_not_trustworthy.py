@@ -155,7 +155,7 @@ def html_says_so(text):
     return "trustworthy:" in title and WARNING in head[head.index("<body>") :] and marked
 
 
-def test_every_file_says_so(made):
+def test_a_result_that_is_not_trustworthy_is_marked_in_every_file(made):
     assert len(made.written) == 28
     said = {str(file.relative_to(made.folder)): says_so(file) for file in made.written}
     assert said == dict.fromkeys(said, not made.is_trustworthy)
@@ -171,7 +171,7 @@ def test_a_trustworthy_result_does_not_mention_trust(made):
         assert "not trustworthy" not in done.output
 
 
-def test_every_table_says_so(made):
+def test_a_result_that_is_not_trustworthy_is_marked_in_every_table(made):
     blocks = {name: done.stdout.split("\n\n") for name, done in made.tables.items()}
     tables = [(name, block) for name, texts in blocks.items() for block in texts if "───" in block]
     assert {name for name, _ in tables} == set(made.tables)
@@ -181,12 +181,12 @@ def test_every_table_says_so(made):
         assert (WARNING in " ".join(done.stdout.split())) != made.is_trustworthy
 
 
-def test_stderr_says_so(made):
+def test_a_result_that_is_not_trustworthy_is_reported_on_stderr(made):
     for done in (*made.tables.values(), *made.plain.values()):
         assert (WARNING in done.stderr) != made.is_trustworthy
 
 
-def test_printed_json_says_so(made):
+def test_a_result_that_is_not_trustworthy_is_marked_in_printed_json(made):
     assert {name: json_says_so(done.stdout) for name, done in made.plain.items()} == dict.fromkeys(
         made.plain, not made.is_trustworthy
     )
@@ -210,7 +210,7 @@ def test_intervals_are_withheld_and_no_verdict_is_given(made):
     assert (words == {"not trustworthy"}) != made.is_trustworthy
 
 
-def test_python_says_so(made):
+def test_a_result_that_is_not_trustworthy_is_marked_in_python(made):
     result = made.result
     assert result.is_trustworthy == made.is_trustworthy
     for shown in (repr(result), str(result), repr(result.posterior), repr(result.frf)):

@@ -41,7 +41,7 @@ def plugin(tmp_path):
     return names["warn"]
 
 
-def test_what_is_for_the_user_is_printed_once_and_what_is_about_code_is_not(plugin, capsys):
+def test_user_warnings_are_printed_once_and_deprecations_are_not(plugin, capsys):
     import scipy
 
     library = str(Path(scipy.__file__).parent / "optimize" / "_minimize.py")

@@ -66,7 +66,7 @@ def workers(place: Path) -> list[int]:
     return [int(file.stem) for file in (place / "marks").glob("*.worker")]
 
 
-def test_ctrl_c_ends_a_batch_at_once_and_keeps_what_is_there(sdof, tmp_path):
+def test_ctrl_c_ends_a_batch_at_once_and_keeps_finished_results(sdof, tmp_path):
     write_measurements(tmp_path / "measured", sdof, "endless.npz", *GOOD[:2])
     process = start(tmp_path, "measured")
     results = tmp_path / "results/summary.csv"
@@ -135,7 +135,7 @@ def test_identify_many_hands_over_results_as_they_arrive(sdof, monkeypatch, proc
     assert "over\n  its values are beyond what can be computed with: odd." in batch.failures["over"]
 
 
-def test_ctrl_c_gives_a_batch_of_what_is_there(sdof, monkeypatch):
+def test_ctrl_c_returns_a_batch_of_the_finished_measurements(sdof, monkeypatch):
     def stop(_assembly, measured, *_, **__):
         if measured.label == "second":
             raise KeyboardInterrupt

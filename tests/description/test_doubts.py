@@ -117,5 +117,5 @@ def test_the_number_of_elements_that_is_advised_suffices():
     assert dovetail.find_doubts(bar(section={"elements": advised - 1})) != ()
 
 
-def test_a_range_that_begins_at_zero_is_no_range_of_decades():
+def test_a_range_from_zero_raises_no_doubt_about_decades():
     assert dovetail.find_doubts(bar(k={"range": [0.0, "1e8 N/m"], "scale": "linear"})) == ()

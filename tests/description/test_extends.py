@@ -56,7 +56,7 @@ def test_the_same_model_keeps_its_other_options(read, sound):
     ("known", "prior", "lower"),
     [("{about: 30 mm, sd: 1 mm}", "normal", 0.026), ("{range: [28 mm, 31 mm]}", "uniform", 0.028)],
 )
-def test_what_is_known_of_a_parameter_displaces_what_was(read, sound, known, prior, lower):
+def test_a_new_value_range_or_prior_replaces_that_of_the_base(read, sound, known, prior, lower):
     """Over a range, over a prior, and over a tie."""
     for before in ("{about: 33 mm, sd: 2 mm}", "{same_as: collet.kr_tc, ratio: 2}", "31 mm"):
         base = f"extends: sound.yaml\njoints: {{collet: {{parameters: {{Dc: {before}}}}}}}"
@@ -147,7 +147,7 @@ def test_faults_met_before_a_missing_file_are_not_lost(message):
     )
 
 
-def test_a_base_that_is_no_yaml(message):
+def test_a_base_with_a_yaml_error_is_reported_at_its_line(message):
     assert message("extends: base.yaml", base="a: [") == (
         "base.yaml:1:5\n  this is not YAML: expected the node content, but found the end of the file."
     )
@@ -169,7 +169,7 @@ def test_a_missing_key_is_reported_in_the_overriding_file(message, sound):
         ("31 mm", "{scale: log}", ("uniform", "log")),
     ],
 )
-def test_what_goes_with_a_prior_may_change_alone(read, sound, base, over, expected):
+def test_mean_deviation_and_scale_of_a_prior_can_be_changed_separately(read, sound, base, over, expected):
     text = f"extends: sound.yaml\njoints: {{collet: {{parameters: {{Dc: {base}}}}}}}"
     more = f"extends: base.yaml\njoints: {{collet: {{parameters: {{Dc: {over}}}}}}}"
     [parameter] = [p for p in read(more, base=text, sound=sound).joints["collet"].parameters if p.name == "Dc"]
@@ -187,7 +187,7 @@ def test_what_goes_with_a_prior_may_change_alone(read, sound, base, over, expect
         ("{range: [28 mm, 31 mm]}", "{range: null, about: null, value: 30 mm}"),
     ],
 )
-def test_what_is_known_of_a_parameter_may_be_emptied(read, sound, base, over):
+def test_null_removes_the_range_or_prior_of_a_parameter(read, sound, base, over):
     text = f"extends: sound.yaml\njoints: {{collet: {{parameters: {{Dc: {base}}}}}}}"
     more = f"extends: base.yaml\njoints: {{collet: {{parameters: {{Dc: {over}}}}}}}"
     assert read(more, base=text, sound=sound).joints["collet"].fixed["Dc"] == 30e-3

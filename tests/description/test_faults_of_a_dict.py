@@ -68,12 +68,12 @@ def test_an_empty_dict(faults):
         ("\ud800", "the character U+D800 is not allowed in a description."),
     ],
 )  # fmt: skip
-def test_values_that_no_description_holds(value, found, document, faults):
+def test_values_that_yaml_cannot_hold_are_refused(value, found, document, faults):
     document["name"] = value
     assert faults(document) == f"<dict>  name\n  {found}"
 
 
-def test_keys_that_are_no_texts(document, faults):
+def test_keys_that_are_not_strings_are_refused(document, faults):
     document["joints"]["collet"]["parameters"][5] = 1
     document["joints"]["collet"]["parameters"]["a\x07"] = 1
     assert faults(document) == (

@@ -183,7 +183,7 @@ def test_a_model_may_allow_negative_values(load):
         ("return lower['gone']", "failed: KeyError: 'gone'"),
     ],
 )
-def test_objections_that_are_none(load, body, said):
+def test_range_objections_of_the_wrong_form_are_the_plugins_fault(load, body, said):
     with pytest.raises(dovetail.DovetailError, match=re.escape(said)):
         load("return super().range_objections(lower, upper)", body)
 

@@ -114,7 +114,7 @@ def test_a_pipe_is_not_waited_for(registry, tmp_path):
         ("no\0ne.yaml", r"no\u0000ne.yaml" "\n  the file cannot be read: embedded null byte."),
     ],
 )
-def test_what_is_no_file(source, found, registry, tmp_path, monkeypatch):
+def test_a_description_that_is_not_a_file_is_refused(source, found, registry, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(DescriptionError) as caught:
         read_description(source, registry)

@@ -93,7 +93,7 @@ def test_every_misspelt_key_fails(file):
 
 
 @pytest.mark.parametrize("path", [("dovetail",), ("frequency",), ("response", "at"), ("joints", "collet", "connect")])
-def test_what_is_left_out_fails_but_in_an_extension(path):
+def test_a_missing_key_fails_except_in_an_extension(path):
     description = read(ROOT / "assemblies" / "bt40_er32.yaml")
     node = description
     for part in path[:-1]:

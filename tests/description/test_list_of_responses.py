@@ -40,7 +40,7 @@ def test_the_text_reads_back_the_same(read, several, registry):
     assert again.fingerprint == description.fingerprint
 
 
-def test_one_of_them_alone(read, several, sound, registry):
+def test_a_description_of_one_response_of_several_equals_that_with_this_response(read, several, sound, registry):
     alone = read(several).at(1)
     assert alone.responses == (read(several).responses[1],)
     again = read_description(json.loads(alone.text), registry)

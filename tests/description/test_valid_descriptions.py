@@ -194,7 +194,7 @@ def test_reading_the_text_again_gives_the_same(read, sound, registry):
     assert again[0].source == "<dict>"
 
 
-def test_what_is_handed_out_cannot_be_changed(read, sound):
+def test_the_values_of_a_description_cannot_be_changed(read, sound):
     description = read(sound)
     with pytest.raises(TypeError):
         description.substructures["tool"] = None

@@ -70,7 +70,7 @@ def cut_off_variance(centre, deviation):
     return weight @ axis**2 - mean**2
 
 
-def test_what_is_left_of_one_parameter_is_the_variance_of_a_normal_distribution_that_is_cut_off():
+def test_the_remaining_variance_of_one_parameter_is_that_of_a_truncated_normal_distribution():
     random, deviation = np.random.default_rng(1), np.array([0.02, 0.2, 1.0])
     truth = random.random((300, 1))
     found = remaining_uncertainty(np.broadcast_to(deviation[:, None, None, None] ** -2, (3, 300, 1, 1)), truth, seed=0)
@@ -81,7 +81,7 @@ def test_what_is_left_of_one_parameter_is_the_variance_of_a_normal_distribution_
         assert mean == pytest.approx(np.sqrt(expected).mean(), rel=0.03)
 
 
-def test_what_is_left_of_two_that_trade_is_what_a_grid_says():
+def test_the_remaining_variance_of_two_correlated_parameters_is_that_of_a_grid():
     """Only the difference is measured well: the ends of the ranges are what limits either."""
     information = np.array([[400.0, -390.0], [-390.0, 400.0]])
     random, truth = np.random.default_rng(2), np.random.default_rng(3).random((200, 2))
@@ -128,7 +128,7 @@ def test_the_command_prints_the_ranking(assemblies):
     assert set(plain["points"][0]["gain"]) == {"k", "c"}
 
 
-def test_what_cannot_be_planned(collet, assemblies):
+def test_a_plan_that_cannot_be_made_is_refused(collet, assemblies):
     with pytest.raises(ParameterError, match="no substructure 'tol'"):
         plan_measurements(collet, ["tol"])
     with pytest.raises(ParameterError, match="is not positive"):

@@ -121,7 +121,7 @@ def heard():
 
 
 @pytest.mark.usefixtures("heard")
-def test_ctrl_c_gives_what_is_there(sdof):
+def test_ctrl_c_returns_the_finished_cases(sdof):
     def stop(stage, done, total, note=""):
         if done == 5:
             threading.Timer(0.0, os.kill, (os.getpid(), signal.SIGINT)).start()
@@ -155,7 +155,7 @@ def test_ctrl_c_before_any_case_is_done_ends_it(sdof):
         ({"method": "network", "samples": 10}, "'network' has no option samples in a calibration"),
     ],
 )
-def test_what_cannot_be_done_is_said(sdof, options, message):
+def test_options_that_calibrate_cannot_use_are_refused(sdof, options, message):
     with pytest.raises(ParameterError, match=message):
         calibrate(sdof, **{"cases": 1, **options})
 

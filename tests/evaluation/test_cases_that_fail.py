@@ -67,7 +67,7 @@ def test_if_every_case_fails_the_first_cause_is_raised(cases, evaluate):
 
 
 @pytest.mark.parametrize("command", [["validate"], ["compare", "--methods", "refined"]])
-def test_the_command_writes_what_is_there_and_exits_with_one(cases, command):
+def test_the_command_writes_finished_cases_and_exits_with_one(cases, command):
     output = cases.parent / "results"
     done = CliRunner().invoke(app, [command[0], str(cases), *command[1:], "-o", str(output), "--json"])
     assert done.exit_code == 1

@@ -115,7 +115,7 @@ def test_an_assembly_with_several_responses_is_refused_before_any_work(cases, as
         compare(read_cases(cases / "cases.yaml"), ("umap",), samples=300)
 
 
-def test_what_cannot_be_compared(cases):
+def test_cases_that_cannot_be_compared_are_refused(cases):
     read = read_cases(cases / "cases.yaml")
     with pytest.raises(DovetailError, match="refind"):
         compare(read, ("refind",))
@@ -131,14 +131,14 @@ def test_what_cannot_be_compared(cases):
         read_truths(cases / "truth.json")
 
 
-def test_a_mass_that_is_left_has_the_phases_that_it_needs(cases):
+def test_robust_training_with_a_residual_mass_keeps_phases(cases):
     with (cases / "sdof.yaml").open("a") as file:
         file.write("  augmentation: {mass: 1 g}\n")
     done = compare(read_cases(cases / "cases.yaml"), ["none+robust"], samples=20)
     assert done.methods == ("none+robust",)
 
 
-def test_what_would_be_ignored_is_refused(cases):
+def test_arguments_without_effect_on_a_comparison_are_refused(cases):
     read = read_cases(cases / "cases.yaml")
     with pytest.raises(ParameterError, match="a number was asked for, and a dataset given"):
         compare(read, ("refined",), samples=20, data=cases / "data.zarr")

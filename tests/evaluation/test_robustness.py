@@ -61,7 +61,7 @@ def test_noise_has_the_size_of_each_response():
     np.testing.assert_array_equal(with_noise(clean, 1, 0.1, 3), np.abs(data_noise(clean, 0.1, 3)).astype(np.float32))
 
 
-def test_a_mass_that_is_left_has_the_phases_that_it_needs(sdof):
+def test_robust_training_with_a_residual_mass_keeps_phases(sdof):
     description = json.loads(sdof.description.text)
     regressor = {"model": "mlp", "hidden": [16], "max_epochs": 2}
     described = {"samples": 50, "reducer": {"model": "none"}, "regressor": regressor, "augmentation": {"mass": "1 g"}}

@@ -38,7 +38,7 @@ def test_invalid_frfs_are_refused_with_their_line(changed, fault):
         Frf(**{"frequency": AXIS, "values": VALUES, "quantity": "mobility", **changed})
 
 
-def test_the_least_that_is_an_frf_is_accepted():
+def test_the_smallest_valid_frf_is_accepted():
     """One line, above but near 0 Hz, one average, and an error that is known to be nothing."""
     frf = Frf([1e-6], [0.0], "receptance", averages=1, variance=[0.0], coherence=[0.0])
     assert frf.random_variance.tolist() == [0.0]

@@ -189,7 +189,7 @@ def test_the_phase_may_be_left_out():
     assert result.adequacy.word != "to the noise"
 
 
-def test_what_is_wrong_with_weights_is_said():
+def test_faulty_weights_are_refused_with_the_reason():
     assembly = dovetail.load({**MASSES, "response": DRIVE})
     [frf] = measured(assembly, as_measured(assembly))
     with pytest.raises(dovetail.ParameterError, match="'coherance' is not a way to weight lines"):

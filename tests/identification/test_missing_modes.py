@@ -72,7 +72,7 @@ def test_a_natural_frequency_outside_the_axis(sdof):
 
 
 @pytest.mark.parametrize("start", ["100 Hz", "1000 Hz"])
-def test_every_natural_frequency_of_the_band_is_listed_however_many_lie_below_its_end(start):
+def test_every_natural_frequency_of_the_band_is_listed_with_many_modes_below_its_end(start):
     bar = {
         "model": "timoshenko_beam",
         "material": {"young": "210 GPa", "density": "7850 kg/m^3", "poisson": 0.3},

@@ -94,7 +94,7 @@ def test_what_the_other_description_fixes_stays(sdof: dovetail.Assembly, result:
     np.testing.assert_allclose(dovetail.predict(other, result).values, exact(other, result.theta[0], 7.0), rtol=1e-9)
 
 
-def test_what_was_fixed_when_identifying_goes_with_the_joint(
+def test_predictions_use_the_known_parameters_of_the_identified_joint(
     sdof: dovetail.Assembly, result: dovetail.Identification
 ) -> None:
     stiffness_only = replace(result, parameters={"k": result.parameters["k"]}, known={"mount.c": 7.0})

@@ -161,5 +161,5 @@ def test_the_log_has_each_step_with_its_duration(sdof, assemblies, caplog, capfd
     assert capfd.readouterr() == ("", "")
 
 
-def test_nothing_is_logged_where_nobody_listens():
+def test_nothing_is_logged_without_a_handler():
     assert [type(handler) for handler in logging.getLogger("dovetail").handlers] == [logging.NullHandler]

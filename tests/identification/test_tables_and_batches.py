@@ -55,7 +55,7 @@ def test_without_a_posterior_the_estimate_is_the_fit(sdof):
         assert (row.estimate, row.best_fit, row.interval_low, row.verdict) == (value, None, None, "")
 
 
-def test_of_what_is_not_trustworthy_no_interval_is_in_the_table(result):
+def test_the_table_has_no_intervals_of_an_untrustworthy_result(result):
     doubtful = replace(result, adequacy=dovetail.Adequacy("does not fit"))
     assert len(doubtful.table) == len(TRUTH)
     for row in doubtful.table:
@@ -76,7 +76,7 @@ def test_of_what_is_not_trustworthy_no_interval_is_in_the_table(result):
         (np.nan, "linear", False),
     ],
 )
-def test_a_value_at_an_end_is_in_range_whatever_rounding_makes_of_it(value, scale, expected):
+def test_a_rounded_value_at_the_end_of_its_range_is_in_range(value, scale, expected):
     assert is_in_range(value, 1.0, 2.0, scale) is expected
 
 

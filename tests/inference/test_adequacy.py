@@ -45,7 +45,7 @@ def good(sdof, with_gain):
     return dovetail.identify(sdof, with_gain, "refined")
 
 
-def test_a_fit_to_the_noise_is_not_doubted_for_lines_of_noise_alone(sdof):
+def test_lines_of_pure_noise_raise_no_doubt_about_a_fit_to_the_noise(sdof):
     """A receptance far above its resonance is lost in an even noise, and so is its coherence with the model."""
     description = replace(sdof.description, responses=(replace(sdof.description.response, quantity="receptance"),))
     result = dovetail.identify(Assembly(description), noisy(Assembly(description), Assembly(description).frf(), 0.5, 3))
@@ -98,7 +98,7 @@ def test_a_file_of_an_earlier_version_says_yes_or_no(good, tmp_path, key, flagge
     assert read.is_trustworthy is not flagged
 
 
-def test_a_network_tells_what_is_unlike_its_training_and_judges_nothing_else(model, measured):
+def test_a_network_reports_only_whether_a_measurement_is_unlike_its_training(model, measured):
     result = model.identify(measured, "network")
     assert result.adequacy == dovetail.Adequacy("not judged")
     assert result.is_trustworthy
@@ -144,7 +144,7 @@ def test_a_part_that_stands_out_further_is_one_with_a_longer_section_there(colle
 
 
 @pytest.mark.parametrize("node", range(8))
-def test_what_lies_between_the_end_and_the_response_stays_as_it_is(collet, node):
+def test_a_longer_overhang_keeps_the_nodes_up_to_the_response(collet, node):
     (response,) = collet.description.responses
     description = replace(collet.description, responses=(replace(response, node=node),))
     overhang, *_ = find_overhangs(description, 1000)
@@ -370,7 +370,7 @@ def test_a_model_that_does_not_show_which_resonance_is_which_does_not_fit(assemb
     assert 0.1 < adequacy.size.natural_frequency < 0.3
 
 
-def test_where_nothing_is_left_to_judge_by_nothing_is_judged(sdof):
+def test_a_fit_with_as_many_values_as_unknowns_is_not_judged(sdof):
     """One complex value, and two unknowns that meet it."""
     line = sdof.on([220.0])
     adequacy = dovetail.identify(line, noisy(line, line.frf(), 1e-3, 1), "refined").adequacy
@@ -383,7 +383,7 @@ def test_where_nothing_is_left_to_judge_by_nothing_is_judged(sdof):
 
 @pytest.mark.parametrize("mass", ["known", "sought"])
 @pytest.mark.parametrize("size", [0.0, 0.05])
-def test_a_gain_that_nothing_of_the_structure_tells_is_mentioned(sdof, mass, size):
+def test_a_gain_that_the_parameters_can_compensate_is_mentioned(sdof, mass, size):
     """Ten per cent too much of the FRF are ten too little of k, c and the mass, to the noise or with a wrong model."""
     described = json.loads(sdof.description.text)
     if mass == "sought":

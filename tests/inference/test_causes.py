@@ -97,7 +97,7 @@ def test_the_cause_is_named_first(sdof, kind):
 
 
 @pytest.mark.parametrize(("stated", "actual"), [("receptance", "accelerance"), ("mobility", "accelerance")])
-def test_a_quantity_is_told_from_the_one_that_the_file_states(sdof, stated, actual):
+def test_the_right_quantity_is_named_where_the_file_gives_another(sdof, stated, actual):
     """The response of the description is an accelerance, which the file does not claim to be."""
     measured = replace(noisy(sdof, sdof.frf(), 0.01, 1), variance=None, quantity=stated)
     words = first_cause_from(sdof, measured).words
@@ -202,7 +202,7 @@ def test_an_accelerometer_that_roves_over_several_responses_is_a_mass():
 
 
 @pytest.mark.parametrize(("noise", "tolerance"), [(0.002, 0.01), (0.05, 0.1)])
-def test_an_amount_is_as_precise_as_the_measurement_tells_it(noise, tolerance):
+def test_an_amount_is_estimated_to_the_accuracy_of_the_noise(noise, tolerance):
     """From logarithms alone, all lines with the same weight, the mass is 51 and 61 g."""
     model = chain(MASSES, ["upper"])
     plain, heavier = model.frf(TRUTH), chain(MASSES | {"upper": 1.05}, ["upper"]).frf(TRUTH)
@@ -233,7 +233,7 @@ def test_measurements_of_two_responses_in_exchanged_order_are_named(axes):
     assert (cause.name, cause.words) == ("order", words)
 
 
-def test_measurements_at_one_point_with_different_masses_are_no_levels_but_may_be_exchanged():
+def test_different_masses_at_one_point_may_be_exchanged_but_are_not_force_levels():
     described = json.loads(chain(MASSES, ["upper"] * 2).description.text)
     for number, mass in enumerate(("0 g", "300 g")):
         described["responses"][number] |= {"name": f"m{number}", "calibration": {"mass": mass}}
@@ -365,7 +365,7 @@ def arm(node, force=None, elements=60):
     )
 
 
-def test_a_neighbouring_node_is_named_of_however_many():
+def test_another_node_is_reported_as_a_possible_cause():
     """Of 61 nodes, n1 at 0 mm, every third is compared first, and then those beside the nearest."""
     assembly = arm(60)
     theta = assembly.from_unit(np.full(len(assembly.parameters), 0.6))
@@ -376,7 +376,7 @@ def test_a_neighbouring_node_is_named_of_however_many():
     assert causes[0].coherence[1] > 0.99
 
 
-def test_the_node_beside_the_one_of_the_most_similar_amplitudes_is_named_if_it_fits_better():
+def test_a_neighbour_of_the_node_with_the_most_similar_amplitudes_is_named_if_it_fits_better():
     assembly, elsewhere = arm(25, elements=24), arm(18, force=25, elements=24)
     theta = assembly.from_unit(np.full(len(assembly.parameters), 0.6))
     measured = noisy(assembly, elsewhere.frf(theta), 0.01, 1)
@@ -384,7 +384,7 @@ def test_the_node_beside_the_one_of_the_most_similar_amplitudes_is_named_if_it_f
     assert (causes[0].name, causes[0].words) == ("point", "the response on the arm at 226.7 mm")
 
 
-def test_the_search_for_causes_ends_in_time_however_slow_the_model_is(sdof, monkeypatch):
+def test_the_search_for_causes_ends_in_time_with_a_slow_model(sdof, monkeypatch):
     """A fit takes up to 40 steps: one that has begun ends after its step. The clock advances in the model alone."""
     measured = altered(sdof, None, "mass")
     fit = refine(Problem.of(sdof, measured))
@@ -413,7 +413,7 @@ def test_no_cause_is_named_of_a_genuine_measurement(sdof, coarse, torque_100):
         assert adequacy.causes == ()
 
 
-def test_the_search_for_causes_tells_its_progress(sdof):
+def test_the_search_for_causes_reports_its_progress(sdof):
     told = []
     dovetail.identify(sdof, altered(sdof, None, "gain"), "refined", progress=lambda *stage: told.append(stage))
     assert list(dict.fromkeys(stage[0] for stage in told)) == ["fit", "model error", "causes"]
@@ -452,7 +452,7 @@ def test_a_further_cause_improves_the_fit_half_as_much_as_the_best():
     assert named(("mass", 0.95), ("sign", 2.0), excess=2.0) == ["sign"]
 
 
-def test_causes_that_noise_does_not_tell_apart_are_named_in_the_order_of_trial():
+def test_causes_that_noise_cannot_distinguish_are_named_in_the_order_of_trial():
     assert named(("range", 2.0), ("mass", 2.009), lines=500) == ["range", "mass"]
     assert named(("range", 2.0), ("mass", 2.011), lines=500) == ["mass", "range"]
 
@@ -492,7 +492,7 @@ def test_a_passive_structure_gives_out_power_only_if_sign_or_phase_are_wrong(qua
     assert (given_out(genuine.values.conj()) > 0.95) == (quantity != "mobility")
 
 
-def test_power_is_not_told_from_transfer_frfs_amplitudes_and_noise():
+def test_power_is_not_judged_by_transfer_frfs_amplitudes_or_noise():
     model = chain(MASSES)
     drive_point, transfer = (noisy(alone, -alone.frf(TRUTH), 0.02, 1) for alone in model.each_response)
     variance = np.concatenate([drive_point.variance, transfer.variance])
@@ -505,7 +505,7 @@ def test_power_is_not_told_from_transfer_frfs_amplitudes_and_noise():
     assert power_given_out(Problem(model.at(0), Observations((drive_point,))), noise) == 0.0
 
 
-def test_power_is_not_told_where_a_measuring_chain_turns_the_phase(sdof):
+def test_power_is_not_judged_where_a_measuring_chain_turns_the_phase(sdof):
     """A delay or an unknown sign of the chain gives out power, and is part of the model."""
     plain = json.loads(sdof.description.text)
     plain["response"]["calibration"] = {"delay": {"range": ["-1 ms", "1 ms"]}}

@@ -88,7 +88,7 @@ def test_the_discrepancy_is_what_makes_chi_squared_one(sdof):
     assert fit.discrepancy == pytest.approx(0.01 / np.sqrt(2.0), rel=0.1)
 
 
-def test_an_error_that_is_alike_everywhere_is_told_from_one_that_grows_with_the_frf(sdof):
+def test_a_constant_error_is_distinguished_from_one_proportional_to_the_frf(sdof):
     """A ripple of a tenth of the median amplitude leaves the peak, 20 times as high, where it is."""
     truth = sdof.from_unit(np.full(len(sdof.parameters), 0.4))
     clean = noisy(sdof, sdof.frf(truth), 1e-4)
@@ -99,7 +99,7 @@ def test_an_error_that_is_alike_everywhere_is_told_from_one_that_grows_with_the_
     np.testing.assert_allclose(fit.theta, truth, rtol=5e-3)
 
 
-def test_a_fit_tells_all_that_says_how_good_it_is(sdof):
+def test_a_fit_has_every_measure_of_its_quality(sdof):
     frf = noisy(sdof, sdof.frf(), 0.01, 1)
     off = 30.0 * np.sqrt(frf.variance) * (np.arange(len(frf.values)) == 100)
     fit = refine(Problem.of(sdof, replace(frf, values=frf.values + off)))

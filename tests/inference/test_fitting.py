@@ -96,7 +96,7 @@ def test_low_points_of_profiles_are_minima_between_rises_away_from_the_start():
     assert along.low_points(np.array([0.35, 0.5]), most=0).shape == (0, 2)
 
 
-def test_searches_side_by_side_are_the_searches_alone(sdof):
+def test_searches_in_a_batch_equal_separate_searches(sdof):
     target = measured_of(sdof, sdof.from_unit(np.array([0.3, 0.6])), 0.01)
     problem = FrfResiduals(sdof, LogAmplitude(target, np.full(len(target.frequency), 1e-6)))
     starts = np.random.default_rng(1).random((5, 2))
@@ -137,7 +137,7 @@ def test_noise_leaves_a_chi_squared_of_one(collet, has_phase):
 
 @pytest.mark.parametrize("has_phase", [True, False])
 @pytest.mark.parametrize("proportional", [True, False])
-def test_random_error_is_told_from_the_scatter(collet, torque_100, has_phase, proportional):
+def test_random_error_is_estimated_from_the_scatter(collet, torque_100, has_phase, proportional):
     values = collet.frf(torque_100)
     deviation = 0.02 * (np.abs(values) if proportional else values.std() * np.ones(len(values)))
     normal = np.random.default_rng(3).standard_normal((2, len(values)))
@@ -150,7 +150,7 @@ def test_random_error_is_told_from_the_scatter(collet, torque_100, has_phase, pr
     assert np.all(np.abs(np.log(np.quantile(ratio, [0.02, 0.98]))) < np.log(1.6))
 
 
-def test_where_nothing_tells_the_noise_the_fit_is_as_good(collet, torque_100):
+def test_a_fit_with_unknown_noise_is_as_good_as_with_known_noise(collet, torque_100):
     frf = noisy(collet, collet.frf(torque_100), 0.01, 5)
     told, untold = refine(Problem.of(collet, frf)), refine(Problem.of(collet, replace(frf, variance=None)))
     assert not untold.variance_known
@@ -173,7 +173,7 @@ def test_a_few_bad_lines_do_no_harm(collet, torque_100):
     assert np.median(difference) < 0.1 * np.sqrt(clean.variance[0])
 
 
-def test_a_misplaced_resonance_is_no_bad_line():
+def test_lines_of_a_misplaced_resonance_are_not_dropped_as_bad_lines():
     around = np.arange(-50, 51)
     misplaced = np.abs(1 / (around + 2 - 1j) - 1 / (around - 1j)) * 40
     assert misplaced.max() > 20
@@ -183,7 +183,7 @@ def test_a_misplaced_resonance_is_no_bad_line():
     np.testing.assert_array_equal(np.flatnonzero(isolated_lines(spoilt)), [30, 31, 70])
 
 
-def test_what_the_model_cannot_explain_is_told(sdof):
+def test_the_part_that_the_model_cannot_explain_is_reported(sdof):
     """A second, weak resonance that the model does not have."""
     theta = sdof.from_unit(np.array([0.5, 0.5]))
     clean = noisy(sdof, sdof.frf(theta), 1e-4, 2)
@@ -280,7 +280,7 @@ def test_nothing_to_identify_and_too_few_lines(sdof, assemblies):
 
 
 @pytest.mark.parametrize("gain", [1.0, {"range": [1e-4, 1e3], "scale": "log"}])
-def test_errors_of_a_model_with_a_sought_gain_are_relative_to_the_measurement_too(sdof, monkeypatch, gain):
+def test_errors_of_a_model_with_an_unknown_gain_are_relative_to_the_measurement_too(sdof, monkeypatch, gain):
     """Relative to the model's own amplitude, which a gain may take away, they would explain any measurement."""
     description = json.loads(sdof.description.text)
     description["response"]["calibration"] = {"gain": gain}

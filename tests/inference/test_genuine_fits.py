@@ -36,7 +36,7 @@ def averaged(values, averages, seed, level=0.3):
 
 
 @pytest.mark.parametrize("known", [True, False])
-def test_a_smooth_misfit_is_not_taken_for_noise_however_small(sdof, known):
+def test_a_small_smooth_misfit_is_not_taken_for_noise(sdof, known):
     """A ripple that raises chi-squared to 1.2, as a wrong minimum of many lines does."""
     sdof = sdof.on(np.linspace(1.0, 600.0, 6000))
     frf = noisy(sdof, sdof.frf(), 0.01, 1, known=known)
@@ -65,7 +65,7 @@ def test_a_run_is_eight_lines_twice_or_four_times_as_many_and_all_of_them_at_mos
     assert assess_runs(np.ones((lines, 2))) == pytest.approx(run / np.log(10.0))
 
 
-def test_large_residuals_of_either_sign_are_no_noise():
+def test_large_residuals_of_either_sign_are_not_taken_for_noise():
     """Their sum vanishes. 16 squares of 9, as a sum of 8 exponentially distributed numbers: Erlang's distribution."""
     residuals = 3.0 * np.resize([[1.0], [-1.0]], (8, 1)) * np.ones(2)
     probability = math.exp(-72.0) * sum(72.0**k / math.factorial(k) for k in range(8))

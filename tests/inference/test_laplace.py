@@ -51,7 +51,7 @@ class Banana(SumOfSquares):
 
 
 @pytest.mark.parametrize("model_error", [0.0, 1e-4])
-def test_where_the_posterior_is_straight_both_forms_agree(sdof, model_error):
+def test_both_forms_agree_on_a_gaussian_posterior(sdof, model_error):
     frf = noisy(sdof, sdof.frf(sdof.from_unit(np.array([0.4, 0.5]))), 0.02, 1)
     fit = refine(Problem.of(sdof, frf))
     sampled = sample_posterior(Problem.of(sdof, frf), fit, samples=2000, model_error=typical_model_error(model_error))
@@ -72,7 +72,7 @@ def test_a_sharp_resonance_is_found_again_close_to_the_ends_of_the_ranges(sdof):
         assert low < value < high
 
 
-def test_how_far_a_bent_valley_is_bent_is_what_it_is_by_hand():
+def test_the_bend_of_a_curved_posterior_is_that_computed_by_hand():
     for bent in (0.002, 0.01, 0.05):
         problem = PosteriorResiduals(Banana(bent))
         mode = maximise_posterior(problem, np.array([[0.5, 0.2]]))[0]
@@ -138,7 +138,7 @@ def test_a_form_that_does_not_exist_is_refused(sdof):
         )
 
 
-def test_the_command_tells_form_and_convergence(assemblies):
+def test_the_command_prints_form_and_convergence(assemblies):
     measured = assemblies / "measurements" / "h0_j_t0_60Nm.uff"
     command = ["identify", str(assemblies / "bt40_er32.yaml"), str(measured), "--method", "posterior"]
     done = CliRunner().invoke(app, [*command, "--form", "laplace"])
@@ -155,7 +155,7 @@ def test_the_command_tells_form_and_convergence(assemblies):
     ],
     ids=["laplace", "samples"],
 )
-def test_the_band_of_another_tool_holds_what_was_measured_there(collet, assemblies, options, least):
+def test_the_predicted_band_of_another_tool_contains_its_measurement(collet, assemblies, options, least):
     folder = assemblies / "campaign"
     joint = dovetail.read_frf(folder / "measurements" / "h0_j40_t0.uff", accelerometer_mass=1.2e-3)
     result = dovetail.identify(collet, joint, "posterior", **options)
@@ -168,7 +168,7 @@ def test_the_band_of_another_tool_holds_what_was_measured_there(collet, assembli
     assert np.median((band.upper / band.lower)[told]) < 1.2
 
 
-def test_halves_that_disagree_are_told():
+def test_a_shift_between_halves_of_the_samples_is_measured_per_parameter():
     random = np.random.default_rng(0)
     sound = random.standard_normal((400, 2))
     weight = np.full(400, 1 / 400)

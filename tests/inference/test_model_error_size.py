@@ -145,7 +145,7 @@ def test_natural_frequencies_are_off_at_least_as_far_as_peaks_are_apart(chain):
     assert 0.9 * left < told.natural_frequency < 1.5 * left
 
 
-def test_where_damping_alone_is_wrong_natural_frequencies_are_not_said_to_be(chain):
+def test_an_error_of_damping_only_is_not_reported_for_natural_frequencies(chain):
     """Of one resonance in five, by 30 %: 13 % over all."""
     told, *_ = told_of_moved_resonance(chain, TRUTH, 1, 1.0, damping=1.3)
     assert told.natural_frequency < 1e-4
@@ -164,7 +164,7 @@ def test_a_mesh_that_is_too_coarse(collet, assemblies, torque):
     assert mesh / 3.0 < adequacy.in_intervals.natural_frequency / 2.0 < 3.0 * mesh
 
 
-def test_sizes_are_sought_with_the_derivatives_of_their_prior():
+def test_the_prior_of_sizes_has_the_right_derivatives():
     """Against central differences, where typical sizes grow and where they have reached their limit."""
     step = 1e-6
     for frequency in (2e-5, 0.003, 0.03):
@@ -183,7 +183,7 @@ def test_other_errors_are_as_large_in_an_antiresonance_that_the_model_has_too_de
     assert np.allclose(unshaped_deviation(target, deep, ModelError(1e-4, other=0.1)), 0.1 * np.abs(exact))
 
 
-def test_heights_of_misplaced_peaks_tell_how_far_damping_is_off(chain):
+def test_the_damping_error_is_estimated_from_heights_of_misplaced_peaks(chain):
     """All resonances are 2 % higher, many of their widths, with a quarter of the damping: the residuals forget that."""
     theta, axis = chain.vector(TRUTH), chain.frequency
     values = chain.frf(theta)
@@ -197,7 +197,7 @@ def test_heights_of_misplaced_peaks_tell_how_far_damping_is_off(chain):
     assert 0.7 < told.damping / np.log(4.0) < 1.5
 
 
-def test_of_the_errors_that_explain_a_misfit_plausible_ones_are_told():
+def test_plausible_errors_are_preferred_among_those_that_explain_a_misfit():
     narrow, wide = ModelError(5e-4, magnitude=1.05, other=0.03), ModelError(0.03, damping=0.3, magnitude=0.1)
     assert _most_plausible([(5e-4, narrow), (0.032, wide)]) == wide
     assert _most_plausible([(5e-4, narrow), (0.032, replace(wide, damping=2.5))]) == narrow
@@ -205,7 +205,7 @@ def test_of_the_errors_that_explain_a_misfit_plausible_ones_are_told():
 
 
 @pytest.mark.parametrize(("mass", "size", "noise"), [(2, 1.1, 1e-2), (3, 0.995, 1e-3), (2, 1.02, 1e-3)])
-def test_the_errors_that_are_told_explain_the_residuals(chain, mass, size, noise):
+def test_the_estimated_errors_explain_the_residuals(chain, mass, size, noise):
     """By the averages that intervals use: by those from which the size is told they left a chi-squared of 2 to 4."""
     masses = ["1 kg"] * 5
     masses[mass] = f"{size} kg"
@@ -289,7 +289,7 @@ def test_many_searches_are_judged_by_the_allowed_error_and_keep_their_estimate(c
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("model_error", [-1.0, np.nan, 2.0])
-def test_a_model_error_that_is_none_is_one_clear_error(sdof, method, model_error):
+def test_an_impossible_model_error_is_one_clear_error(sdof, method, model_error):
     with pytest.raises(ParameterError, match="is no relative error") as raised:
         dovetail.identify(sdof, noisy(sdof, sdof.frf()), method, model_error=model_error)
     assert len(raised.value.faults) == 1
@@ -315,7 +315,7 @@ def test_every_error_can_be_allowed_with_noise_and_without(sdof, method, model_e
 
 @pytest.mark.parametrize("stated", [None, 1e-3])
 @pytest.mark.parametrize("factor", [-3.0, -1e5])
-def test_a_single_line_that_does_not_fit_is_told(sdof, factor, stated):
+def test_a_single_line_that_does_not_fit_is_reported(sdof, factor, stated):
     line = sdof.on(np.array([100.0]))
     values = factor * line.frf()
     variance = None if stated is None else (stated * np.abs(values)) ** 2

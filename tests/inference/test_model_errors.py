@@ -82,7 +82,7 @@ def test_a_single_line_errs_in_magnitude_and_phase():
     assert np.sum(np.abs(shapes["phase"]) ** 2) == pytest.approx((2e-3 * 5.0) ** 2)
 
 
-def test_no_error_is_larger_than_a_peak_however_narrow_it_is():
+def test_the_error_of_a_narrow_peak_is_of_its_height_at_most():
     pole = 150.0 * (1.0 + 0.5j * 3e-4)
     values = 1.0 / (FREQUENCY - pole) - 1.0 / (FREQUENCY + np.conj(pole))
     for errors in error_shapes([frf_on(FREQUENCY)], [values], typical_model_error(5e-4)).values():

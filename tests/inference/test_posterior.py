@@ -127,7 +127,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(sdof):
     assert 0.82 <= np.mean(inside) <= 0.97  # 120 draws at 0.9: three standard deviations
 
 
-def test_a_few_lines_stand_for_all(collet, torque_100):
+def test_the_likelihood_of_a_few_lines_is_that_of_all(collet, torque_100):
     frf = noisy(collet, collet.frf(torque_100), 0.01, 2)
     likelihood = exact_likelihood(collet, frf)
     exact = likelihood.misfit
@@ -248,7 +248,7 @@ def test_errors_of_the_model_scale_residuals_to_their_sum_of_squares(sdof):
     )
 
 
-def test_the_shipped_measurement_says_what_it_tells(collet, assemblies):
+def test_the_posterior_of_the_shipped_measurement_reports_what_it_determines(collet, assemblies):
     frf = dovetail.read_frf(assemblies / "measurements" / "h0_j_t0_60Nm.uff")
     result = dovetail.identify(collet, frf, "posterior", samples=150, seed=1)
     words = {name: verdict.word for name, verdict in result.posterior.verdicts.items()}
@@ -262,7 +262,7 @@ def test_the_shipped_measurement_says_what_it_tells(collet, assemblies):
     assert plain["posterior"]["parameters"]["kr_tc"]["interval"] == [low, high]
 
 
-def test_a_parameter_at_the_end_of_its_range_says_so():
+def test_a_parameter_at_the_end_of_its_range_is_reported():
     random = np.random.default_rng(4)
     half = np.abs(random.standard_normal(4000))
     normal = random.standard_normal(4000)

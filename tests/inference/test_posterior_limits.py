@@ -19,7 +19,7 @@ ALONE_IN_HEIGHT = Settings().individual_magnitude
 HATS = np.stack([np.interp(FREQUENCY, np.linspace(100.0, 200.0, 6), height) for height in np.eye(6)])
 
 
-def test_the_errors_of_a_flat_frf_have_the_stated_sizes():
+def test_the_errors_of_a_flat_frf_have_the_given_sizes():
     """Of docs/uncertainty.md, over the error of natural frequencies: magnitude 20, phase 2; nothing else errs."""
     flat = np.full(501, 3.0 + 4.0j)
     shapes = error_shapes([frf_on(FREQUENCY)], [flat], typical_model_error(1e-3))
@@ -29,7 +29,7 @@ def test_the_errors_of_a_flat_frf_have_the_stated_sizes():
     np.testing.assert_allclose(shapes["phase"], 2e-3j * HATS * flat, rtol=1e-9)
 
 
-def test_the_errors_at_a_resonance_have_the_stated_sizes():
+def test_the_errors_at_a_resonance_have_the_given_sizes():
     """One pole, known exactly: each error is its derivative, or a term of its Taylor series."""
     level, pole = 1e-3, 150.0 * (1.0 + 0.01j)
     near, mirrored = 1.0 / (FREQUENCY - pole), 1.0 / (FREQUENCY + np.conj(pole))
@@ -63,7 +63,7 @@ def test_errors_that_go_with_a_very_wrong_natural_frequency_are_bounded():
     ("natural", "loss", "counted"),
     [(45.0, 0.02, False), (55.0, 0.02, True), (235.0, 0.02, True), (245.0, 0.02, False), (150.0, 0.35, True)],
 )
-def test_a_pole_far_outside_the_frequencies_is_no_resonance(natural, loss, counted):
+def test_a_pole_far_outside_the_frequencies_is_not_a_resonance(natural, loss, counted):
     """From half the lowest frequency to 1.2 times the highest, as far as the FRF still shows the pole."""
     pole = natural * (1.0 + 0.5j * loss)
     frf = 1.0 / (FREQUENCY - pole) - 1.0 / (FREQUENCY + np.conj(pole))
@@ -74,7 +74,7 @@ def test_a_pole_far_outside_the_frequencies_is_no_resonance(natural, loss, count
 
 
 @pytest.mark.parametrize(("loss", "counted"), [(1.18, True), (1.22, False)])
-def test_what_is_damped_too_much_is_no_resonance(loss, counted):
+def test_an_overdamped_pole_is_not_a_resonance(loss, counted):
     pole = 150.0 * (1.0 + 0.5j * loss)
     frf = 1.0 / (FREQUENCY - pole) - 1.0 / (FREQUENCY + np.conj(pole))
     assert (len(fit_resonances([frf_on(FREQUENCY)], [frf]).poles) == 1) is counted

@@ -168,7 +168,7 @@ def test_samples_about_a_fit_far_from_its_prior_keep_the_natural_frequency(light
     assert np.median(mass[1::2]) < np.median(mass[::2]) + 0.01  # the fit has 0.85 kg, and what errs tells less
 
 
-def test_halves_weigh_alike_however_uneven_the_weights_are(light_cart):
+def test_both_halves_of_unevenly_weighted_samples_have_equal_weight(light_cart):
     uneven, z = np.array([0.9, 0.02, 0.05, 0.03]), np.zeros((4, 3))
     both, weight = half_about_the_fit(*light_cart, z, uneven, 0)
     assert weight == pytest.approx([0.5 * 0.9 / 0.95, 0.25, 0.5 * 0.05 / 0.95, 0.25])

@@ -53,7 +53,7 @@ def test_over_a_narrow_band_the_sign_is_named_and_the_delay_with_it(factor):
 
 
 @pytest.mark.parametrize("noise", [4e-3, 0.01])
-def test_where_the_band_tells_them_apart_the_right_one_is_first(noise):
+def test_the_right_one_of_sign_and_delay_is_first_over_a_wide_band(noise):
     assert causes_of(WIDER, half_a_period, noise)[0].name == "delay"
     sign = causes_of(WIDER, reversed_sign, noise)[0]
     assert sign.name == "sign"

@@ -96,7 +96,7 @@ def test_four_routes_give_one_verdict(ranged, width, noise, expected):
     assert posterior.verdicts["k"].word == "identified"
 
 
-def test_what_the_frf_hardly_feels_is_said_so(ranged):
+def test_a_parameter_that_hardly_changes_the_frf_has_that_reason(ranged):
     assembly = ranged(3.0)
     posterior = dovetail.identify(assembly, measurement(assembly.frequency, 3.0)[0], "posterior").posterior
     assert posterior.verdicts["c"].reason == "The measurement hardly depends on it."
@@ -130,7 +130,7 @@ def absorbers():
     }
 
 
-def test_the_stiffnesses_of_two_parts_that_can_be_exchanged_are_not_told_to_lie_between():
+def test_exchangeable_stiffnesses_are_not_reported_as_their_mean():
     stiffness, damping, masses = (1e6, 8e4, 1.1e5), (30.0, 1.0, 1.5), (3.0, 0.2, 0.2)
     omega = 2j * np.pi * np.arange(20.0, 250.0, 0.5)
     spring = [k + c * omega for k, c in zip(stiffness, damping, strict=True)]

@@ -36,7 +36,7 @@ def test_a_coherence_below_nine_tenths_is_warned_of(sdof, factor, warned):
     assert ("The mean coherence is 0.8" in warnings_of(sdof, factor)) is warned
 
 
-def test_a_network_that_hardly_tells_a_parameter_is_warned_of(sdof):
+def test_a_network_warns_of_a_parameter_that_it_hardly_predicts(sdof):
     evaluation = {"parameters": {"k": {"r2": 0.09}, "c": {"r2": 0.11}}}
     told = warnings_of(sdof, provenance={"evaluation": evaluation})
     assert "Do not rely on k: on FRFs" in told
@@ -52,7 +52,7 @@ def test_eight_lines_that_were_left_out_are_listed(sdof, fit, count, shown):
 
 
 @pytest.mark.parametrize(("gap", "in_two_groups"), [(0.3, ()), (0.4, ("k",))])
-def test_two_separate_groups_of_values_are_told(sdof, gap, in_two_groups):
+def test_two_separate_groups_of_values_are_reported(sdof, gap, in_two_groups):
     """Two evenly filled groups, apart by a part of the interval between them; the interval is 0.9 of all samples."""
     k = np.linspace(0.0, 1.0 - 0.9 * gap, 400)
     k[200:] += 0.9 * gap
@@ -63,7 +63,7 @@ def test_two_separate_groups_of_values_are_told(sdof, gap, in_two_groups):
     assert ("two separate groups" in posterior.verdicts["k"].reason) is bool(in_two_groups)
 
 
-def test_a_best_fit_apart_from_the_posterior_is_no_second_group_of_values(sdof):
+def test_samples_about_a_distant_best_fit_are_not_a_second_group_of_values(sdof):
     """Every other sample is about the best fit if parts of the model may be wrong."""
     k = np.random.default_rng(0).normal(0.5, 0.005, 400)
     k[1::2] += 0.1

@@ -116,7 +116,7 @@ def test_coherence_and_averages_become_a_variance() -> None:
     np.testing.assert_allclose(removed.random_variance, frf.random_variance * factor)
 
 
-def test_what_is_missing_or_does_not_fit(bare) -> None:
+def test_missing_or_unsuitable_frfs_for_the_mass_correction_are_refused(bare) -> None:
     drive, transfer = frfs(bare, (TIP, TIP), (TIP, MIDDLE))
     with pytest.raises(MeasurementError, match="the drive-point FRF at the accelerometer is missing"):
         remove_accelerometer_mass(transfer, MASS, to_response=drive)

@@ -48,7 +48,7 @@ def test_reading_removes_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("mass", [-1e-3, np.nan, np.inf])
-def test_a_mass_that_is_none(measured: Frf, mass: float) -> None:
+def test_an_impossible_accelerometer_mass_is_refused(measured: Frf, mass: float) -> None:
     for change in (remove_accelerometer_mass, add_accelerometer_mass):
         with pytest.raises(MeasurementError, match=f"the accelerometer's mass is {mass!r} kg"):
             change(measured, mass)

@@ -144,7 +144,7 @@ def test_a_coherence_a_little_above_one(tmp_path: Path, refused) -> None:
         )
 
 
-def test_what_is_not_text(refused) -> None:
+def test_a_file_that_is_not_text_is_refused(refused) -> None:
     expected = "a.csv\n  the file is not text: byte 3 is not UTF-8.\n  Accepted: comma-separated text"
     assert refused("a.csv", b"ab\xff\x00" * 1000) == expected
 

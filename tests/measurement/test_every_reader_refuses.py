@@ -147,7 +147,7 @@ def test_the_intact_file_is_read(form: str, tmp_path: Path) -> None:
 @pytest.mark.usefixtures("unguarded")
 @pytest.mark.parametrize("fault", FAULTS)
 @pytest.mark.parametrize("form", WRITERS)
-def test_what_is_wrong_with_the_numbers(form: str, fault: str, tmp_path: Path) -> None:
+def test_faulty_numbers_are_refused_by_every_reader(form: str, fault: str, tmp_path: Path) -> None:
     name, write = WRITERS[form]
     write(tmp_path / name, *FAULTS[fault]())
     message = refusal(tmp_path / name)
@@ -155,7 +155,7 @@ def test_what_is_wrong_with_the_numbers(form: str, fault: str, tmp_path: Path) -
 
 
 @pytest.mark.parametrize("form", WRITERS)
-def test_what_is_wrong_with_the_file(form: str, tmp_path: Path) -> None:
+def test_damaged_files_are_refused_by_every_reader(form: str, tmp_path: Path) -> None:
     name, write = WRITERS[form]
     path = tmp_path / name
     write(path, FREQUENCY, VALUES, UNIT)

@@ -189,7 +189,7 @@ def test_every_truncation_is_refused(tmp_path: Path, compressed: bool) -> None:
         assert "a.mat" in fault_of(tmp_path / "a.mat")
 
 
-def test_what_unpacks_to_a_thousand_times_its_size(tmp_path: Path) -> None:
+def test_a_file_that_unpacks_to_a_thousand_times_its_size_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "a.mat"
     savemat(path, {f"x{number}": np.zeros(2_400_000) for number in range(6)}, do_compression=True)
     assert path.stat().st_size < 200_000

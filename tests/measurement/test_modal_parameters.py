@@ -69,7 +69,7 @@ def test_faults(tmp_path: Path, text: str) -> None:
     assert str(caught.value).strip().replace(f"{tmp_path}/", "").startswith(FAULTS[text])
 
 
-def test_what_is_no_table(tmp_path: Path) -> None:
+def test_a_file_that_is_not_a_table_is_refused(tmp_path: Path) -> None:
     with pytest.raises(MeasurementError, match="this is not a table of modal parameters"):
         read_modal_parameters(tmp_path / "a.uff")
     with pytest.raises(MeasurementError, match=r"damping_ratio has the shape \(1,\), not \(n_modes,\)"):

@@ -49,6 +49,6 @@ def test_seeds(add) -> None:
 
 @pytest.mark.parametrize("add", [complex_noise, data_noise])
 @pytest.mark.parametrize("level", [-0.1, np.nan, np.inf])
-def test_a_level_that_is_none(add, level: float) -> None:
+def test_a_negative_or_infinite_noise_level_is_refused(add, level: float) -> None:
     with pytest.raises(ValueError, match="a noise level is finite and not negative"):
         add(np.ones(3), level, 0)

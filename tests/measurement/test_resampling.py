@@ -128,12 +128,12 @@ def test_cover_has_the_tolerance_of_rounding(measured: Frf) -> None:
 
 
 @pytest.mark.parametrize("grid", [[], [[100.0, 200.0]], [100.0, np.nan], 150.0])
-def test_a_grid_that_is_none(measured: Frf, grid: object) -> None:
+def test_a_grid_that_is_not_a_list_of_frequencies_is_refused(measured: Frf, grid: object) -> None:
     with pytest.raises(MeasurementError, match="the grid is not a list of finite frequencies"):
         on_grid(measured, grid)
 
 
-def test_a_grid_that_falls(measured: Frf) -> None:
+def test_a_decreasing_grid_is_refused(measured: Frf) -> None:
     with pytest.raises(MeasurementError, match="the frequency does not increase after line 1"):
         on_grid(replace(measured, coherence=None), [200.0, 150.0])
 
@@ -210,7 +210,7 @@ def test_an_frf_that_is_zero_is_zero_between_its_lines() -> None:
         np.testing.assert_array_equal(on_grid(zero, GRID).values, 0.0)
 
 
-def test_the_last_line_says_nothing_of_the_first_nor_of_the_spacing() -> None:
+def test_an_outlier_in_the_last_line_changes_no_line_before_it() -> None:
     """The last of an even number of lines is not drawn from every other one, since none is behind it."""
     frequency, values = np.arange(100.0, 140.0), np.ones(40)
     values[-1] = 1e4

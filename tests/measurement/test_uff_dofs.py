@@ -53,7 +53,7 @@ def test_the_dofs_come_along(several: Path) -> None:
     assert (frf.response, frf.force) == ("Tool:7+z", "1+z")
 
 
-def test_what_is_ambiguous_or_missing_is_listed(several: Path) -> None:
+def test_ambiguous_or_missing_dofs_are_listed(several: Path) -> None:
     message = fault_of(several, response="2", force="1")
     assert message.startswith("a.uff\n  the file holds 2 FRFs that fit; choose one:\n    set 1: FRF, response 1 +x")
     assert message.endswith("for example index=2.")
@@ -156,7 +156,7 @@ def test_dofs_that_contradict_the_file_or_are_none(several: Path) -> None:
 
 
 @pytest.mark.parametrize(("response", "force"), [("5x", "5+x"), ("5X", "5x"), ("5-x", "5+x")])
-def test_the_mass_is_taken_off_a_drive_point_however_its_dof_is_spelt(tmp_path, response, force):
+def test_the_mass_is_taken_off_a_drive_point_in_every_spelling_of_its_dof(tmp_path, response, force):
     frf = Frf(FREQUENCY, VALUES, "accelerance", response=response, force=force)
     write_frf(frf, tmp_path / "a.npz")
     compensated = read_frf(tmp_path / "a.npz", accelerometer_mass=0.01)

@@ -37,14 +37,14 @@ def test_a_new_package_passes_its_own_tests_in_a_fresh_environment(kind, environ
         ("joint", "../up", "'../up' cannot be the name of a model."),
     ],
 )
-def test_a_name_that_will_not_do(runner, tmp_path, kind, name, found):
+def test_an_unusable_plugin_name_is_refused(runner, tmp_path, kind, name, found):
     result = runner("new-plugin", kind, name, "-o", tmp_path / "mine")
     assert result.exit_code == 1
     assert found in result.stderr
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_folder_that_is_there_is_left_alone(runner, tmp_path):
+def test_an_existing_folder_is_not_overwritten(runner, tmp_path):
     result = runner("new-plugin", "joint", "felt", "-o", tmp_path)
     assert result.exit_code == 1
     assert result.stderr.startswith(f"{tmp_path}\n  a file or folder of this name already exists.")
@@ -63,7 +63,7 @@ def test_a_name_with_dashes_makes_an_identifier(runner, tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["joint", "substructure", "reader", "method"])
-def test_what_it_makes_conforms(kind, runner, tmp_path, monkeypatch):
+def test_a_new_plugin_passes_the_conformance_kit(kind, runner, tmp_path, monkeypatch):
     assert runner("new-plugin", kind, "my_own", "-o", tmp_path / "mine").exit_code == 0
     source = tmp_path / "mine" / "src" / "dovetail_my_own" / f"{kind}.py"
     spec = importlib.util.spec_from_file_location(f"made_{kind}", source)

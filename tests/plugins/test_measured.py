@@ -76,7 +76,7 @@ def test_it_is_not_seen_through_an_exponential_window(tmp_path):
         dovetail.load(description)
 
 
-def test_what_is_measured_is_reciprocal_and_passive_and_met_at_its_lines(tmp_path):
+def test_a_measured_part_is_reciprocal_and_passive_and_exact_at_its_lines(tmp_path):
     model = components().find("substructure", "measured").component
     section = written(tmp_path, receptance())
     part = model(model.Config(file=section["file"]))

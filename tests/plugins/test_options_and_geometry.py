@@ -86,7 +86,7 @@ def test_a_taper_of_both_diameters_by_hand():
         ({"width": 0.02, "height": 0.02, "inner_end": 0.0}, "a rectangular section has no diameters"),
     ],
 )
-def test_a_section_that_is_none_is_refused(section, fault):
+def test_an_impossible_section_is_refused(section, fault):
     with pytest.raises(ValidationError, match=fault):
         beam({"length": 0.1, **section})
 

@@ -245,7 +245,7 @@ class TestUMAP:
 
 
 class TestNeighbours:
-    def test_they_are_the_exact_ones_however_close(self, training):
+    def test_nearest_neighbours_are_exact_among_nearly_equal_rows(self, training):
         rows = np.concatenate([training, training + np.float32(1e-4)])
         indices, squares = Neighbours(rows).nearest(training, 15)
         distances = cdist(training, rows, "sqeuclidean")

@@ -115,7 +115,7 @@ def test_an_estimator_that_fails_to_fit_is_an_error_with_its_reason(features):
         "no",
     ],
 )
-def test_a_state_from_a_stranger_makes_nothing_else(features, structure):
+def test_a_manipulated_state_creates_no_other_class(features, structure):
     state = {"structure": json.dumps(structure), "width": 120}
     with pytest.raises(dovetail.DovetailError):
         reducer("PCA").restore(state).transform(features)

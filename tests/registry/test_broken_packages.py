@@ -219,7 +219,7 @@ def test_one_plugin_file_given_twice_is_taken_once(tmp_path, monkeypatch):
         ("()", "has no nodes."),
     ],
 )
-def test_a_substructure_with_nodes_that_are_none(tmp_path, nodes, found):
+def test_a_substructure_with_faulty_nodes_is_refused(tmp_path, nodes, found):
     import dovetail
 
     file = tmp_path / "part.py"

@@ -85,7 +85,7 @@ def test_a_natural_frequency_that_the_truth_does_not_have_is_held_against_none(r
     assert [row.true_natural for row in rows] == ["1330.0", ABSENT, "8240.0"]
 
 
-def test_a_natural_frequency_that_is_no_number_comes_last(result: Identification) -> None:
+def test_a_natural_frequency_that_is_not_a_number_comes_last(result: Identification) -> None:
     rows = mode_rows(replace(result, modes=(Mode(math.nan, None, None), result.modes[0])), Truth({}, (1330.0,)))
     assert [row.natural for row in rows] == ["1352.0", ABSENT]
     assert [row.error for row in rows] == ["+1.65", ABSENT]
@@ -142,7 +142,7 @@ def test_a_good_model_is_reported_with_its_errors_and_what_they_mean(result, tmp
     assert 'role="alert"' not in page
 
 
-def test_what_was_not_judged_is_not_reported(result):
+def test_a_fit_that_was_not_judged_has_no_verdict_in_the_report(result):
     assert adequacy_sentences(replace(result, adequacy=None)) == []
     assert adequacy_sentences(replace(result, adequacy=Adequacy("not judged"))) == []
     assert adequacy_sentences(replace(result, adequacy=Adequacy("to the noise")))[0] == "The model fits to the noise."

@@ -62,7 +62,7 @@ def test_parts_are_to_scale_and_where_the_joint_puts_them(collet):
     assert "True proportions." in figure.get_suptitle()
 
 
-def test_what_would_overlap_is_side_by_side_and_stretching_is_said():
+def test_overlapping_parts_are_drawn_side_by_side_with_a_note_on_stretching():
     figure = dovetail.plot_assembly(ASSEMBLIES / "bolted_lap_beam.yaml")
     boxes = [patch.get_path().get_extents() for patch in figure.axes[0].patches]
     left, right = sorted(boxes, key=lambda box: box.x0)

@@ -127,7 +127,7 @@ def test_a_fitted_value_outside_its_range_is_saved_as_its_slider_shows_it(assemb
     assert json.loads(narrow.saved("json", shown, answer["fit"]))["parameters"]["k"]["value"] == answer["values"][0]
 
 
-def test_what_is_saved_by_hand(explorer: Explorer, tmp_path: Path) -> None:
+def test_a_fit_by_hand_is_saved_as_a_result(explorer: Explorer, tmp_path: Path) -> None:
     described = tmp_path / "saved.yaml"
     described.write_bytes(explorer.saved("yaml", [2e6, 30.0]))
     joint = yaml.safe_load(described.read_text())["joints"]["mount"]["parameters"]
@@ -203,7 +203,9 @@ def test_the_page_and_its_answers(server: PageServer) -> None:
         ("fit", {"values": [3e6, 40.0]}, {"Sec_Fetch_Site": "same-site"}),
     ],
 )
-def test_strangers_are_refused(server: PageServer, path: str, body: Any, headers: dict[str, Any]) -> None:
+def test_requests_from_another_site_are_refused(
+    server: PageServer, path: str, body: Any, headers: dict[str, Any]
+) -> None:
     status, content, _ = ask(server, f"/{server.token}/{path}", body, **headers)
     assert (status, content) == (403, b"Forbidden\n")
 

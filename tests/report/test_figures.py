@@ -95,7 +95,7 @@ def test_amplitude_phase_and_coherence_share_the_frequency_axis(result: Identifi
     assert [text.get_text() for text in amplitude.get_legend().get_texts()] == ["measured", "reconstructed"]
 
 
-def test_what_is_not_known_has_no_panel(result: Identification, amplitude_only: Identification) -> None:
+def test_a_figure_has_no_panel_of_missing_data(result: Identification, amplitude_only: Identification) -> None:
     assert len(frf_figure(result.measured, result.frf).axes) == 2
     assert len(frf_figure(amplitude_only.measured, result.frf).axes) == 1
     assert len(simulated_figure(result.frf).axes) == 2

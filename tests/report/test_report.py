@@ -280,7 +280,7 @@ def test_a_report_replaces_an_earlier_one(result: Identification, tmp_path: Path
 
 
 @pytest.mark.parametrize(("where", "error"), [("chart_data", RuntimeError), ("replace", DovetailError)])
-def test_a_failure_leaves_what_was_there(
+def test_a_failed_report_keeps_the_old_file(
     result: Identification, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str, error: type[Exception]
 ) -> None:
     def fail(*_: Any, **__: Any) -> str:

@@ -70,7 +70,7 @@ def test_a_truth_cannot_be_changed() -> None:
         ({"note": 3}, "3 is not a text"),
     ],
 )
-def test_what_is_wrong_is_said(tmp_path: Path, content: Any, message: str) -> None:
+def test_a_faulty_truth_file_is_refused_with_the_reason(tmp_path: Path, content: Any, message: str) -> None:
     path = truth_file(tmp_path, content)
     with pytest.raises(MeasurementError, match=message) as caught:
         read_truth(path, PARAMETERS)

@@ -44,7 +44,7 @@ PART = {
 
 
 @pytest.mark.parametrize("secret", SECRETS)
-def test_no_line_of_a_file_that_is_no_description_is_printed(secret: str, tmp_path: Path) -> None:
+def test_the_content_of_a_file_other_than_a_description_is_not_printed(secret: str, tmp_path: Path) -> None:
     (tmp_path / "secret").write_text(SECRETS[secret])
     (tmp_path / "a.yaml").write_text("extends: secret\nname: a\n")
     with pytest.raises(DescriptionError) as caught:
@@ -94,7 +94,7 @@ def test_a_model_names_no_file_outside_itself(trained: Path, tmp_path: Path, nam
     assert len(caught.value.faults) == 1
 
 
-def test_a_file_of_a_model_is_the_one_it_was(trained: Path, tmp_path: Path) -> None:
+def test_a_model_with_a_changed_file_is_refused(trained: Path, tmp_path: Path) -> None:
     moved = shutil.copytree(trained / "model", tmp_path / "model")
     [file] = (moved / "files").iterdir()
     file.write_bytes(file.read_bytes() + b"\0")
@@ -108,7 +108,7 @@ def test_a_description_may_be_kept_in_a_folder(trained: Path, tmp_path: Path) ->
         dovetail.load(trained / "a.yaml", files_in=tmp_path)
 
 
-def test_a_dataset_is_begun_under_a_name_that_nobody_foresees(sdof, tmp_path: Path) -> None:
+def test_a_dataset_begins_under_an_unpredictable_name(sdof, tmp_path: Path) -> None:
     (tmp_path / "victim").mkdir()
     (tmp_path / "victim/kept").write_text("kept")
     os.symlink(tmp_path / "victim", tmp_path / f".d.zarr.{os.getpid()}.new")

@@ -82,7 +82,7 @@ def test_pathlib_asks_windows_for_no_mounts(tmp_path: Path, monkeypatch: pytest.
     atomic_files.check_target(tmp_path / "results")
 
 
-def test_what_is_looked_for_exists_somewhere() -> None:
+def test_the_listed_names_exist_on_this_system() -> None:
     """A misspelt name would never be found."""
     if os.name == "posix":
         assert {name for name in OF_LINUX if not hasattr(os, name)} <= {"sched_getaffinity"}

@@ -70,7 +70,7 @@ def test_a_finer_mesh_keeps_it():
         (True, "joints.mount.structural_damping\n  true"),
     ],
 )
-def test_a_frequency_that_is_none_is_refused(structural, message):
+def test_an_impossible_frequency_of_structural_damping_is_refused(structural, message):
     with pytest.raises(DescriptionError) as refused:
         damped("sdof.yaml", structural)
     assert message in str(refused.value)

@@ -26,7 +26,7 @@ def dovetail_components():
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_text_of_a_method_works_in_a_package_of_its_own(name, tmp_path, monkeypatch, assemblies):
+def test_a_shipped_method_works_in_another_package(name, tmp_path, monkeypatch, assemblies):
     package = f"other_{name}"
     (tmp_path / package).mkdir()
     (tmp_path / package / "__init__.py").write_text("")
