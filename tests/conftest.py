@@ -16,6 +16,7 @@ import pytest
 from threadpoolctl import threadpool_limits
 
 import dovetail
+from support.waiting import processor_time
 
 # Some surroundings forbid modules to be kept as bytecode. Each process that a test starts would then compile torch,
 # scikit-learn and umap from their sources, which takes four to seven seconds, and the workers do so too.
@@ -33,6 +34,8 @@ ASSEMBLIES = ROOT / "assemblies"
 
 MOST_MEMORY = 3000
 """MiB that a process of the default suite takes at most: one for each core must fit into a usual machine."""
+MOST_SECONDS = 20.0
+"""Processor seconds, children included, above which a test is listed at the end of a run."""
 LAST = ("architecture", "coupling", "description", "frf", "plugins", "registry", "report")
 """Folders of short tests, which are run when the others have begun: no worker then has a long file left at the end."""
 WithSettings = Callable[..., dovetail.Assembly]
@@ -63,6 +66,27 @@ def memory_is_bounded(request: pytest.FixtureRequest) -> Iterator[None]:
     if peak > MOST_MEMORY and not slow and TOO_MUCH not in request.config.stash:
         request.config.stash[TOO_MUCH] = True
         pytest.fail(f"this process has taken {peak:.0f} MiB by now; {MOST_MEMORY} MiB are the limit of the suite.")
+
+
+@pytest.fixture(autouse=True)
+def processor_time_is_recorded(request: pytest.FixtureRequest) -> Iterator[None]:
+    began = processor_time()
+    yield
+    request.node.user_properties.append(("processor_seconds", processor_time() - began))
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """List the tests that take too long for the default suite: fewer cases may do, the others marked as slow."""
+    times = {
+        report.nodeid: seconds
+        for report in terminalreporter.stats.get("", [])
+        for name, seconds in report.user_properties
+        if name == "processor_seconds" and seconds > MOST_SECONDS
+    }
+    if times:
+        terminalreporter.section(f"more than {MOST_SECONDS:g} s of processor time")
+    for nodeid in sorted(times, key=times.__getitem__, reverse=True):
+        terminalreporter.write_line(f"{times[nodeid]:6.1f} s  {nodeid}")
 
 
 @pytest.fixture
