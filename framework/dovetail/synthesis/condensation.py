@@ -35,6 +35,8 @@ class Settings:
     """Difference of two mirrored entries, over the matrix's largest entry, that may be due to rounding."""
     condition: float = 1e10
     """Condition number of a balanced receptance above which its inverse consists of rounding errors."""
+    eliminated_lines: int = 20_000
+    """Largest number of lines that are eliminated at once, which bounds the memory for all entries of a matrix."""
 
 
 SETTINGS = Settings()
@@ -152,15 +154,21 @@ def _condense_symbolically(
     kept = np.searchsorted(active, dofs).tolist()
     program = plan_elimination(filled[np.ix_(active, active)], kept)
     rows, columns = active[program.rows], active[program.columns]
-    omega = 2.0 * np.pi * frequency
     M, K, C, D = (matrix[rows, columns, None] for matrix in (matrices.M, matrices.K, matrices.C, matrices.D))
-    slots = (K - omega**2 * M) + 1j * (D + omega * C)
-    with np.errstate(divide="ignore", invalid="ignore"):  # a pivot that vanishes leaves no finite number
-        run_elimination(program, slots)
     position = np.full(matrices.size, -1)
     position[list(dofs)] = np.arange(len(dofs))
-    among_kept = (position[rows] >= 0) & (position[columns] >= 0) & slots.any(axis=1)
-    rows, columns, values = position[rows[among_kept]], position[columns[among_kept]], slots[among_kept]
+    among_kept = (position[rows] >= 0) & (position[columns] >= 0)
+    blocks = []
+    for part in np.array_split(frequency, -(-len(frequency) // SETTINGS.eliminated_lines)):
+        omega = 2.0 * np.pi * part
+        slots = (K - omega**2 * M) + 1j * (D + omega * C)
+        with np.errstate(divide="ignore", invalid="ignore"):  # a pivot that vanishes leaves no finite number
+            run_elimination(program, slots)
+        blocks.append(slots[among_kept])
+    values = np.concatenate(blocks, axis=1)
+    filled_entries = values.any(axis=1)
+    rows, columns = position[rows[among_kept]][filled_entries], position[columns[among_kept]][filled_entries]
+    values = values if filled_entries.all() else values[filled_entries]
     lost = ~np.isfinite(values).all(axis=0)
     if lost.any():
         sparse = SparseMatrices(matrices.M, matrices.K, matrices.C, matrices.D)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -201,16 +202,21 @@ class KernelInputs:
         for slot, (row, column) in enumerate(zip(program.rows, program.columns, strict=True)):
             self._slot_of[row, column] = self._slot_of[column, row] = slot
 
-    def static(self) -> tuple[tuple[tuple[int, int], ...], NDArray[np.float64]]:
-        """Return slot and part (0 real, 1 imaginary) of the substructures' non-zero rows; the rows (n_rows, n_freq)."""
-        halves = np.zeros((self._program.slots, 2, len(self._system.frequency)))
+    def static(self) -> tuple[tuple[tuple[int, int], ...], Iterator[NDArray[np.float64]]]:
+        """Return slot and part (0 real, 1 imaginary) of the substructures' non-zero rows, and these rows (n_freq,)."""
+        of_slots = defaultdict[int, list[NDArray[np.complex128]]](list)
         for boundary in self._system.condensed.values():
             local, indices = self._system.locate(boundary.numbers)
             entry = boundary.entry[np.ix_(local, local)]
             for row, column, slot in self._entries(indices, entry >= 0):
-                halves[slot] += boundary.values[entry[row, column]].view(np.float64).reshape(-1, 2).T
-        keys = tuple((int(slot), int(half)) for slot, half in np.argwhere(halves.any(axis=-1)))
-        return keys, np.array([halves[key] for key in keys]).reshape(len(keys), len(self._system.frequency))
+                of_slots[slot].append(boundary.values[entry[row, column]])
+
+        def row_of(slot: int, half: int) -> NDArray[np.float64]:
+            parts = [values.view(np.float64)[half::2] for values in of_slots[slot]]
+            return np.asarray(np.sum(parts, axis=0)) if len(parts) > 1 else parts[0]
+
+        keys = tuple((slot, half) for slot in sorted(of_slots) for half in (0, 1) if row_of(slot, half).any())
+        return keys, (row_of(*key) for key in keys)
 
     @cached_property
     def terms(self) -> tuple[Term, ...]:

@@ -261,7 +261,10 @@ class Plan:
     def _static(self) -> tuple[tuple[tuple[int, int], ...], NDArray[np.float64]]:
         """Slot and part (real or imaginary) of the substructures' entries, and the entries as the kernel reads them."""
         keys, rows = self.inputs.static()
-        return keys, as_vectors(rows)
+        vectors = np.empty((len(self.system.frequency) // WIDTH, len(keys), WIDTH))
+        for number, row in enumerate(rows):
+            vectors[:, number] = row.reshape(-1, WIDTH)
+        return keys, vectors
 
     @cached_property
     def static(self) -> NDArray[np.float64]:
