@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import scipy
 from typer.testing import CliRunner
 
 import dovetail
@@ -411,3 +412,15 @@ def test_points_that_few_lines_show_to_be_hopeless_are_left_out(chi_squared, eve
     best = of_lines * np.sqrt(1000.0 / np.sum(of_lines**2))
     posterior = SimpleNamespace(residuals=lambda z: np.stack([best, best * np.sqrt(chi_squared / 1000.0)]))
     assert len(_promising(posterior, np.zeros((2, 0)), every)) == 1 + kept
+
+
+@pytest.mark.parametrize("count", [20, 50, 400])
+@pytest.mark.parametrize("uneven", [False, True])
+def test_intervals_of_few_samples_hold_nine_tenths_of_further_draws(count, uneven):
+    """Weights of 1 and 2 in turn count as nine tenths of the samples."""
+    random = np.random.default_rng(0)
+    weight = np.tile([1.0, 2.0], count // 2) if uneven else np.ones(count)
+    samples = random.standard_normal((count, 20_000))
+    low, high = quantiles(samples, weight / weight.sum(), [0.05, 0.95])
+    held = scipy.stats.norm.cdf(high) - scipy.stats.norm.cdf(low)
+    assert held.mean() == pytest.approx(0.9, abs=0.006)
