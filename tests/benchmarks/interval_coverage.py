@@ -5,8 +5,8 @@
 The structures, parameters, axes and kinds of noise are those of `genuine_measurements.py`, with 200 to 5,000 lines.
 The true parameters are drawn evenly from their ranges, which is the prior, and the model is exact (`model_error=0`):
 intervals are right if they hold nine tenths of the true values, of well and badly determined parameters alike. The
-tables have one line for each kind of parameter and one for each structure; `+-` is the standard deviation of the share
-by chance, for independent intervals.
+tables have one line for each kind of parameter and one for each structure; `+-` is the standard error of the share.
+Intervals of one measurement depend on one another, so that it is estimated from whole measurements.
 """
 
 from __future__ import annotations
@@ -25,7 +25,6 @@ from random_structures import JOINTS, NOISES, draw_axis, draw_theta, measure, ra
 import dovetail
 
 LINES = 200, 5_000
-COVERED = 0.9
 HEADER = "| {} | intervals | hold the truth | too low | too high |\n|---|---|---|---|---|"
 
 
@@ -82,30 +81,24 @@ def identified(number: int, seed: int, structures: int, samples: int) -> Case:
     )
 
 
-def row(name: str, below: np.ndarray, above: np.ndarray) -> str:
-    """Return one line of a table."""
-    count = len(below)
-    held = 1.0 - np.mean(below | above)
-    chance = np.sqrt(COVERED * (1.0 - COVERED) / count)
-    return f"| {name} | {count} | {held:.1%} +- {chance:.1%} | {np.mean(below):.1%} | {np.mean(above):.1%} |"
+def row(name: str, outcomes: np.ndarray) -> str:
+    """Return one line of a table, from the number of the case, below and above (n, 3) of each interval."""
+    number, below, above = outcomes.T
+    missed = (below | above).astype(float)
+    of_cases = np.bincount(number, missed - missed.mean())
+    error = np.sqrt(np.sum(of_cases**2)) / len(missed)
+    share = f"{1.0 - missed.mean():.1%} +- {error:.1%}"
+    return f"| {name} | {len(missed)} | {share} | {below.mean():.1%} | {above.mean():.1%} |"
 
 
-def table(title: str, groups: dict[str, list[tuple[bool, bool]]]) -> str:
-    """Return the table of groups of intervals."""
-    lines = [HEADER.format(title)]
-    for name, group in groups.items():
-        below, above = np.array(group).T
-        lines.append(row(name, below, above))
-    return "\n".join(lines)
-
-
-def grouped(cases: Iterable[Case], name_of: Callable[[Case, int], str]) -> dict[str, list[tuple[bool, bool]]]:
-    """Return whether the truth is below and above each interval, by the name of the interval's group."""
-    groups = defaultdict[str, list[tuple[bool, bool]]](list)
+def table(title: str, cases: Iterable[Case], name_of: Callable[[Case, int], str]) -> str:
+    """Return a table of the intervals by the name of their group."""
+    groups = defaultdict[str, list[tuple[int, bool, bool]]](list)
     for case in cases:
         for index in range(len(case.names)):
-            groups[name_of(case, index)].append((bool(case.below[index]), bool(case.above[index])))
-    return dict(sorted(groups.items()))
+            outcome = case.number, bool(case.below[index]), bool(case.above[index])
+            groups[name_of(case, index)].append(outcome)
+    return "\n".join([HEADER.format(title), *(row(name, np.array(group)) for name, group in sorted(groups.items()))])
 
 
 def study(
@@ -118,10 +111,10 @@ def study(
     else:
         with ProcessPoolExecutor(processes) as pool:
             cases = list(pool.map(one, range(count)))
-    report(table("all", grouped(cases, lambda case, index: "all")))
-    report(table("verdict", grouped(cases, lambda case, index: case.verdicts[index])))
-    report(table("parameter", grouped(cases, lambda case, index: case.names[index].rpartition(".")[2])))
-    report(table("structure", grouped(cases, lambda case, index: f"{case.structure:2d}")))
+    report(table("all", cases, lambda case, index: "all"))
+    report(table("verdict", cases, lambda case, index: case.verdicts[index]))
+    report(table("parameter", cases, lambda case, index: case.names[index].rpartition(".")[2]))
+    report(table("structure", cases, lambda case, index: f"{case.structure:2d}"))
     report(f"median {np.median([case.seconds for case in cases]):.2f} s a measurement")
     return cases
 

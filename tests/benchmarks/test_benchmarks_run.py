@@ -151,6 +151,14 @@ def test_the_study_of_mesh_errors_has_a_row_for_each_assembly(names):
     assert all(0.0 < float(row[5]) < 2.0 for row in rows)  # the joint is not displaced by more than is allowed for
 
 
+def test_the_benchmark_of_intervals_counts_those_that_hold_the_truth():
+    printed = run("interval_coverage.py", "--cases", 2, "--structures", 2, "--samples", 20)
+    (everything,) = (row for row in cells(printed) if row[0] == "all" and row[1] != "intervals")
+    held, low, high = (float(cell.split("%")[0]) for cell in everything[2:])
+    assert int(everything[1]) >= 6
+    assert held + low + high == pytest.approx(100.0, abs=0.2)
+
+
 @pytest.mark.slow
 def test_the_study_of_the_gaussian_form_has_a_row_for_each_parameter():
     printed = run("laplace_coverage.py", "--cases", 1, "--sampled", 1)
