@@ -97,6 +97,7 @@ from .interfaces import Statement as Statement
 from .interfaces import StructuralMatrices as StructuralMatrices
 from .interfaces import SubstructureModel as SubstructureModel
 from .interfaces import TargetDistribution as TargetDistribution
+from .interfaces import TimeLimit as TimeLimit
 from .interfaces import TrainingEpoch as TrainingEpoch
 from .interfaces import silent as silent
 from .interfaces import spread_normal as spread_normal

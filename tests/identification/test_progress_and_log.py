@@ -119,7 +119,8 @@ def run(sdof, wrong):
 
 def test_identification_reports_every_stage(run):
     stages = heard(run.told)
-    assert list(stages)[:5] == ["fit", "model error", "causes", "modes", "exploration"]
+    assert list(stages)[:4] == ["fit", "model error", "modes", "exploration"]
+    assert list(stages)[-1] == "causes"
     assert "samples" in stages
     for stage, steps in stages.items():
         done, totals = zip(*steps, strict=True)

@@ -15,6 +15,7 @@ from dovetail.cli.batch import check_batch, identify_batch, is_batch
 from dovetail.cli.bundles import bundled
 from dovetail.cli.commands import exit_unless_trustworthy, measurement_names, typed
 from dovetail.cli.completion import complete_files, complete_methods
+from dovetail.cli.interrupts import stopped_by_interrupt
 from dovetail.cli.options import AsJson, Scheduler, assembly_or_model, chosen_method, part
 from dovetail.cli.reading import NOTHING_SET, Reading, with_reading
 from dovetail.cli.terminal import heading, print_json, progress_bars, say, table, title
@@ -67,7 +68,15 @@ WithNetwork = Annotated[
     ),
 ]
 Starts = Annotated[int | None, typer.Option(metavar="N", min=1, help="Searches by multistart.", show_default=False)]
-Seconds = Annotated[float | None, typer.Option(metavar="S", help="Time limit of multistart.", show_default=False)]
+Seconds = Annotated[
+    float | None,
+    typer.Option(
+        metavar="S",
+        min=1e-3,
+        show_default=False,
+        help="Time for the answer to each measurement; what it left out is reported. Ctrl-C gives what there is.",
+    ),
+]
 PosteriorForm = Annotated[
     str | None,
     typer.Option(metavar="NAME", help="Form of the posterior: samples, or laplace (faster).", show_default=False),
@@ -114,7 +123,6 @@ Retrain = Annotated[bool, typer.Option("--retrain", help="Train a new network ev
 
 _FIT: dict[str, tuple[Any, Any]] = {
     "starts": (Starts, None),
-    "seconds": (Seconds, None),
     "form": (PosteriorForm, None),
     "samples": (Samples, None),
     "model_error": (AllowedError, None),
@@ -134,6 +142,7 @@ class _Job:
     reading: Reading
     method: IdentificationMethod
     options: Mapping[str, Any]
+    seconds: float | None
     truth: Path | None
     output: Path | None
     as_json: bool
@@ -161,6 +170,7 @@ def identify(
     network: WithNetwork = None,
     fit: Mapping[str, Any] = MappingProxyType({}),
     lines: Mapping[str, Any] = MappingProxyType({}),
+    seconds: Seconds = None,
     reading: Reading = NOTHING_SET,
     truth: TruthFile = None,
     output: OutputFolder = None,
@@ -183,6 +193,9 @@ def identify(
     network's estimate alone, as in the publication. Networks are cached in the user's cache folder, or in
     DOVETAIL_CACHE_DIR. Files of an earlier run in the output folder are replaced.
 
+    With --seconds the answer comes within this time, as far as the steps that have begun allow: causes of a misfit are
+    left out first, then samples. Ctrl-C has the same effect at once; a second one ends the command.
+
     The exit code is 3 if the model does not fit the measurement; the result is still printed and written, marked so.
     """
     from dovetail.identification.identify import method_for_modes
@@ -192,7 +205,7 @@ def identify(
     chosen = chosen_method(method, reading.plugins, assembly, fit)
     trains = True if not chosen.fits_lines or (retrain and network is None) else network
     network_to_use = partial(_model, assembly, model, chosen, trains, reading.plugins, retrain=retrain)
-    job = _Job(assembly, measured, reading, chosen, fit, truth, output, as_json, network_to_use)
+    job = _Job(assembly, measured, reading, chosen, fit, seconds, truth, output, as_json, network_to_use)
     if len(measured) == 1 and is_modal_table(measured[0]):
         of_frfs = network, retrain, scheduler, "cause_seconds" in fit, reading.says_more_than_plugins
         if any((*lines.values(), *of_frfs)):
@@ -216,7 +229,7 @@ def _identify_each(job: _Job, scheduler: str | None) -> None:
     reading = job.reading
     check_mass(job.assembly, reading.accelerometer_mass)
     check_batch(job.truth, job.output, reading.index, reading.response, reading.force)
-    options = {**job.options, "scheduler": scheduler}
+    options = {**job.options, "scheduler": scheduler, "seconds": job.seconds}
     identify_batch(
         job.assembly, job.measured, reading, job.method, job.model(), job.output, as_json=job.as_json, **options
     )
@@ -231,8 +244,9 @@ def _identify_one(job: _Job, measured: ModalParameters | list[Frf], command: str
     known = job.known()
     prepare_folder(job.output, FRF_FILES if isinstance(measured, list) else MODAL_FILES)
     model = job.model()
-    with progress_bars() as progress:
-        result = dovetail.identify(job.assembly, measured, job.method, model=model, progress=progress, **job.options)
+    options = {**job.options, "seconds": dovetail.TimeLimit(job.seconds), "model": model}
+    with progress_bars() as progress, stopped_by_interrupt(options["seconds"]):
+        result = dovetail.identify(job.assembly, measured, job.method, progress=progress, **options)
     with writing(job.output, lambda folder: write_results(result, folder, known, job.assembly, command)):
         if job.as_json:
             print_json(result.to_dict())

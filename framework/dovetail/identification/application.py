@@ -14,16 +14,17 @@ from numpy.typing import NDArray
 from dovetail.assembly import Theta
 from dovetail.errors import Fault, Importance, MeasurementError, Note, PluginError, listing
 from dovetail.frf import Frf
+from dovetail.identification.cut_short import CutShort
 from dovetail.identification.measured_lines import MeasuredLines
 from dovetail.identification.measured_modes import MeasuredModes
 from dovetail.identification.parameters import ROUNDING
 from dovetail.identification.reconstruction import reconstruct
 from dovetail.identification.result import Identification
 from dovetail.inference.adequacy import Adequacy
-from dovetail.inference.adequacy.assess import JudgementOptions, judge
+from dovetail.inference.adequacy.assess import JudgedFit, Judgement, JudgementOptions, judge_without_causes
 from dovetail.inference.fitting import Fit, fit_at, refine
 from dovetail.inference.posterior import ModelError, Posterior
-from dovetail.interfaces import Estimate, IdentificationMethod, Progress, plugin_errors, silent
+from dovetail.interfaces import NO_LIMIT, Estimate, IdentificationMethod, Progress, TimeLimit, plugin_errors, silent
 from dovetail.interfaces.component import check_contract, component_label
 from dovetail.network.bundle import TrainedNetwork
 from dovetail.network.pipeline import FEWEST_DRAWS
@@ -57,6 +58,8 @@ class Application:
     judgement : JudgementOptions
     seed : int
     progress : Progress
+    limit : TimeLimit
+        The time for all of it.
     """
 
     method: IdentificationMethod[Problem]
@@ -65,6 +68,7 @@ class Application:
     judgement: JudgementOptions = field(default_factory=JudgementOptions)
     seed: int = 0
     progress: Progress = silent
+    limit: TimeLimit = NO_LIMIT
 
     @property
     def label(self) -> str:
@@ -81,25 +85,33 @@ class Application:
         PluginError
             The method fails, or does not return finite parameters within their ranges.
         """
+        result = self._complete_result(measured)
+        cut = CutShort.of(self.limit)
+        return result if cut is None else replace(result, cut_short=cut, warnings=(*result.warnings, cut.note))
+
+    def _complete_result(self, measured: MeasuredLines | MeasuredModes) -> Identification:
+        """Return the result of as many steps as the time allows."""
         starts = [] if self.start is None else [measured.problem.assembly.vector(self.start)]
         network: NDArray[np.float64] | None = None
         notes: tuple[str, ...] = ()
         problem: Problem
         if isinstance(measured, MeasuredModes):
-            problem = replace(measured.problem, starts=tuple(starts))
+            problem = replace(measured.problem, starts=tuple(starts), limit=self.limit)
         elif not self.method.fits_lines:
             return self._without_fit(measured)
         else:
             network, notes = _network_start(measured, self.trained)
             starts += [known for known in (network, measured.start) if known is not None]
-            problem = replace(measured.problem, starts=tuple(starts), network=_network_of(self.trained, measured))
+            network_of = _network_of(self.trained, measured)
+            problem = replace(measured.problem, starts=tuple(starts), network=network_of, limit=self.limit)
         began = time.monotonic()
         estimate, samples = self._estimate(problem)
         if isinstance(estimate, Fit):
             fit = estimate
         else:
             fit = fit_at(problem, problem.to_unit(estimate.theta), seconds=time.monotonic() - began)
-        judged = judge(problem, fit, self.judgement, seed=self.seed, progress=self.progress)
+        judgement = judge_without_causes(problem, fit, self.judgement, seed=self.seed, progress=self.progress)
+        judged = judgement.judged
         if problem.unweighted is None and not self.method.refits_with_errors:
             judged = judged._replace(fit=fit)
         result = self._result(
@@ -110,8 +122,15 @@ class Application:
             notes = (*notes, *self._best_fit_warnings(problem, judged.fit))
         result = replace(result, network=named, warnings=(*result.warnings, *notes))
         if samples is not None:
-            return self._with_samples(result, problem, samples, fit.seconds)
-        if not self.method.gives_posterior:
+            result = self._with_samples(result, problem, samples, fit.seconds)
+        elif self.method.gives_posterior:
+            result = self._with_posterior(result, problem, judged)
+        return self._with_causes(result, judgement)
+
+    def _with_posterior(self, result: Identification, problem: Problem, judged: JudgedFit) -> Identification:
+        """Add the method's posterior; without time, none of a fit that is not trustworthy."""
+        if self.limit.is_over and not judged.is_trustworthy:
+            self.limit.leave_out("intervals")
             return result
         with plugin_errors(self.method, self.label):
             sampled = self.method.sample(problem, judged, seed=self.seed, progress=self.progress)
@@ -120,6 +139,17 @@ class Application:
         origin = {**result.provenance, "posterior_form": posterior.form, "model_error": allowed}
         warnings = (*result.warnings, *(posterior.warnings if judged.is_trustworthy else ()))
         return replace(result, posterior=posterior, provenance=origin, warnings=warnings)
+
+    def _with_causes(self, result: Identification, judgement: Judgement) -> Identification:
+        """Add the causes of a misfit, compared with the coherence of the result."""
+        if result.adequacy is None:
+            return result
+        adequacy = judgement.with_causes(result.adequacy, self.judgement, self.progress)
+        if not adequacy.causes:
+            return replace(result, adequacy=adequacy)
+        coherence = float(np.concatenate([response.coherence for response in result.responses]).mean())
+        causes = tuple(replace(cause, coherence=(coherence, cause.coherence[1])) for cause in adequacy.causes)
+        return replace(result, adequacy=replace(adequacy, causes=causes))
 
     def _estimate(self, problem: Problem) -> tuple[Estimate, NDArray[np.float64] | None]:
         """Return the method's estimate, and its samples (n, n_params), if any, in fractions of the ranges."""
@@ -206,6 +236,9 @@ class Application:
 
     def _best_fit_warnings(self, problem: Problem, fit: Fit) -> tuple[str, ...]:
         """Return a warning if a fit that starts from a method's estimate explains the measurement far better."""
+        if self.limit.is_over:
+            self.limit.leave_out("whether another fit is better than the method's estimate")
+            return ()
         theta = refine(problem, [fit.theta], seed=self.seed, progress=self.progress).theta
         best = fit_at(problem, problem.to_unit(theta))
         gain = (fit.chi_squared - best.chi_squared) * fit.degrees_of_freedom

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from numbers import Real
 from pathlib import Path
 from typing import Any, cast
 
@@ -21,7 +22,7 @@ from dovetail.identification.measured_modes import MeasuredModes
 from dovetail.identification.result import Identification
 from dovetail.identification.unknown_signs import amplitudes, with_signs
 from dovetail.inference.adequacy.assess import JudgementOptions
-from dovetail.interfaces import IdentificationMethod, Progress, logged, progress_reporter
+from dovetail.interfaces import IdentificationMethod, Progress, TimeLimit, logged, progress_reporter
 from dovetail.measurement import ModalParameters, is_modal_table, read_frf, read_modal_parameters
 from dovetail.network.bundle import TrainedNetwork
 from dovetail.parallel import one_blas_thread
@@ -45,6 +46,7 @@ def identify(
     model: TrainedNetwork | None = None,
     weights: Weights | Sequence[Weights] | None = None,
     phase: bool = True,
+    seconds: float | TimeLimit | None = None,
     progress: Progress | bool | None = None,
     **options: Any,
 ) -> Identification:
@@ -73,11 +75,15 @@ def identify(
         the random error whatever the weights. The network does not use them.
     phase : bool
         False for a fit that ignores the measurement's phase.
+    seconds : float or TimeLimit, optional
+        Time [s] for the answer; `Identification.cut_short` then lists what was left out: causes of a misfit first, then
+        samples, then intervals and the end of the fit. A step that has begun is completed. None for a complete answer.
+        A `TimeLimit` can be stopped from another thread.
     progress : bool or callable, optional
         True shows bars in a terminal or a notebook; a function is called as `Progress` says.
     **options
         Of the method: ``seed`` for all but the network; ``start``, where the fit begins [SI], for ``"refined"`` and
-        ``"posterior"``; ``starts``, ``seconds`` and ``objective`` (``"frf"`` or ``"weighted"``) for
+        ``"posterior"``; ``starts`` and ``objective`` (``"frf"`` or ``"weighted"``) for
         ``"multistart"``; ``form`` (``"samples"`` or ``"laplace"``),
         ``samples`` and ``model_error`` for ``"posterior"``; ``cause_seconds``, the time after which no further cause
         of a misfit is tried (20 by default, none with 0), for all but the network. For a plugin's method those of its
@@ -109,7 +115,7 @@ def identify(
     During an identification the linear algebra of this process uses one thread: the matrices are small, and more
     threads would wait for each other.
     """
-    assembly = as_assembly(assembly)
+    limit, assembly = _limit(seconds), as_assembly(assembly)
     table = _as_table(measured)
     frfs = () if table is not None else as_frfs(cast("Measurement", measured))
     chosen = find_method(method, assembly) if table is None else method_for_modes(method, assembly)
@@ -128,15 +134,30 @@ def identify(
     labels = table.label if table is not None else listing(frf.label for frf in frfs)
     step = logged(__name__, f"{assembly.name} identified from {labels} by {chosen.name}")
     with one_blas_thread(), step, progress_reporter(progress) as report:
-        application = _application(chosen, assembly, model, options, report)
+        application = replace(_application(chosen, assembly, model, options, report), limit=limit)
         if table is not None:
             result = application.to(MeasuredModes(assembly, table))
         else:
             lines = _lines(assembly, frfs, weights, report, phase=phase)
             result = application.to(lines.merged(application.seed, report) if chosen.fits_lines else lines)
-        requested = {"weights": weights, "phase": None if phase else False, **options}
+        requested = {"weights": weights, "seconds": limit.seconds, "phase": None if phase else False, **options}
         given = {name: value for name, value in requested.items() if isinstance(value, (str, int, float))}
         return replace(result, provenance={**result.provenance, **({"options": given} if given else {})})
+
+
+def _limit(seconds: float | TimeLimit | None) -> TimeLimit:
+    """Return the time limit of a call.
+
+    Raises
+    ------
+    ParameterError
+        It is not a positive number.
+    """
+    if seconds is None or isinstance(seconds, TimeLimit):
+        return TimeLimit.of(seconds)
+    if not isinstance(seconds, Real) or isinstance(seconds, bool) or not seconds > 0.0:
+        raise ParameterError(Fault("seconds", f"{seconds!r:.40} is not a time limit: it must be greater than 0."))
+    return TimeLimit(float(seconds))
 
 
 def _as_table(measured: Measurement | ModalParameters) -> ModalParameters | None:

@@ -123,15 +123,13 @@ def _at_points(problem: Problem, theta: NDArray[np.float64], label: str) -> tupl
 
 
 def _with_agreement(adequacy: Adequacy, at_points: Sequence[AtPoint], paired: Sequence[PairedPeaks]) -> Adequacy:
-    """Add to a judgement what the reconstructed FRFs show: the resonances that the model lacks, and the coherence."""
+    """Add to a judgement the resonances of the reconstructed FRFs that the model lacks."""
     if adequacy.size is None:
         return adequacy
     measured, modelled = [at_point.measured for at_point in at_points], [at_point.frf for at_point in at_points]
     lacking = lacking_resonances(paired, measured, modelled, adequacy.size.natural_frequency)
     notes = describe_lacking(lacking, measured)
-    coherence = float(np.concatenate([at_point.coherence for at_point in at_points]).mean())
-    causes = tuple(replace(cause, coherence=(coherence, cause.coherence[1])) for cause in adequacy.causes)
-    return replace(adequacy, causes=causes, reasons=by_importance((*notes, *adequacy.reasons)))
+    return replace(adequacy, reasons=by_importance((*notes, *adequacy.reasons)))
 
 
 def identified_parameters(assembly: Assembly, theta: NDArray[np.float64]) -> dict[str, IdentifiedParameter]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from dovetail.errors import DovetailError, Fault, by_importance
 from dovetail.frf import Frf
+from dovetail.identification.cut_short import CutShort
 from dovetail.identification.parameters import IdentifiedParameter, TableRow, dataframe, inference_data, parameter_table
 from dovetail.inference.adequacy.verdict import Adequacy, AtPoint, plain_frf
 from dovetail.inference.fitting.fit import Fit
@@ -21,6 +22,7 @@ from dovetail.plain_text import html_table, terminal_text
 from dovetail.units import format_quantity
 
 _MISFIT = "The model does not fit the measurement: do not trust the numbers."
+_NOT_JUDGED = "The time ended before the fit was judged: do not trust the numbers."
 """At most 80 characters of ASCII, the length of an id line in UFF."""
 
 
@@ -91,6 +93,8 @@ class Identification:
         Measured peaks that belong to no mode, with the reconstructed ones near by; without natural frequencies.
     is_fitted : bool
         Whether the parameters were fitted to the measurement, and not only estimated by a network.
+    cut_short : CutShort or None
+        What was left out because of a time limit or of Ctrl-C; None if the result is complete.
 
     Notes
     -----
@@ -115,6 +119,7 @@ class Identification:
     network: Mapping[str, float] | None = None
     peaks_without_mode: tuple[Mode, ...] = ()
     is_fitted: bool = True
+    cut_short: CutShort | None = None
 
     def __post_init__(self) -> None:
         """Make mappings read-only, order the warnings, and hand the warning to what may be used by itself.
@@ -150,7 +155,9 @@ class Identification:
     @property
     def warning(self) -> str:
         """Sentence that must accompany every number of this result; empty if it is trustworthy."""
-        return "" if self.is_trustworthy else _MISFIT
+        if self.adequacy is None or self.is_trustworthy:
+            return ""
+        return _NOT_JUDGED if self.adequacy.word == "not judged" else _MISFIT
 
     @property
     def table(self) -> tuple[TableRow, ...]:
@@ -261,6 +268,7 @@ class Identification:
                 for peak in self.peaks_without_mode
             ],
             "warnings": list(self.warnings),
+            "cut_short": None if self.cut_short is None else asdict(self.cut_short),
             "interval": None if self.interval is None else {name: list(ends) for name, ends in self.interval.items()},
             "posterior": None if self.posterior is None else self.posterior.to_dict(),
             "fit": None if self.fit is None else self.fit.to_dict(),

@@ -25,6 +25,7 @@ from dovetail.assembly import ParameterScales
 from dovetail.atomic_files import read_bounded
 from dovetail.errors import DovetailError, Fault, damage_reported
 from dovetail.frf import Frf, Quantity
+from dovetail.identification.cut_short import CutShort
 from dovetail.identification.parameters import IdentifiedParameter
 from dovetail.identification.result import Identification, Mode
 from dovetail.inference.adequacy import Adequacy, AdequacyWord, Cause
@@ -190,6 +191,7 @@ class _StoredIdentification(_Stored):
     band_Hz: tuple[float, float] | None = None  # noqa: N815
     posterior: _StoredPosterior | None = None
     network: dict[str, float] | None = None
+    cut_short: CutShort | None = None
     fit: dict[str, Any] | None = {}  # None for the estimate of a network
     further_responses: tuple[_StoredFurther, ...] = ()
     adequacy: _StoredAdequacy | None = None
@@ -266,6 +268,7 @@ def _identification(file: Path, stored: _StoredIdentification) -> Identification
         band=stored.band_Hz,
         network=stored.network,
         is_fitted=stored.fit is not None,
+        cut_short=stored.cut_short,
     )
 
 

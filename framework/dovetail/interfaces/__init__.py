@@ -41,11 +41,13 @@ from dovetail.interfaces.regressor import FittedRegressor, Regressor, TargetDist
 from dovetail.interfaces.state import ComponentState
 from dovetail.interfaces.substructure import Node, Omission, Port, SubstructureModel
 from dovetail.interfaces.superposition import Declaration, Superposition
+from dovetail.interfaces.time_limit import NO_LIMIT, TimeLimit
 
 __all__ = [
     "DIRECTIONS",
     "INTERFACE_VERSION",
     "KINDS",
+    "NO_LIMIT",
     "About",
     "ArrayEntry",
     "Component",
@@ -85,6 +87,7 @@ __all__ = [
     "SubstructureModel",
     "Superposition",
     "TargetDistribution",
+    "TimeLimit",
     "TrainingEpoch",
     "describes_matrices",
     "fit_in_context",

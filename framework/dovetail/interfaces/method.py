@@ -15,6 +15,7 @@ from dovetail.frf import Frf
 from dovetail.interfaces.component import Component, Kind
 from dovetail.interfaces.joint import Parameter
 from dovetail.interfaces.progress import Progress, silent
+from dovetail.interfaces.time_limit import NO_LIMIT, TimeLimit
 
 RESERVED_NAMES = ("rigid",)
 """Words for `compare` that name no method."""
@@ -33,6 +34,9 @@ class IdentificationProblem(ABC):
         Values [SI] from which a search may start: those of the user, and a trained network's estimate.
     network : callable or None
         Returns the `Estimate` of a trained network for this measurement, if there is one.
+    limit : TimeLimit
+        The time that the identification has. A method may ask `limit.is_over` between steps, end early with the best
+        parameters so far, and report with `limit.leave_out` what is missing.
 
     Notes
     -----
@@ -41,6 +45,7 @@ class IdentificationProblem(ABC):
 
     starts: tuple[NDArray[np.float64], ...] = ()
     network: Callable[[], Estimate] | None = None
+    limit: TimeLimit = NO_LIMIT
 
     @property
     @abstractmethod

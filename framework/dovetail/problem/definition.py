@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly, FrfModel, ParameterScales
 from dovetail.frf import Frf
-from dovetail.interfaces import Estimate, IdentificationProblem, Parameter, Scale
+from dovetail.interfaces import NO_LIMIT, Estimate, IdentificationProblem, Parameter, Scale, TimeLimit
 from dovetail.problem.least_squares import Linearisation
 from dovetail.problem.observations import Observations
 from dovetail.problem.residuals import FrfResiduals, ModelFrfs, Residual
@@ -39,6 +39,8 @@ class Problem(IdentificationProblem):
         As in `IdentificationProblem`.
     changed : FrfModel, optional
         The model to compare instead of the assembly, with the same parameters.
+    limit : TimeLimit
+        The time for whatever is done with the problem, or with one that is derived from it.
     """
 
     assembly: Assembly
@@ -47,6 +49,7 @@ class Problem(IdentificationProblem):
     starts: tuple[NDArray[np.float64], ...] = ()
     network: Callable[[], Estimate] | None = None
     changed: FrfModel | None = None
+    limit: TimeLimit = NO_LIMIT
 
     @staticmethod
     def of(assembly: Assembly, measured: Frf | Sequence[Frf], unweighted: Frf | Sequence[Frf] | None = None) -> Problem:
@@ -71,7 +74,7 @@ class Problem(IdentificationProblem):
     @cached_property
     def model(self) -> ModelFrfs:
         """The FRFs of all responses as functions of the parameters."""
-        return ModelFrfs.of(self.changed or self.assembly)
+        return ModelFrfs.of(self.changed or self.assembly, self.limit)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -81,7 +84,9 @@ class Problem(IdentificationProblem):
     @property
     def judged(self) -> Problem:
         """The problem by which the model is judged: with the random error of the measurement, whatever the weights."""
-        return self if self.unweighted is None else Problem(self.assembly, self.unweighted, changed=self.changed)
+        if self.unweighted is None:
+            return self
+        return Problem(self.assembly, self.unweighted, changed=self.changed, limit=self.limit)
 
     @property
     def each_response(self) -> tuple[Problem, ...]:
@@ -145,15 +150,19 @@ class Problem(IdentificationProblem):
         observations = self.observations.at(lines)
         axes = [frf.frequency for frf in observations.frfs]
         changed = None if self.changed is None else self.changed.on(*axes)
-        return Problem(self.assembly.on(*axes), observations, changed=changed)
+        return Problem(self.assembly.on(*axes), observations, changed=changed, limit=self.limit)
 
     def with_frfs(self, frfs: Sequence[Frf]) -> Problem:
         """Return the problem with other measured values on the same lines."""
-        return Problem(self.assembly, Observations(tuple(frfs)), changed=self.changed)
+        return Problem(self.assembly, Observations(tuple(frfs)), changed=self.changed, limit=self.limit)
 
     def with_assembly(self, assembly: Assembly) -> Problem:
         """Return the problem of the same observations with another model."""
         return replace(self, assembly=assembly, changed=None)
+
+    def within(self, limit: TimeLimit) -> Problem:
+        """Return the problem with another time limit."""
+        return replace(self, limit=limit)
 
     def with_model(self, model: FrfModel) -> Problem:
         """Return the problem of the same observations with the FRFs of another model of the same parameters."""

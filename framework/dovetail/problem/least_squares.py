@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
@@ -10,6 +9,8 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+
+from dovetail.interfaces import NO_LIMIT, TimeLimit
 
 _TINY = np.finfo(float).tiny
 _INSIDE = 1e-10
@@ -79,7 +80,15 @@ class Linearisation:
 
 
 class SumOfSquares(ABC):
-    """The function that is minimised. The residuals at a position do not depend on the rest of the batch."""
+    """The function that is minimised. The residuals at a position do not depend on the rest of the batch.
+
+    Attributes
+    ----------
+    limit : TimeLimit
+        After which no further step of a search begins.
+    """
+
+    limit: TimeLimit = NO_LIMIT
 
     @abstractmethod
     def residuals(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -131,7 +140,6 @@ def minimise(
     *,
     tolerance: float,
     most_steps: int,
-    deadline: float = np.inf,
     callback: Callable[[], None] = lambda: None,
 ) -> Minima:
     """Minimise sums of squares from several starts, which advance together, by a trust-region interior method.
@@ -145,8 +153,6 @@ def minimise(
         Decrease of the sum of m squares in one step that ends a search, if the sum is about m, as for noise; for other
         sums in proportion.
     most_steps : int
-    deadline : float
-        `time.monotonic()` after which no further step begins.
     callback : callable
         Called when a search ends.
 
@@ -170,7 +176,7 @@ def minimise(
     """
     position = np.clip(start, _INSIDE, 1.0 - _INSIDE)
     groups = np.array_split(position, _groups(problem, position))
-    return Minima.joined([_minimised(problem, group, tolerance, most_steps, deadline, callback) for group in groups])
+    return Minima.joined([_minimised(problem, group, tolerance, most_steps, callback) for group in groups])
 
 
 def _groups(problem: SumOfSquares, position: NDArray[np.float64]) -> int:
@@ -186,12 +192,11 @@ def _minimised(
     position: NDArray[np.float64],
     tolerance: float,
     most_steps: int,
-    deadline: float,
     callback: Callable[[], None],
 ) -> Minima:
     searches = _Searches(problem, position.copy(), tolerance)
     for _ in range(most_steps - 1):
-        if not searches.active.size or time.monotonic() > deadline:
+        if not searches.active.size or problem.limit.is_over:
             break
         for _ in range(searches.advance()):
             callback()

@@ -262,7 +262,7 @@ class ModalProblem(Problem):
     @cached_property
     def model(self) -> ModelModes:
         """The model's numbers as functions of the parameters."""
-        return ModelModes((self.assembly,), self.observations.table)
+        return ModelModes((self.assembly,), self.observations.table, limit=self.limit)
 
     def allowing(self, errors: Sequence[float]) -> WithPrior:
         """Return residuals with relative errors of each group, followed by the parameters' normal quantiles.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, Generic, Protocol, TypeVar
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from dovetail.assembly import FrfModel, ParameterScales, ResponseFrfs
 from dovetail.frf import Frf
 from dovetail.frf.rice import rice_mean
-from dovetail.interfaces import Parameter
+from dovetail.interfaces import NO_LIMIT, Parameter, TimeLimit
 from dovetail.parallel import cores, one_blas_thread, threads
 from dovetail.problem.least_squares import Linearisation, SumOfSquares
 
@@ -48,14 +48,17 @@ class ModelFrfs:
     ----------
     assemblies : tuple of FrfModel
         One for each response.
+    limit : TimeLimit
+        The time for searches with them.
     """
 
     assemblies: tuple[FrfModel, ...]
+    limit: TimeLimit = field(default=NO_LIMIT, kw_only=True)
 
     @staticmethod
-    def of(assembly: FrfModel) -> ModelFrfs:
+    def of(assembly: FrfModel, limit: TimeLimit = NO_LIMIT) -> ModelFrfs:
         """Return the FRFs of all responses at all lines."""
-        return ModelFrfs(assembly.each_response)
+        return ModelFrfs(assembly.each_response, limit=limit)
 
     @property
     def counts(self) -> tuple[int, ...]:
@@ -98,7 +101,8 @@ class ModelFrfs:
     def at(self, lines: NDArray[np.intp]) -> ModelFrfs:
         """Return the FRFs at some lines (increasing indices), without responses that have none of them."""
         pairs = zip(self.assemblies, split_by_response(lines, self.counts), strict=True)
-        return ModelFrfs(tuple(assembly.on(assembly.frequency[rows]) for assembly, rows in pairs if len(rows)))
+        some = (assembly.on(assembly.frequency[rows]) for assembly, rows in pairs if len(rows))
+        return ModelFrfs(tuple(some), limit=self.limit)
 
 
 def split_by_response(numbers: NDArray[np.intp], counts: tuple[int, ...]) -> list[NDArray[np.intp]]:
@@ -144,6 +148,7 @@ class FrfResiduals(SumOfSquares):
         self._model = model if isinstance(model, ModelFrfs) else ModelFrfs.of(model)
         self._assembly = self._model.assemblies[0]
         self._residual = residual
+        self.limit = self._model.limit
 
     def residuals(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return residuals (n, m) at fractions (n, p) of the ranges."""
@@ -203,7 +208,7 @@ class WithPrior(SumOfSquares):
     """
 
     def __init__(self, misfit: SumOfSquares, parameters: Sequence[Parameter]) -> None:
-        self._misfit = misfit
+        self._misfit, self.limit = misfit, misfit.limit
         self._normal = [(column, p) for column, p in enumerate(parameters) if p.prior == "normal"]
 
     def residuals(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from numbers import Real
@@ -12,24 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import Fault, Importance, Note, ParameterError, listing
-from dovetail.frf.resonance_peaks import counterpart, resonance_peaks
 from dovetail.inference.adequacy.causes import CAUSE_SECONDS, find_causes
+from dovetail.inference.adequacy.found_errors import find_errors
 from dovetail.inference.adequacy.modal_errors import assess_modes
 from dovetail.inference.adequacy.model_error_size import (
     FitWithError,
-    estimate_model_error,
     fit_with_error,
-    judge_with_error,
 )
 from dovetail.inference.adequacy.quick_fits import MOST_GIVEN_OUT, power_given_out
-from dovetail.inference.adequacy.single_resonance import separate_errors
 from dovetail.inference.adequacy.verdict import (
+    NO_TIME,
     NOTHING_LEFT,
     NOTHING_SHOWN,
     Adequacy,
-    AdequacyWord,
-    errors_in_intervals,
-    word_for,
 )
 from dovetail.inference.fitting import Fit, refine
 from dovetail.inference.fitting.fit import is_noise, shows_structure
@@ -127,6 +121,8 @@ def assess(
 ) -> tuple[Adequacy, Fit]:
     """Judge how well a fit explains a measurement, and refit with the errors that the model turns out to have.
 
+    Causes of a misfit are not searched for.
+
     Parameters
     ----------
     problem : Problem
@@ -141,8 +137,10 @@ def assess(
     Fit
         The given fit if it is to the noise and no error is allowed.
     """
-    target, model_error, cause_seconds = problem.observations, options.model_error, options.cause_seconds
+    target, model_error = problem.observations, options.model_error
     if isinstance(problem, ModalProblem):
+        if problem.limit.is_over:
+            return Adequacy("not judged", allowed=model_error, reasons=(NO_TIME,)), fit
         return assess_modes(problem, fit, model_error)
     remarks = tuple(_remarks(problem, fit, None))
     noise = is_noise(problem, fit)
@@ -152,6 +150,8 @@ def assess(
         return Adequacy("not judged", allowed=model_error, reasons=(NOTHING_LEFT, *remarks)), fit
     if noise and not model_error:
         return Adequacy("to the noise", allowed=model_error, reasons=remarks), fit
+    if problem.limit.is_over:
+        return Adequacy("not judged", allowed=model_error, reasons=(NO_TIME,)), fit
     progress("model error", 0, 1)
     with logged(__name__, "errors of the model"):
         errors = None if noise else find_errors(problem, fit, progress)
@@ -167,22 +167,16 @@ def assess(
         return Adequacy("to the noise", allowed=model_error, reasons=remarks), refitted
     estimated, shown = errors.fit, replace(errors.fit, size=errors.size)
     remarks = tuple(_remarks(problem, refitted, errors.in_intervals if errors.phases else None))
-    began = time.monotonic()
-    with logged(__name__, "causes of the misfit"):
-        causes = find_causes(problem, refitted, seconds=cause_seconds, progress=progress)
-    late = [Note(_LATE, Importance.DETAIL)] if 0.0 < cause_seconds < time.monotonic() - began else []
     given_out = power_given_out(problem, fit.variance)
     adequacy = Adequacy(
         "does not fit" if given_out > MOST_GIVEN_OUT else errors.word,
         errors.size,
         model_error,
         in_intervals=errors.in_intervals if model_error is None else None,
-        causes=causes,
         reasons=(
             *_phases(target, errors.phases),
             *_reasons(fit, shown, model_error, given_out),
             *remarks,
-            *late,
         ),
         bands=_bands(target, fit, estimated.values),
     )
@@ -211,12 +205,59 @@ def judge(
         chi-squared over the random error.
     """
     options = options or JudgementOptions()
+    judgement = judge_without_causes(problem, fit, options, seed=seed, progress=progress)
+    adequacy = judgement.with_causes(judgement.judged.adequacy, options, progress)
+    return judgement.judged._replace(adequacy=adequacy)
+
+
+@dataclass(frozen=True, eq=False)
+class Judgement:
+    """A judged fit, and what causes of its misfit are searched with.
+
+    Parameters
+    ----------
+    judged : JudgedFit
+    problem : Problem
+        By whose random error it was judged.
+    fit : Fit
+        Of that problem.
+    """
+
+    judged: JudgedFit
+    problem: Problem
+    fit: Fit
+
+    def with_causes(self, adequacy: Adequacy, options: JudgementOptions, progress: Progress = silent) -> Adequacy:
+        """Return an adequacy of this fit with the causes of a misfit, if the model has errors that causes can explain.
+
+        This is the first work to be left out where time is short.
+        """
+        seconds = options.cause_seconds
+        if adequacy.size is None or not seconds or isinstance(self.problem, ModalProblem):
+            return adequacy
+        limit = self.problem.limit
+        if limit.is_over:
+            limit.leave_out("causes of the misfit, of which none was tried")
+            return adequacy
+        own = limit.at_most(seconds)
+        with logged(__name__, "causes of the misfit"):
+            causes = find_causes(self.problem.within(own), self.fit, seconds=seconds, progress=progress)
+        if limit.is_over:
+            limit.leave_out("causes of the misfit, of which not all were tried")
+        late = (Note(_LATE, Importance.DETAIL),) if own.is_over and not limit.is_over else ()
+        return replace(adequacy, causes=causes, reasons=(*adequacy.reasons, *late))
+
+
+def judge_without_causes(
+    problem: Problem, fit: Fit, options: JudgementOptions, *, seed: int = 0, progress: Progress = silent
+) -> Judgement:
+    """Judge how well a model explains a measurement, as `judge` does, without the causes of a misfit."""
     if problem.unweighted is None:
         adequacy, refitted = assess(problem, fit, options, progress=progress)
-        return JudgedFit(refitted, adequacy)
+        return Judgement(JudgedFit(refitted, adequacy), problem, refitted)
     own = problem.judged
     judged = refine(own, [fit.theta], seed=seed, progress=progress)
-    adequacy, _ = assess(own, judged, options, progress=progress)
+    adequacy, refitted = assess(own, judged, options, progress=progress)
     residual = own.observations.weighted(judged.variance, judged.used)
     squares = float(np.sum(residual.of(own.frf_at(fit.theta)[np.newaxis]) ** 2))
     with_own_error = replace(
@@ -226,50 +267,7 @@ def judge(
         variance_known=judged.variance_known,
         variance_assumed=judged.variance_assumed,
     )
-    return JudgedFit(with_own_error, adequacy)
-
-
-@dataclass(frozen=True, eq=False)
-class FoundErrors:
-    """The errors of a model that a measurement shows.
-
-    Parameters
-    ----------
-    word : str
-    size : ModelError
-        NaN for each kind that the measurement does not determine.
-    in_intervals : ModelError
-        What intervals allow for.
-    fit : FitWithError
-    phases : tuple of float
-        By which the measurement at each response is ahead of the model [rad], if that is known.
-    """
-
-    word: AdequacyWord
-    size: ModelError
-    in_intervals: ModelError
-    fit: FitWithError
-    phases: tuple[float, ...] = ()
-
-
-def find_errors(problem: Problem, fit: Fit, progress: Progress = silent) -> FoundErrors:
-    """Return the errors of a model whose fit does not reach the noise."""
-    target, separated = problem.observations, separate_errors(problem, fit)
-    if separated is not None:
-        progress("model error", 1, 2)
-        there = replace(fit, theta=separated.theta)
-        judged = judge_with_error(problem, there, separated.in_intervals)
-        progress("model error", 2, 2)
-        return FoundErrors(word_for(separated.size), separated.size, judged.size, judged, separated.phases)
-    estimated = estimate_model_error(problem, fit, progress)
-    least = ModelError(
-        _distance_of_lost_peaks(target, estimated.values), magnitude=_typical_ratio(target, estimated.values)
-    )
-    size = estimated.size.at_least(least)
-    unknown = {
-        kind: np.nan for kind in estimated.unknown if getattr(size, kind) > _SETTINGS.exceeds * getattr(least, kind)
-    }
-    return FoundErrors(word_for(size), replace(size, **unknown), errors_in_intervals(size), estimated)
+    return Judgement(JudgedFit(with_own_error, adequacy), own, refitted)
 
 
 def _remarks(problem: Problem, fit: Fit, in_intervals: ModelError | None) -> Iterator[str]:
@@ -306,34 +304,6 @@ def _followers_of_gain(problem: Problem, theta: NDArray[np.float64]) -> list[str
     is_known = any(parameter.prior == "normal" or parameter.name in gains for parameter in followers)
     remainder = np.linalg.norm(columns @ share - gain) / np.linalg.norm(gain)
     return [] if is_known or remainder > _SETTINGS.not_followed else [parameter.name for parameter in followers]
-
-
-def _typical_ratio(target: Observations, values: NDArray[np.complex128]) -> float:
-    """Return the median of |log(measured / fitted amplitude)|.
-
-    It complements the error of magnitude, which is relative to the fitted FRF and therefore never exceeds 1 where that
-    is much too large.
-    """
-    measured = target.amplitude
-    clear = (measured > 0.0) & (values != 0.0)
-    return float(np.median(np.abs(np.log(measured[clear] / np.abs(values[clear]))))) if clear.any() else 0.0
-
-
-def _distance_of_lost_peaks(target: Observations, values: NDArray[np.complex128]) -> float:
-    """Return how far the measured peaks are from the model's nearest, as an rms, if most of them have no counterpart.
-
-    Such a model does not show which of its resonances is which of the measurement. 0 if most have a counterpart, or if
-    all peaks of the model have one: then it merely lacks resonances.
-    """
-    distances, paired, modelled = list[float](), 0, 0
-    for frf, of_model in zip(target.frfs, target.split(values), strict=True):
-        peaks, others = resonance_peaks(frf), resonance_peaks(replace(frf, values=of_model))
-        modelled += len(others)
-        for peak in peaks.tolist() if others.size else []:
-            paired += counterpart(peak, peaks, others) is not None
-            distances.append(float(np.abs(others - peak).min()) / peak)
-    is_lost = 2 * paired < len(distances) and paired < modelled
-    return float(np.sqrt(np.mean(np.square(distances)))) if is_lost else 0.0
 
 
 def _reasons(fit: Fit, estimated: FitWithError, allowed: float | None, given_out: float) -> Iterator[str]:

@@ -6,7 +6,6 @@ For each change that is tried, the joint's parameters are fitted anew.
 from __future__ import annotations
 
 import logging
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import takewhile
@@ -127,7 +126,8 @@ def find_causes(
     """
     if not seconds:
         return ()
-    fits = QuickFits(problem, fit, time.monotonic() + seconds)
+    limit = problem.limit.at_most(seconds)
+    fits = QuickFits(problem.within(limit), fit)
     before = fits.unchanged
     excess = before.misfit - _SETTINGS.noise
     improvements: list[tuple[float, Cause]] = []

@@ -18,6 +18,7 @@ from dovetail.assembly.overhangs import Overhang, find_overhangs
 from dovetail.assembly.variants import at_drive_point
 from dovetail.errors import DovetailError
 from dovetail.frf import conversion
+from dovetail.interfaces import NO_LIMIT, TimeLimit
 from dovetail.problem.least_squares import Linearisation, SumOfSquares
 from dovetail.problem.part_quantities import (
     MOST_DOFS,
@@ -156,11 +157,14 @@ class PerturbedResiduals(SumOfSquares):
         Like the parameters, its amount is a fraction of its range.
     residual : Residual
         Against the measurement.
+    limit : TimeLimit
+        The time for a search.
     """
 
-    def __init__(self, perturbation: Perturbation, residual: Residual) -> None:
+    def __init__(self, perturbation: Perturbation, residual: Residual, limit: TimeLimit = NO_LIMIT) -> None:
         self._perturbation = perturbation
         self._residual = residual
+        self.limit = limit
         self._width = perturbation.upper - perturbation.lower
 
     def position(self, fraction: NDArray[np.float64], amount: float) -> NDArray[np.float64]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
@@ -93,8 +92,7 @@ class QuickFits:
     ----------
     problem : Problem
     fit : Fit
-    deadline : float
-        `time.monotonic()` after which every fit stops within one step.
+        Its time limit is that of every fit, which ends within one step.
 
     Attributes
     ----------
@@ -104,13 +102,12 @@ class QuickFits:
         Whether the measured structure gives out power, which no passive structure does; judged on all lines.
     """
 
-    def __init__(self, problem: Problem, fit: Fit, deadline: float = np.inf) -> None:
+    def __init__(self, problem: Problem, fit: Fit) -> None:
         target = problem.observations
         self.is_active = power_given_out(problem, fit.variance) > MOST_GIVEN_OUT
         lines = search_lines(target, fit.variance)
         lines = lines[fit.used[lines] & (target.amplitude[lines] > 0.0)]  # an exact zero has no logarithm
         self.best = fit.theta
-        self.deadline = deadline
         self.problem = problem.at(lines)
         self.recorded = target.recorded_quantities
         self.relative = fit.variance[lines] / np.maximum(self.target.amplitude**2, fit.variance[lines])
@@ -126,7 +123,7 @@ class QuickFits:
     @property
     def late(self) -> bool:
         """Whether the time is over."""
-        return time.monotonic() > self.deadline
+        return self.problem.limit.is_over
 
     @property
     def assembly(self) -> Assembly:
@@ -151,7 +148,8 @@ class QuickFits:
         part.recorded = tuple(self.recorded[number] for number in numbers)
         responses = tuple(self.assembly.description.responses[number] for number in numbers)
         alone = self.assembly.with_description(replace(self.assembly.description, responses=responses))
-        part.problem = Problem(alone.on(*(frf.frequency for frf in frfs)), Observations(frfs))
+        on_axes = alone.on(*(frf.frequency for frf in frfs))
+        part.problem = Problem(on_axes, Observations(frfs), limit=self.problem.limit)
         part.relative = self.relative[np.repeat(chosen, counts)]
         part._used = self._used[np.repeat(chosen, counts)]
         part._represented = self._represented[np.repeat(chosen, counts)]
@@ -261,7 +259,7 @@ class QuickFits:
         """Return the amount of a perturbation and the parameters (p,) [SI] that fit best together."""
         residual: Residual = self.residual()
         for _ in range(_SETTINGS.passes):
-            problem = PerturbedResiduals(perturbation, residual)
+            problem = PerturbedResiduals(perturbation, residual, self.problem.limit)
             end = self._lowest(problem, problem.position(self.assembly.to_unit(theta), amount))
             amount, theta = problem.amount(end), self.assembly.from_unit(end[:-1])
             quick = self._trial(self.problem.with_model(perturbation.apply(amount)), theta)
@@ -295,8 +293,7 @@ class QuickFits:
 
     def _lowest(self, problem: SumOfSquares, starts: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the end (p,) of the best of several searches."""
-        tolerance, steps = _SETTINGS.tolerance, _SETTINGS.steps
-        minima = minimise(problem, starts, tolerance=tolerance, most_steps=steps, deadline=self.deadline)
+        minima = minimise(problem, starts, tolerance=_SETTINGS.tolerance, most_steps=_SETTINGS.steps)
         return np.asarray(minima.position[np.argmin(minima.cost)])
 
     def _logarithms(self, target: Observations) -> LogRatio:

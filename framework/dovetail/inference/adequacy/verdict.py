@@ -27,6 +27,10 @@ NOTHING_SHOWN = (
 """Why a fit to mere noise does not count."""
 
 
+NO_TIME = "The time ended before the fit was judged: it may not be the best one, and its errors are not known."
+"""Why a fit is not judged for which a time limit was too short."""
+
+
 @dataclass(frozen=True)
 class Settings:
     """The largest errors at which a model still counts as good, and as rough.
@@ -140,7 +144,7 @@ class Adequacy:
     @property
     def fits(self) -> bool:
         """Whether an error of a plausible size explains the measurement, as far as the method judges that."""
-        return self.word != "does not fit"
+        return self.word != "does not fit" and NO_TIME not in self.reasons
 
     @property
     def error_in_intervals(self) -> ModelError:
@@ -161,6 +165,8 @@ class Adequacy:
     @property
     def meaning(self) -> str:
         """What the word means for use, in a sentence; empty if the model was not judged."""
+        if NO_TIME in self.reasons:
+            return "Do not trust the numbers: allow more time."
         if NOTHING_SHOWN in self.reasons:
             return "Do not trust the numbers: measure again with a stronger force, more averages, or another point."
         return f"{_MEANING[self.word]} {_CHANGE}" if self.causes and self.fits else _MEANING[self.word]

@@ -31,6 +31,10 @@ _LARGEST_NOISE = 0.1
 """Random error, over the largest value, that FRFs of practice rarely exceed: of one average at a coherence of 0.99."""
 _LEAST_SCATTER = 0.5
 """Scatter from line to line, over the mean square, of white noise at least; that of a curve is far smaller."""
+UNFINISHED = "the fit, which had not converged"
+"""What a time limit cut short where a fit did not come to its end."""
+SEARCH_SHARE = 0.6
+"""Part of a time limit after which no further search begins: a fit needs a judgement and intervals too."""
 _SAME_MINIMUM = 1e-3
 """Relative difference of sums of squares below which two searches ended in the same minimum."""
 
@@ -202,7 +206,7 @@ def multistart(
     problem : Problem
     starts : int
     seconds : float, optional
-        Time after which no further step begins.
+        Time after which no further step begins; at most most of that of the problem's limit.
     objective : {"frf", "weighted"}
     seed : int
     progress : Progress
@@ -218,18 +222,21 @@ def multistart(
         An option is out of its range.
     """
     _check(starts, seconds, objective)
-    began = time.monotonic()
-    deadline = np.inf if seconds is None else began + seconds
+    began, limit = time.monotonic(), problem.limit.share(SEARCH_SHARE)
+    limit = limit if seconds is None else limit.at_most(seconds)
     target = problem.observations
     variance = target.variance()
-    misfit = problem.weighted(variance if objective == "weighted" else _mean_of_response(target, variance))
+    misfit = problem.within(limit).weighted(
+        variance if objective == "weighted" else _mean_of_response(target, variance)
+    )
     minima = []
     points = scipy.stats.qmc.LatinHypercube(len(problem.parameters), rng=np.random.default_rng(seed)).random(starts)
     for number, point in enumerate(points):
         progress("fit", number, starts)
         start = point[np.newaxis]
-        minima.append(minimise(misfit, start, tolerance=_TOLERANCE, most_steps=_MOST_STEPS, deadline=deadline))
-        if time.monotonic() > deadline:
+        minima.append(minimise(misfit, start, tolerance=_TOLERANCE, most_steps=_MOST_STEPS))
+        if limit.is_over:
+            limit.leave_out(f"{starts - number} of {starts} searches")
             break
     costs = np.array([minimum.cost[0] for minimum in minima])
     return fit_at(

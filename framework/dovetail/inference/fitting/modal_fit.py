@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from dovetail.inference.fitting.fit import Fit, count_agreeing, fit_at
+from dovetail.inference.fitting.fit import UNFINISHED, Fit, count_agreeing, fit_at
 from dovetail.interfaces import Progress, silent
 from dovetail.problem.definition import fractions_within
 from dovetail.problem.least_squares import Minima, minimise
@@ -59,6 +59,8 @@ def fit_to_modes(
     progress("fit", 1, 2)
     minima = fit_with_errors(problem, _distinct(ends), SETTINGS.least)
     progress("fit", 2, 2)
+    if problem.limit.is_over:
+        problem.limit.leave_out(UNFINISHED)
     return fit_at(
         problem,
         minima.position[0],

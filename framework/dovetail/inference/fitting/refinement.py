@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from dovetail.inference.fitting.fit import Fit, count_agreeing, highest_agreeing
+from dovetail.inference.fitting.fit import SEARCH_SHARE, UNFINISHED, Fit, count_agreeing, highest_agreeing
 from dovetail.inference.fitting.modal_fit import fit_to_modes
 from dovetail.inference.fitting.search_lines import Smoothed, missed_resonances, search_lines, thinned_lines
 from dovetail.inference.fitting.whiteness import NOISE_ALARM, has_size_of_noise, is_of_few_lines, is_white
@@ -163,6 +163,8 @@ class _Refinement:
         discrepancy = background = 0.0
         if not self._is_noise(best):
             best, (discrepancy, background) = self._with_discrepancy(best, minima)
+        if self._problem.limit.is_over:
+            self._problem.limit.leave_out(UNFINISHED)
         return Fit(
             theta=self._problem.from_unit(best.position[0]),
             information=best.curvature[0],
@@ -195,7 +197,7 @@ class _Refinement:
                 break
             passes = self._is_noise(best)
             first_profiled, last = (1, 1) if passes else (_SETTINGS.profiled_batch, _SETTINGS.more_batches)
-            if batch > last:
+            if batch > last or self._has_no_time(last - batch + 1):
                 break
             enough = count_agreeing(minima.cost) >= _SETTINGS.enough_agreeing
             if enough and batch >= _SETTINGS.least_batches and not self._missed_resonances(best).size:
@@ -210,6 +212,12 @@ class _Refinement:
                 profiled = minima.cost[0]
                 minima = self._with_profiles(minima)
         return minima, best
+
+    def _has_no_time(self, batches: int) -> bool:
+        """Return whether most of the time has passed, which leaves out further batches of searches."""
+        if late := (limit := self._problem.limit).share(SEARCH_SHARE).is_over:
+            limit.leave_out(f"{batches} further rounds of searches for a better fit")
+        return late
 
     def _first_batch(self, starts: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
         """Return the given starts, which are often enough, or else the middle of the ranges and similar points."""
@@ -351,7 +359,8 @@ class _Refinement:
             self._model_variance = (relative * magnitude) ** 2 + (background * self._target.level) ** 2
             starts = self._compared(starts).position
             best = self._fitted(starts[:1])
-            if np.all(np.abs(self._model_variance - before) <= _SETTINGS.settled * self._model_variance):
+            settled = np.all(np.abs(self._model_variance - before) <= _SETTINGS.settled * self._model_variance)
+            if settled or self._problem.limit.is_over:
                 break
         return best, (relative, background)
 

@@ -179,6 +179,7 @@ class MarginalisedResiduals(SumOfSquares):
 
     def __init__(self, misfit: FrfResiduals, errors: NDArray[np.float64], weight: float = 1.0) -> None:
         self._misfit, self._errors, self._weight = misfit, errors, weight
+        self.limit = misfit.limit
         squares, self._mixing = np.linalg.eigh(errors @ errors.T)
         self._squares = np.maximum(squares, 0.0)
 
@@ -249,6 +250,7 @@ class ReducedResiduals(SumOfSquares):
             few = _FewLines(likelihood.model, likelihood.residual, at_origin, basis, basis.T)
         self.lines = sum(few.model.counts)
         self._misfit = FrfResiduals(few.model, few.residual)
+        self.limit = self._misfit.limit
         basis, mixing = np.linalg.qr(likelihood.marginalised.scaled(few.vectors).T)
         scaled = likelihood.marginalised.scaled(at_origin[np.newaxis])[0]
         self._to_subspace: NDArray[np.float64] = few.to_vectors @ mixing.T

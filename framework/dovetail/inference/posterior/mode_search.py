@@ -134,11 +134,16 @@ def search_modes(
     rough: dict[str, Any] = {"tolerance": _SETTINGS.rough_tolerance, "callback": callback}
     for weight in _SETTINGS.tempering:
         cooled = maximise_posterior(tempered(weight), cooled, most_steps=_SETTINGS.tempering_steps, **rough)
+    if problem.limit.is_over:
+        problem.limit.leave_out("the search for other groups of likely values")
+        return maximise_posterior(likelihood.posterior, of_fit)
     ends = np.concatenate([direct, cooled, exchanged])
     ends = maximise_posterior(tempered(1.0), ends, most_steps=_SETTINGS.rough_steps, **rough)
     ends = ends[[bool((np.abs(ends[:row] - end) > _SETTINGS.same).any(axis=1).all()) for row, end in enumerate(ends)]]
     starts = _promising(tempered(1.0), np.concatenate([of_fit, ends[:refined]]), every)
     modes = maximise_posterior(likelihood.posterior, starts, callback=callback)
+    if problem.limit.is_over:
+        problem.limit.leave_out("the search for other groups of likely values")
     progress("modes", total, total)  # fewer may have been different
     return modes
 
@@ -232,7 +237,7 @@ class CubeResiduals(SumOfSquares):
     """
 
     def __init__(self, posterior: PosteriorResiduals) -> None:
-        self._posterior = posterior
+        self._posterior, self.limit = posterior, posterior.misfit.limit
 
     @staticmethod
     def from_normal(z: NDArray[np.float64]) -> NDArray[np.float64]:

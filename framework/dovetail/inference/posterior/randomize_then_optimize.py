@@ -147,7 +147,7 @@ class TangentMap:
         """
         searches = TangentSearches(self, target, start, most_steps)
         active = searches.active(np.arange(len(target)))
-        while len(active):
+        while len(active) and not self._posterior.misfit.limit.is_over:
             searches.advance(active)
             active = searches.active(active)
         return searches.ends, searches.converged

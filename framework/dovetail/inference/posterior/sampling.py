@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from dovetail.inference.fitting import Fit
 from dovetail.inference.posterior.distribution import Posterior, check_options
-from dovetail.inference.posterior.laplace import half_about_the_fit
+from dovetail.inference.posterior.laplace import half_about_the_fit, laplace_posterior
 from dovetail.inference.posterior.likelihood import (
     PRIOR_PRECISION,
     Likelihood,
@@ -60,6 +60,13 @@ class Settings:
     their way after 40, and 3 to 9 after 200."""
     batch: int = 100
     """Number of searches at a time; each batch starts from the samples of the batches before."""
+    limited_batch: int = 25
+    """The same with a time limit. A batch that does not end in time is lost: its first ends are no sample."""
+    ample: float = 20.0
+    """Time left, over that of the exploration, with which a limit is taken for none."""
+    fewest: int = 50
+    """Samples below which the Laplace approximation takes their place if time ends: with fewer, each end of an
+    interval would rest on one or two of them."""
     even_weights: float = 0.4
     """Effective samples over searches above which samples need no Metropolis steps."""
     uneven_weights: float = 0.1
@@ -133,15 +140,22 @@ def sample_posterior(
         likelihood, best = likelihood_at_mode(problem, fit, model_error)
         random = np.random.default_rng([seed, 3])
         modes = search_modes(problem, likelihood, best, random, progress)
-    began = time.perf_counter()
+    began, wanted = time.perf_counter(), samples
     with logged(__name__, f"{samples} samples of the posterior"):
         if isinstance(problem, ModalProblem):
             z, log_weight, converged = _draw(likelihood.posterior, modes, samples, seed)
             log_likelihood, lines = None, len(likelihood.variance)
+            samples = 0 if problem.limit.is_over else samples
         else:
             sampler = _Sampler(likelihood, modes, fit.information, np.random.default_rng([seed, 2]), progress)
             z, log_weight, log_likelihood = sampler.draw(samples)
-            converged, lines = sampler.converged, sampler.lines
+            converged, lines, samples = sampler.converged, sampler.lines, samples - sampler.missing
+    if samples < wanted:
+        few = not len(z) or samples < min(_SETTINGS.fewest, wanted)
+        finished = f"{samples} of {wanted} samples"
+        problem.limit.leave_out("samples (a Gaussian at the best fit takes their place)" if few else finished)
+        if few:
+            return laplace_posterior(problem, fit, samples=wanted, model_error=model_error, seed=seed)
     weight = np.exp(log_weight - log_weight.max())
     if model_error.quantities:
         z, weight = half_about_the_fit(problem, fit, model_error, z, weight, seed)
@@ -178,6 +192,8 @@ class _Sampler:
         Number of lines from which the reduced misfit is computed.
     converged : int
         Number of searches for samples that converged.
+    missing : int
+        Searches that the time limit left out; all of them if not all modes had their turn.
     """
 
     def __init__(
@@ -189,7 +205,8 @@ class _Sampler:
         progress: Progress,
     ) -> None:
         self._likelihood = likelihood
-        self._random, self._progress = random, progress
+        self._random, self._progress, self._limit = random, progress, likelihood.model.limit
+        began = self._limit.elapsed
         log_posterior = self._log_posterior(modes)
         self._modes = self._points = modes[log_posterior >= log_posterior.max() - _SETTINGS.region / 2.0]
         origin = likelihood.frf(unit_from_normal(self._points[:1]))[0]
@@ -208,8 +225,12 @@ class _Sampler:
             self._points = np.concatenate([self._points, pilots.z[near]])
             if number >= _SETTINGS.rounds[0] and error[near].max(initial=0.0) < _SETTINGS.reduction_error:
                 break
+            if self._limit.is_over:
+                break
             snapshots = np.concatenate([snapshots, frfs[near]])[-_SETTINGS.most_snapshots :]
-        self.lines, self.converged = reduced.lines, 0
+        self.lines, self.converged, self.missing = reduced.lines, 0, 0
+        ample = self._limit.remaining > _SETTINGS.ample * (self._limit.elapsed - began)
+        self._batch = _SETTINGS.batch if ample else _SETTINGS.limited_batch
 
     def _first_snapshots(self, modes: NDArray[np.float64], information: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return the FRFs at the modes, given as fractions of the ranges, and at points scattered around them."""
@@ -247,7 +268,10 @@ class _Sampler:
         ends, log_density = self._search(count)
         z, log_weight = ends.z, ends.log_posterior - log_density
         self.converged = len(z)
-        if _effective_sample_size(log_weight) < _SETTINGS.even_weights * count:
+        if self._limit.is_over:
+            if _effective_sample_size(log_weight) < _SETTINGS.even_weights * (count - self.missing):
+                self._limit.leave_out("steps that make the weights of samples even")
+        elif _effective_sample_size(log_weight) < _SETTINGS.even_weights * count:
             points = self._move(z, log_weight, count)
             z, log_density = points.z, points.log_posterior
         log_likelihood = self._likelihood.log(unit_from_normal(z))
@@ -262,24 +286,34 @@ class _Sampler:
         """
         modes = self._separate()
         ends, log_density = self._search_about(modes, count)
-        if len(modes.z) == 1 or len(ends.z) > _SETTINGS.least_ends * count:
+        if len(modes.z) == 1 or len(ends.z) > _SETTINGS.least_ends * (count - self.missing):
             return ends, log_density
         return self._search_about(LinearisedPoints.at(self._posterior, self._mode), count)
 
     def _search_about(self, modes: LinearisedPoints, count: int) -> tuple[LinearisedPoints, NDArray[np.float64]]:
+        shares = list(_shares(self._posterior, modes, count))
+        batches = [(first, *about) for about in shares for first in range(0, about[1], self._batch)]
+        batches.sort(key=lambda batch: batch[0])  # if time ends early, all modes have had their turn
         of_modes, log_densities, finished = [], [], 0
-        for number, share, tangent_map in _shares(self._posterior, modes, count):
-            for first in range(0, share, _SETTINGS.batch):
-                self._progress("samples", finished, count)
-                about = np.concatenate([modes.z[[number]], self._points[nearest_modes(modes, self._points) == number]])
-                target, starts = self._starts(min(_SETTINGS.batch, share - first), tangent_map, about)
-                ends, log_density = _ends_about(modes, number, tangent_map, target, starts)
-                self._points, finished = np.concatenate([self._points, ends.z]), finished + len(ends.z)
-                of_modes.append(ends)
-                log_densities.append(log_density + np.log(share))
+        done = np.zeros(len(shares), dtype=np.intp)
+        for first, number, share, tangent_map in batches:
+            self._progress("samples", finished, count)
+            about = np.concatenate([modes.z[[number]], self._points[nearest_modes(modes, self._points) == number]])
+            target, starts = self._starts(min(self._batch, share - first), tangent_map, about)
+            ends, log_density = _ends_about(modes, number, tangent_map, target, starts)
+            if self._limit.is_over:
+                break
+            self._points, finished = np.concatenate([self._points, ends.z]), finished + len(ends.z)
+            of_modes.append((number, ends))
+            log_densities.append(log_density)
+            done[number] += len(target)
+        self.missing = count - int(done.sum()) if done.all() else count
+        if not done.all():
+            return modes.at_rows(np.empty(0, dtype=np.intp)), np.empty(0)
         self._progress("samples", count, count)
         mixed = _mixed(finished, modes, self._random)
-        return LinearisedPoints.joined(of_modes).at_rows(mixed), np.concatenate(log_densities)[mixed]
+        densities = [one + np.log(done[number]) for (number, _), one in zip(of_modes, log_densities, strict=True)]
+        return LinearisedPoints.joined([ends for _, ends in of_modes]).at_rows(mixed), np.concatenate(densities)[mixed]
 
     def _separate(self) -> LinearisedPoints:
         """Return the separate modes of the reduced posterior; the highest alone if there are no others."""
