@@ -11,7 +11,7 @@ import pytest
 import dovetail
 from dovetail.interfaces import NO_LIMIT
 
-SAMPLES = 120
+SAMPLES = 60
 
 
 class Clock:
@@ -76,7 +76,7 @@ def check(result, complete):
         assert "do not trust" in result.warning
 
 
-def sweep(identify, steps=8):
+def sweep(identify, steps=5):
     """Check results with limits from none of the time to all of it; return what they left out."""
     complete, readings = readings_of(identify)
     left_out = []
@@ -126,7 +126,7 @@ def test_ample_time_gives_the_answer_without_a_limit(sdof, measured):
     assert with_limit.adequacy.to_dict() == without.adequacy.to_dict()
 
 
-@pytest.mark.parametrize("calls", [0, 2, 6, 20])
+@pytest.mark.parametrize("calls", [0, 6])
 def test_a_stopped_identification_returns_what_there_is(sdof, measured, calls):
     limit, counted = dovetail.TimeLimit(), itertools.count()
 
