@@ -13,7 +13,8 @@ from dovetail.inference.fitting import refine
 from dovetail.inference.posterior import laplace_posterior, sample_posterior, sampling, typical_model_error
 from dovetail.inference.posterior.laplace import half_about_the_fit
 from dovetail.inference.posterior.likelihood import normal_from_unit, squared_norms
-from dovetail.inference.posterior.separate_modes import separate_modes
+from dovetail.inference.posterior.separate_modes import ends_about, separate_modes, shares
+from dovetail.interfaces import NO_LIMIT
 from dovetail.problem import Problem
 from support.noisy_measurements import noisy
 
@@ -24,7 +25,7 @@ def test_samples_are_moved_where_fewer_than_four_tenths_of_them_count(sdof, monk
     z, calls = np.random.default_rng(0).standard_normal((100, 2)), []
 
     class Sampler(sampling._Sampler):
-        lines = 9
+        lines, missing, _limit = 9, 0, NO_LIMIT
         _likelihood = SimpleNamespace(log=lambda fraction: squared_norms(normal_from_unit(fraction)) / 2.0)
 
         def __init__(self, *_):
@@ -62,6 +63,7 @@ def test_weights_are_cut_where_fewer_than_a_tenth_of_the_samples_count(monkeypat
         _posterior=None,
         _mode=None,
         _progress=None,
+        _limit=None,
     )
     log_weight = np.where(np.arange(1000) < 20, 0.0, -light)
     z = np.arange(1000.0)[:, np.newaxis]
@@ -87,9 +89,9 @@ def sampled_about(problem, modes, count):
     """Return samples of searches that are shared out to separate modes, and their weights, as `_Sampler.search`."""
     random, separate = np.random.default_rng(0), separate_modes(sampling.LinearisedPoints.at(problem, modes))
     samples, log_weights = [], []
-    for number, share, tangent_map in sampling._shares(problem, separate, count):
+    for number, share, tangent_map in shares(problem, separate, count):
         target, starts = random.standard_normal((share, 1)), separate.at_rows(np.full(share, number))
-        ends, log_density = sampling._ends_about(separate, number, tangent_map, target, starts)
+        ends, log_density = ends_about(separate, number, tangent_map, target, starts)
         samples.append(ends.z)
         log_weights.append(ends.log_posterior - log_density - np.log(share))
     weight = np.exp(np.concatenate(log_weights) - np.max(np.concatenate(log_weights)))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from dovetail.inference.posterior.likelihood import PosteriorResiduals, squared_norms
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, TangentSearches
-from dovetail.interfaces import Progress, silent
+from dovetail.interfaces import NO_LIMIT, Progress, TimeLimit, silent
 
 
 @dataclass(frozen=True)
@@ -42,22 +42,29 @@ def decorrelate(
     points: LinearisedPoints,
     random: np.random.Generator,
     progress: Progress = silent,
+    limit: TimeLimit = NO_LIMIT,
 ) -> LinearisedPoints:
-    """Move points by Metropolis steps until they are independent of their starts."""
+    """Move points by Metropolis steps until they are independent of their starts, or time is over."""
     fewest, most = _SETTINGS.steps
     progress("independence", 0, most)
-    points, acceptance = metropolis_steps(posterior, points, random, fewest)
+    points, acceptance = metropolis_steps(posterior, points, random, fewest, limit)
     of_one = 1.0 - (1.0 - _SETTINGS.correlation) * acceptance
     needed = np.log(_SETTINGS.remaining_correlation) / np.log(min(of_one, 1.0 - 1e-6))
     further = int(min(np.ceil(needed), most)) - fewest
-    if further > 0:
+    if limit.is_over:
+        limit.leave_out("steps that make samples independent")
+    elif further > 0:
         progress("independence", fewest, fewest + further)
-        points, _ = metropolis_steps(posterior, points, random, further)
+        points, _ = metropolis_steps(posterior, points, random, further, limit)
     return points
 
 
 def metropolis_steps(
-    posterior: PosteriorResiduals, points: LinearisedPoints, random: np.random.Generator, steps: int
+    posterior: PosteriorResiduals,
+    points: LinearisedPoints,
+    random: np.random.Generator,
+    steps: int,
+    limit: TimeLimit = NO_LIMIT,
 ) -> tuple[LinearisedPoints, float]:
     """Move each point by steps that leave the posterior invariant.
 
@@ -68,6 +75,8 @@ def metropolis_steps(
     random : numpy.random.Generator
     steps : int
         Of each point.
+    limit : TimeLimit
+        After which each point stays where its steps have led so far.
 
     Returns
     -------
@@ -76,7 +85,7 @@ def metropolis_steps(
         Fraction of the steps that were accepted.
     """
     walk = _Walk(posterior, points, random, steps)
-    walk.run()
+    walk.run(limit)
     return walk.points, walk.accepted / (steps * len(points.z))
 
 
@@ -111,9 +120,9 @@ class _Walk:
         self._taken, self._returning = np.zeros(len(rows), dtype=np.int64), np.zeros(len(rows), dtype=np.bool_)
         self._searches = TangentSearches(self._maps.at_rows(rows), self._targets(rows), points, _SETTINGS.iterations)
 
-    def run(self) -> None:
+    def run(self, limit: TimeLimit = NO_LIMIT) -> None:
         """Take all steps of all chains."""
-        while len(walking := np.flatnonzero(self._taken < self._steps)):
+        while len(walking := np.flatnonzero(self._taken < self._steps)) and not limit.is_over:
             active = self._searches.active(walking)
             self._searches.advance(active)
             self._go_on(np.setdiff1d(walking, self._searches.active(active), assume_unique=True))

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.inference.posterior.likelihood import Z_LIMIT, PosteriorResiduals, squared_norms
+from dovetail.interfaces import NO_LIMIT, TimeLimit
 
 
 @dataclass(frozen=True)
@@ -129,7 +130,11 @@ class TangentMap:
         self._tangents[rows] = others._tangents
 
     def solve(
-        self, target: NDArray[np.float64], start: LinearisedPoints, most_steps: int
+        self,
+        target: NDArray[np.float64],
+        start: LinearisedPoints,
+        most_steps: int,
+        limit: TimeLimit = NO_LIMIT,
     ) -> tuple[LinearisedPoints, NDArray[np.bool_]]:
         """Find z with given components, for all rows at once.
 
@@ -138,6 +143,8 @@ class TangentMap:
         target : (n, d) array
         start : LinearisedPoints
         most_steps : int
+        limit : TimeLimit
+            After which no further step begins.
 
         Returns
         -------
@@ -147,7 +154,7 @@ class TangentMap:
         """
         searches = TangentSearches(self, target, start, most_steps)
         active = searches.active(np.arange(len(target)))
-        while len(active) and not self._posterior.misfit.limit.is_over:
+        while len(active) and not limit.is_over:
             searches.advance(active)
             active = searches.active(active)
         return searches.ends, searches.converged

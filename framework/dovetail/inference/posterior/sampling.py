@@ -7,7 +7,6 @@ that this region needs. Randomize-then-optimize then draws independent samples, 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,7 +27,7 @@ from dovetail.inference.posterior.metropolis import decorrelate
 from dovetail.inference.posterior.mode_search import likelihood_at_mode, maximise_posterior, search_modes
 from dovetail.inference.posterior.model_error import TYPICAL, ModelError
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap
-from dovetail.inference.posterior.separate_modes import nearest_modes, separate_modes
+from dovetail.inference.posterior.separate_modes import ends_about, mixed, nearest_modes, separate_modes, shares
 from dovetail.inference.posterior.unknown_chain import UnknownChain
 from dovetail.inference.posterior.verdicts import drawn_by_weight
 from dovetail.interfaces import Progress, logged, silent
@@ -55,9 +54,6 @@ class Settings:
     """Chi-squared above the best one up to which a point is in the region of interest."""
     most_snapshots: int = 600
     """Number of FRFs, the latest ones, from which the misfit is reduced."""
-    iterations: int = 60
-    """Largest number of iterations of the search for one sample. Of 100 searches of the collet 4 to 13 are still on
-    their way after 40, and 3 to 9 after 200."""
     batch: int = 100
     """Number of searches at a time; each batch starts from the samples of the batches before."""
     limited_batch: int = 25
@@ -216,7 +212,7 @@ class _Sampler:
             reduced = ReducedResiduals(likelihood, snapshots, origin)
             self._adopt(reduced)
             target, starts = self._starts(_SETTINGS.pilots, self._tangent_map, self._points)
-            pilots, _ = self._tangent_map.solve(target, starts, _SETTINGS.pilot_iterations)
+            pilots, _ = self._tangent_map.solve(target, starts, _SETTINGS.pilot_iterations, self._limit)
             fraction = unit_from_normal(pilots.z)
             frfs, on_few = likelihood.frf(fraction), reduced.residuals(fraction)
             squares = likelihood.marginalised.squares(likelihood.residual.of(frfs))
@@ -291,16 +287,16 @@ class _Sampler:
         return self._search_about(LinearisedPoints.at(self._posterior, self._mode), count)
 
     def _search_about(self, modes: LinearisedPoints, count: int) -> tuple[LinearisedPoints, NDArray[np.float64]]:
-        shares = list(_shares(self._posterior, modes, count))
-        batches = [(first, *about) for about in shares for first in range(0, about[1], self._batch)]
+        about_modes = list(shares(self._posterior, modes, count))
+        batches = [(first, *about) for about in about_modes for first in range(0, about[1], self._batch)]
         batches.sort(key=lambda batch: batch[0])  # if time ends early, all modes have had their turn
         of_modes, log_densities, finished = [], [], 0
-        done = np.zeros(len(shares), dtype=np.intp)
+        done = np.zeros(len(about_modes), dtype=np.intp)
         for first, number, share, tangent_map in batches:
             self._progress("samples", finished, count)
-            about = np.concatenate([modes.z[[number]], self._points[nearest_modes(modes, self._points) == number]])
-            target, starts = self._starts(min(self._batch, share - first), tangent_map, about)
-            ends, log_density = _ends_about(modes, number, tangent_map, target, starts)
+            near = np.concatenate([modes.z[[number]], self._points[nearest_modes(modes, self._points) == number]])
+            target, starts = self._starts(min(self._batch, share - first), tangent_map, near)
+            ends, log_density = ends_about(modes, number, tangent_map, target, starts, self._limit)
             if self._limit.is_over:
                 break
             self._points, finished = np.concatenate([self._points, ends.z]), finished + len(ends.z)
@@ -311,9 +307,9 @@ class _Sampler:
         if not done.all():
             return modes.at_rows(np.empty(0, dtype=np.intp)), np.empty(0)
         self._progress("samples", count, count)
-        mixed = _mixed(finished, modes, self._random)
+        order = mixed(finished, modes, self._random)
         densities = [one + np.log(done[number]) for (number, _), one in zip(of_modes, log_densities, strict=True)]
-        return LinearisedPoints.joined([ends for _, ends in of_modes]).at_rows(mixed), np.concatenate(densities)[mixed]
+        return LinearisedPoints.joined([ends for _, ends in of_modes]).at_rows(order), np.concatenate(densities)[order]
 
     def _separate(self) -> LinearisedPoints:
         """Return the separate modes of the reduced posterior; the highest alone if there are no others."""
@@ -329,7 +325,7 @@ class _Sampler:
             z, log_weight = self._mode, np.zeros(1)
         chosen = drawn_by_weight(_clipped(log_weight, count), count, self._random)
         start = LinearisedPoints.at(self._posterior, z[chosen])
-        return decorrelate(self._posterior, start, self._random, self._progress)
+        return decorrelate(self._posterior, start, self._random, self._progress, self._limit)
 
     def _log_posterior(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the log density (n,), up to a constant, of z (n, p), from all lines."""
@@ -351,47 +347,21 @@ def _draw(
     """
     random, separate = np.random.default_rng([seed, 8]), separate_modes(LinearisedPoints.at(posterior, modes))
     about, log_weights = [], []
-    for number, share, tangent_map in _shares(posterior, separate, count):
+    for number, share, tangent_map in shares(posterior, separate, count):
         target, starts = random.standard_normal((share, modes.shape[1])), separate.at_rows(np.full(share, number))
-        ends, log_density = _ends_about(separate, number, tangent_map, target, starts)
+        ends, log_density = ends_about(separate, number, tangent_map, target, starts)
         about.append(ends)
         log_weights.append(ends.log_posterior - log_density - np.log(share))
     points, log_weight = LinearisedPoints.joined(about), np.concatenate(log_weights)
     converged = len(log_weight)
     if not converged:
         points, log_weight = separate, separate.log_posterior
-    mixed = _mixed(len(log_weight), separate, random)
-    points, log_weight = points.at_rows(mixed), log_weight[mixed]
+    order = mixed(len(log_weight), separate, random)
+    points, log_weight = points.at_rows(order), log_weight[order]
     if _effective_sample_size(log_weight) < _SETTINGS.even_weights * count:
         chosen = drawn_by_weight(_clipped(log_weight, count), count, random)
         return decorrelate(posterior, points.at_rows(chosen), random).z, np.zeros(count), converged
     return points.z, log_weight, converged
-
-
-def _shares(
-    posterior: PosteriorResiduals, modes: LinearisedPoints, count: int
-) -> Iterator[tuple[int, int, TangentMap]]:
-    """Yield the number of each mode, how many of the searches begin about it, and the tangent map there."""
-    for number, share in enumerate(np.bincount(np.arange(count) % len(modes.z)).tolist()):
-        yield number, share, TangentMap(posterior, modes.at_rows(np.array([number])))
-
-
-def _ends_about(
-    modes: LinearisedPoints,
-    number: int,
-    tangent_map: TangentMap,
-    target: NDArray[np.float64],
-    starts: LinearisedPoints,
-) -> tuple[LinearisedPoints, NDArray[np.float64]]:
-    """Return the ends of searches from one of several modes, those nearest to it, and their log densities."""
-    ends, converged = tangent_map.solve(target, starts, _SETTINGS.iterations)
-    ends = ends.at_rows(np.flatnonzero(converged & (nearest_modes(modes, ends.z) == number)))
-    return ends, tangent_map.log_density(ends)
-
-
-def _mixed(count: int, modes: LinearisedPoints, random: np.random.Generator) -> NDArray[np.intp]:
-    """Return an order of samples in which each half has those of all modes."""
-    return random.permutation(count) if len(modes.z) > 1 else np.arange(count)
 
 
 def _clipped(log_weight: NDArray[np.float64], count: int) -> NDArray[np.float64]:
