@@ -12,6 +12,7 @@ import pytest
 import dovetail
 from dovetail.identification.identify import check_mass
 from dovetail.identification.unknown_signs import _sign
+from dovetail.problem import Problem
 
 MASSES: dict[str, Any] = {
     "dovetail": 1,
@@ -218,10 +219,10 @@ def test_an_unknown_sign_is_determined_from_phases_of_weak_lines_too(sdof):
     for _ in range(20):
         noise = random.standard_normal((2, len(values))) * 0.1 * np.abs(values).mean()
         noisy = dovetail.Frf(assembly.frequency, values + noise[0] + 1j * noise[1], "accelerance")
-        assert _sign(assembly, theta, noisy) == -1.0
+        assert _sign(Problem.of(assembly, noisy), theta) == -1.0
     turned = noisy.values * np.exp(2j * np.pi * np.random.default_rng(1).random(len(noisy.values)))
     with pytest.warns(UserWarning, match=r"as little with one sign as with the other .* State the sign"):
-        _sign(assembly, theta, replace(noisy, values=turned))
+        _sign(Problem.of(assembly, replace(noisy, values=turned)), theta)
 
 
 @pytest.mark.parametrize("shape", ["response", "responses"])

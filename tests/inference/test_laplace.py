@@ -27,6 +27,7 @@ from dovetail.inference.posterior.distribution import split_half_difference
 from dovetail.inference.posterior.laplace import LaplaceApproximation
 from dovetail.inference.posterior.likelihood import MarginalisedResiduals, PosteriorResiduals, marginalised_squares
 from dovetail.inference.posterior.mode_search import maximise_posterior
+from dovetail.interfaces import NO_LIMIT
 from dovetail.problem import Problem
 from dovetail.problem.least_squares import Linearisation, SumOfSquares
 from support.noisy_measurements import noisy
@@ -92,6 +93,8 @@ def test_errors_of_the_model_are_integrated_out_as_by_the_formula():
     errors, residuals = 3.0 * random.standard_normal((4, 30)), random.standard_normal((5, 30))
 
     class Plain:
+        limit = NO_LIMIT
+
         def residuals(self, fraction):
             return residuals
 

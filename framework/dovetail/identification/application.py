@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from dovetail.assembly import Theta
 from dovetail.errors import Fault, Importance, MeasurementError, Note, PluginError, listing
 from dovetail.frf import Frf
-from dovetail.identification.cut_short import CutShort
 from dovetail.identification.measured_lines import MeasuredLines
 from dovetail.identification.measured_modes import MeasuredModes
 from dovetail.identification.parameters import ROUNDING
@@ -24,7 +23,16 @@ from dovetail.inference.adequacy import Adequacy
 from dovetail.inference.adequacy.assess import JudgedFit, Judgement, JudgementOptions, judge_without_causes
 from dovetail.inference.fitting import Fit, fit_at, refine
 from dovetail.inference.posterior import ModelError, Posterior
-from dovetail.interfaces import NO_LIMIT, Estimate, IdentificationMethod, Progress, TimeLimit, plugin_errors, silent
+from dovetail.interfaces import (
+    NO_LIMIT,
+    CutShort,
+    Estimate,
+    IdentificationMethod,
+    Progress,
+    TimeLimit,
+    plugin_errors,
+    silent,
+)
 from dovetail.interfaces.component import check_contract, component_label
 from dovetail.network.bundle import TrainedNetwork
 from dovetail.network.pipeline import FEWEST_DRAWS

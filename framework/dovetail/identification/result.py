@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from dovetail.errors import DovetailError, Fault, by_importance
 from dovetail.frf import Frf
-from dovetail.identification.cut_short import CutShort
 from dovetail.identification.parameters import IdentifiedParameter, TableRow, dataframe, inference_data, parameter_table
 from dovetail.inference.adequacy.verdict import Adequacy, AtPoint, plain_frf
 from dovetail.inference.fitting.fit import Fit
 from dovetail.inference.posterior.distribution import Posterior
+from dovetail.interfaces import CutShort
 from dovetail.measurement import ModalParameters
 from dovetail.plain_text import html_table, terminal_text
 from dovetail.units import format_quantity

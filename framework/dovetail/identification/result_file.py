@@ -25,13 +25,13 @@ from dovetail.assembly import ParameterScales
 from dovetail.atomic_files import read_bounded
 from dovetail.errors import DovetailError, Fault, damage_reported
 from dovetail.frf import Frf, Quantity
-from dovetail.identification.cut_short import CutShort
 from dovetail.identification.parameters import IdentifiedParameter
 from dovetail.identification.result import Identification, Mode
 from dovetail.inference.adequacy import Adequacy, AdequacyWord, Cause
 from dovetail.inference.adequacy.verdict import AtPoint
 from dovetail.inference.posterior import Form, ModelError, Posterior, typical_model_error
 from dovetail.inference.posterior.distribution import central_fractions
+from dovetail.interfaces import CutShort
 from dovetail.measurement import ModalParameters
 
 RESULT_FILE = "result.json"

@@ -22,7 +22,7 @@ from dovetail.interfaces.matrices import (
 )
 from dovetail.interfaces.method import Estimate, IdentificationMethod, IdentificationProblem
 from dovetail.interfaces.option_schema import option_schema
-from dovetail.interfaces.progress import Progress, logged, progress_reporter, silent
+from dovetail.interfaces.progress import NO_LIMIT, CutShort, Progress, TimeLimit, logged, progress_reporter, silent
 from dovetail.interfaces.reader import FrfReader
 from dovetail.interfaces.recorded import (
     About,
@@ -41,7 +41,6 @@ from dovetail.interfaces.regressor import FittedRegressor, Regressor, TargetDist
 from dovetail.interfaces.state import ComponentState
 from dovetail.interfaces.substructure import Node, Omission, Port, SubstructureModel
 from dovetail.interfaces.superposition import Declaration, Superposition
-from dovetail.interfaces.time_limit import NO_LIMIT, TimeLimit
 
 __all__ = [
     "DIRECTIONS",
@@ -53,6 +52,7 @@ __all__ = [
     "Component",
     "ComponentConfig",
     "ComponentState",
+    "CutShort",
     "Declaration",
     "Estimate",
     "FeatureContext",

@@ -14,8 +14,7 @@ from typing_extensions import TypeVar
 from dovetail.frf import Frf
 from dovetail.interfaces.component import Component, Kind
 from dovetail.interfaces.joint import Parameter
-from dovetail.interfaces.progress import Progress, silent
-from dovetail.interfaces.time_limit import NO_LIMIT, TimeLimit
+from dovetail.interfaces.progress import NO_LIMIT, Progress, TimeLimit, silent
 
 RESERVED_NAMES = ("rigid",)
 """Words for `compare` that name no method."""

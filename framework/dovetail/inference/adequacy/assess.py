@@ -255,11 +255,11 @@ def judge_without_causes(
     if problem.unweighted is None:
         adequacy, refitted = assess(problem, fit, options, progress=progress)
         return Judgement(JudgedFit(refitted, adequacy), problem, refitted)
-    own = problem.judged
-    judged = refine(own, [fit.theta], seed=seed, progress=progress)
-    adequacy, refitted = assess(own, judged, options, progress=progress)
-    residual = own.observations.weighted(judged.variance, judged.used)
-    squares = float(np.sum(residual.of(own.frf_at(fit.theta)[np.newaxis]) ** 2))
+    unweighted = problem.judged
+    judged = refine(unweighted, [fit.theta], seed=seed, progress=progress)
+    adequacy, refitted = assess(unweighted, judged, options, progress=progress)
+    residual = unweighted.observations.weighted(judged.variance, judged.used)
+    squares = float(np.sum(residual.of(unweighted.frf_at(fit.theta)[np.newaxis]) ** 2))
     with_own_error = replace(
         fit,
         chi_squared=squares / judged.degrees_of_freedom,
@@ -267,7 +267,7 @@ def judge_without_causes(
         variance_known=judged.variance_known,
         variance_assumed=judged.variance_assumed,
     )
-    return Judgement(JudgedFit(with_own_error, adequacy), own, refitted)
+    return Judgement(JudgedFit(with_own_error, adequacy), unweighted, refitted)
 
 
 def _remarks(problem: Problem, fit: Fit, in_intervals: ModelError | None) -> Iterator[str]:
