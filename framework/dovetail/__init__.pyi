@@ -79,6 +79,8 @@ from .interfaces import FrfToWrite as FrfToWrite
 from .interfaces import IdentificationMethod as IdentificationMethod
 from .interfaces import IdentificationProblem as IdentificationProblem
 from .interfaces import JointModel as JointModel
+from .interfaces import Law as Law
+from .interfaces import LawUnknown as LawUnknown
 from .interfaces import Node as Node
 from .interfaces import Omission as Omission
 from .interfaces import Parameter as Parameter
@@ -123,6 +125,10 @@ from .registry import hookimpl as hookimpl
 from .report.html_report import write_report as write_report
 from .report.plots import plot_assembly as plot_assembly
 from .report.plots import plot_frf as plot_frf
+from .series import SeriesDescription as SeriesDescription
+from .series import SeriesIdentification as SeriesIdentification
+from .series import identify_series as identify_series
+from .series import read_series as read_series
 from .units import InUnit as InUnit
 
 __version__: str

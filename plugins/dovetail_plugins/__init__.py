@@ -17,6 +17,7 @@ def dovetail_components() -> list[type[dovetail.Component]]:
     from dovetail_plugins.joints.interference_fit import InterferenceFit
     from dovetail_plugins.joints.rigid import Rigid
     from dovetail_plugins.joints.spring_damper import SpringDamper
+    from dovetail_plugins.laws import LAWS
     from dovetail_plugins.methods.multistart import Multistart
     from dovetail_plugins.methods.network import Network
     from dovetail_plugins.methods.posterior import PosteriorMethod
@@ -72,6 +73,7 @@ def dovetail_components() -> list[type[dovetail.Component]]:
         Hdf5Reader,
         CutProReader,
         LabViewReader,
+        *LAWS,
     ]
 
 

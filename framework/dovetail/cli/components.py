@@ -77,6 +77,10 @@ def _print_model(entry: dict[str, Any]) -> None:
         table(["option", *keys[1:]], [[option[key] for key in keys] for option in entry["options"]])
     else:
         say("none")
+    if entry["kind"] == "law":
+        heading("Unknowns with the default options")
+        unknowns = [(one["name"], _unknown_range(one), one["description"]) for one in entry["unknowns"]]
+        table(["unknown", "range", "description"], unknowns)
     if entry["kind"] != "joint":
         return
     heading(f"Parameters {entry['valid_for']}".rstrip())
@@ -92,3 +96,10 @@ def _print_model(entry: dict[str, Any]) -> None:
         say("They depend on the options.")
     else:
         table(["port", "nodes"], [(port.name, str(port.nodes)) for port in entry["ports"]], numbers=["nodes"])
+
+
+def _unknown_range(unknown: dict[str, Any]) -> str:
+    """Return the range of an unknown of a law in words."""
+    if unknown["lower"] is None:
+        return "that of the parameter"
+    return f"{unknown['lower']:g} to {unknown['upper']:g}, {unknown['scale']}"

@@ -17,7 +17,7 @@ Alternatives: TypeAlias = Sequence[Sequence[str]]
 
 LONGEST_CHAIN = 16
 _EXTENDS = "extends"
-_FORMATS = ("dovetail", "dovetail_cases")
+_FORMATS = ("dovetail", "dovetail_cases", "dovetail_series")
 """Keys of which each document has one, or extends one that has."""
 
 

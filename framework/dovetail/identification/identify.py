@@ -138,7 +138,7 @@ def identify(
         if table is not None:
             result = application.to(MeasuredModes(assembly, table))
         else:
-            lines = _lines(assembly, frfs, weights, report, phase=phase)
+            lines = lines_to_fit(assembly, frfs, weights, report, phase=phase)
             result = application.to(lines.merged(application.seed, report) if chosen.fits_lines else lines)
         requested = {"weights": weights, "seconds": limit.seconds, "phase": None if phase else False, **options}
         given = {name: value for name, value in requested.items() if isinstance(value, (str, int, float))}
@@ -184,7 +184,7 @@ def method_for_modes(method: str | IdentificationMethod | None, assembly: Assemb
     raise ParameterError(Fault("method", problem, f"'{DEFAULT_METHOD}', 'refined', 'multistart'"))
 
 
-def _lines(
+def lines_to_fit(
     assembly: Assembly,
     frfs: tuple[Frf, ...],
     weights: Weights | Sequence[Weights] | None,

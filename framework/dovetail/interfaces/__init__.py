@@ -13,6 +13,7 @@ from dovetail.interfaces.context import FeatureContext, fit_in_context, takes_co
 from dovetail.interfaces.declarations import joint_faults, node_faults, parameter_faults, port_faults
 from dovetail.interfaces.file_name import FileName
 from dovetail.interfaces.joint import JointModel, Parameter, Prior, Scale
+from dovetail.interfaces.law import Law, LawUnknown
 from dovetail.interfaces.matrices import (
     DIRECTIONS,
     ScaledMatrices,
@@ -65,6 +66,8 @@ __all__ = [
     "IdentificationProblem",
     "JointModel",
     "Kind",
+    "Law",
+    "LawUnknown",
     "Node",
     "Omission",
     "Parameter",

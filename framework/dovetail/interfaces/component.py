@@ -16,8 +16,8 @@ from pydantic import BaseModel, ConfigDict, ValidationInfo, field_validator
 from dovetail.errors import DovetailError, Fault, PluginError
 from dovetail.units import refuse_marks
 
-Kind = Literal["substructure", "joint", "reducer", "regressor", "reader", "method"]
-KINDS: tuple[Kind, ...] = ("substructure", "joint", "reducer", "regressor", "reader", "method")
+Kind = Literal["substructure", "joint", "reducer", "regressor", "reader", "method", "law"]
+KINDS: tuple[Kind, ...] = ("substructure", "joint", "reducer", "regressor", "reader", "method", "law")
 INTERFACE_VERSION = 1
 """Version of the plugin interface; it increases with each change that can break a component."""
 

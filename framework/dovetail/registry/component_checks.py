@@ -12,13 +12,14 @@ from dovetail.interfaces import (
     FrfReader,
     IdentificationMethod,
     JointModel,
+    Law,
     Reducer,
     Regressor,
     SubstructureModel,
 )
 from dovetail.interfaces.method import RESERVED_NAMES, RESERVED_OPTIONS
 
-_CONTRACTS = (SubstructureModel, JointModel, Reducer, Regressor, FrfReader, IdentificationMethod)
+_CONTRACTS = (SubstructureModel, JointModel, Reducer, Regressor, FrfReader, IdentificationMethod, Law)
 
 
 def reason_against(component: Any) -> str:

@@ -8,8 +8,8 @@ from dataclasses import asdict
 from typing import Any
 
 from dovetail.errors import Fault, PluginError, did_you_mean, listing
-from dovetail.interfaces import KINDS, JointModel, option_schema, parameter_faults, port_faults, source_file
-from dovetail.registry.catalogue import HOW_TO_OFFER, Offer, Registry
+from dovetail.interfaces import KINDS, JointModel, Law, option_schema, parameter_faults, port_faults, source_file
+from dovetail.registry.catalogue import HOW_TO_OFFER, Offer, Registry, create_with_defaults
 from dovetail.units import format_quantity
 
 _DEEPEST = 8
@@ -97,7 +97,15 @@ def describe_offer(offer: Offer) -> dict[str, Any]:
         joint = _joint(component)
         _check(offer, joint)
         described |= joint
+    if issubclass(component, Law):
+        described["unknowns"] = [asdict(unknown) for unknown in _law(offer).unknowns]
     return described
+
+
+def _law(offer: Offer) -> Law:
+    law = create_with_defaults(offer)
+    assert isinstance(law, Law)
+    return law
 
 
 def _check(offer: Offer, joint: Mapping[str, Any]) -> None:

@@ -28,6 +28,7 @@ from dovetail.testing import (
     joint_derivative_checks,
     joint_law_checks,
     joint_range_checks,
+    law_checks,
     method_checks,
     reader_checks,
     reducer_checks,
@@ -65,6 +66,7 @@ _MODULES: Mapping[Kind, tuple[ModuleType, ...]] = {
     ),
     "reader": (reader_checks, general_checks),
     "method": (method_checks, general_checks),
+    "law": (law_checks, general_checks),
 }
 
 _MAKING = "examples_make_components"
@@ -87,6 +89,8 @@ _PREREQUISITES = frozenset(
         "sample_files_are_read",
         "the_estimate_is_within_the_ranges",
         "the_posterior_has_samples_of_the_parameters",
+        "unknowns_are_declared",
+        "values_and_derivatives_have_their_shapes",
     }
 )
 """Checks that must pass for the following ones to be meaningful."""

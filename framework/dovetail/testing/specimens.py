@@ -20,6 +20,7 @@ from dovetail.interfaces import (
 )
 from dovetail.testing.answers import has_receptance
 from dovetail.testing.fitted_specimens import ReducerSpecimen, RegressorSpecimen
+from dovetail.testing.law_checks import LawSpecimen
 from dovetail.testing.linear_algebra import dense
 from dovetail.testing.method_checks import MethodSpecimen
 from dovetail.testing.reader_checks import ReaderSpecimen
@@ -178,6 +179,7 @@ def specimen_of(model: type[Component], options: Mapping[str, Any]) -> Specimen:
         "regressor": RegressorSpecimen,
         "reader": ReaderSpecimen,
         "method": MethodSpecimen,
+        "law": LawSpecimen,
     }
     specimen: Specimen = kinds[model.kind](model, options, component)
     return specimen

@@ -1,0 +1,93 @@
+"""The tests of a series, each read, fitted and judged by itself, as a single identification does."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.frf import Frf
+from dovetail.identification.identify import lines_to_fit
+from dovetail.identification.measured_lines import MeasuredLines
+from dovetail.inference.adequacy.assess import JudgedFit, JudgementOptions, judge
+from dovetail.inference.fitting import refine
+from dovetail.inference.fitting.fit import allow_for_unknown_noise
+from dovetail.inference.posterior.likelihood import Likelihood, MarginalisedResiduals
+from dovetail.inference.posterior.mode_search import likelihood_at_mode
+from dovetail.interfaces import Progress, silent
+from dovetail.measurement import read_frf
+from dovetail.problem import Problem
+from dovetail.problem.least_squares import SumOfSquares
+from dovetail.series.description import SeriesDescription, SeriesTest
+
+
+@dataclass(frozen=True, eq=False)
+class FittedTest:
+    """A test with its measurement, and the fit to it alone.
+
+    Parameters
+    ----------
+    test : SeriesTest
+    lines : MeasuredLines
+    judged : JudgedFit
+    """
+
+    test: SeriesTest
+    lines: MeasuredLines
+    judged: JudgedFit
+
+    @property
+    def problem(self) -> Problem:
+        """The problem of this test alone."""
+        return self.lines.problem
+
+    @property
+    def fraction(self) -> NDArray[np.float64]:
+        """(p,) fractions of the ranges at the fit."""
+        return np.clip(self.problem.to_unit(self.judged.fit.theta), 0.0, 1.0)
+
+    @property
+    def is_noise(self) -> bool:
+        """Whether the model explains the measurement down to its random error."""
+        return self.judged.adequacy.word in ("to the noise", "not judged")
+
+    def likelihood(self) -> Likelihood:
+        """Return the likelihood with the random error and the model error of this test's own identification."""
+        fit = allow_for_unknown_noise(self.problem.observations, self.judged.fit)
+        return likelihood_at_mode(self.problem, fit, self.judged.adequacy.error_in_intervals)[0]
+
+    def misfit(self) -> SumOfSquares:
+        """Return the residuals that a fit of the series makes small, as functions of the fractions."""
+        if self.is_noise:
+            fit = self.judged.fit
+            return self.problem.weighted(fit.variance, fit.used)
+        likelihood = self.likelihood()
+        return MarginalisedResiduals(likelihood.misfit, likelihood.errors)
+
+
+def fit_tests(
+    series: SeriesDescription, *, seed: int | None = None, progress: Progress = silent
+) -> tuple[FittedTest, ...]:
+    """Read the measurements of a series, and fit and judge each test by itself.
+
+    Raises
+    ------
+    MeasurementError
+        A file cannot be read, or does not fit its test.
+    """
+    fitted = []
+    for number, test in enumerate(series.tests):
+        progress("tests", number, len(series.tests))
+        frfs = [read_frf(file, **options) for file, options in test.measured]
+        fitted.append(fit_test(test, frfs, series.seed if seed is None else seed))
+    progress("tests", len(series.tests), len(series.tests))
+    return tuple(fitted)
+
+
+def fit_test(test: SeriesTest, frfs: Sequence[Frf], seed: int) -> FittedTest:
+    """Fit and judge one test with its measured FRFs, one for each response."""
+    lines = lines_to_fit(test.assembly, tuple(frfs), None, silent, phase=True).merged(seed, silent)
+    fit = refine(lines.problem, [] if lines.start is None else [lines.start], seed=seed)
+    return FittedTest(test, lines, judge(lines.problem, fit, JudgementOptions(cause_seconds=0.0), seed=seed))

@@ -1,0 +1,295 @@
+"""Reads the description of a series, and reports all its faults at once, with their places."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+
+from dovetail.assembly import Assembly, load
+from dovetail.description.component_sections import build_component
+from dovetail.documents.extends import read_source
+from dovetail.documents.fault_list import FaultList
+from dovetail.documents.mapping_reader import DICT
+from dovetail.documents.tree import Path as Place
+from dovetail.documents.tree import format_value, plain_values
+from dovetail.documents.validation import check_format, validate
+from dovetail.errors import DovetailError, UnitError, did_you_mean, listing
+from dovetail.registry import PluginPaths, Registry, components
+from dovetail.series.description import FREE, Covariate, Role, SeriesDescription, SeriesTest
+from dovetail.series.role_checks import check_roles
+from dovetail.units import Mass, is_unit, to_fraction, to_si
+
+FORMAT = 1
+"""Version of the format, which is what ``dovetail_series:`` says."""
+_KEY = "dovetail_series"
+_WIDEST_SCATTER = 1.0
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class _Measured(_Section):
+    file: str
+    accelerometer_mass: Mass | None = None
+    quantity: str | None = None
+    unit: str | None = None
+    index: Annotated[int, Field(ge=1)] | None = None
+    response: str | None = None
+    force: str | None = None
+    names: dict[str, str] | None = None
+    columns: tuple[str, ...] | None = None
+    ignore_dofs: bool | None = None
+    reader: str | None = None
+
+
+def _as_files(value: object) -> object:
+    several = value if isinstance(value, (list, tuple)) else (value,)
+    return tuple({"file": one} if isinstance(one, str) else one for one in several)
+
+
+class _Test(_Section):
+    assembly: str | None = None
+    change: dict[str, Any] = {}
+    measured: Annotated[tuple[_Measured, ...], BeforeValidator(_as_files), Field(min_length=1)]
+    at: dict[str, Any] = {}
+
+
+class _File(_Section):
+    name: str = "series"
+    assembly: str | None = None
+    accelerometer_mass: Mass = 0.0
+    covariates: dict[str, str] = {}
+    tests: Annotated[dict[str, Any], Field(min_length=1)]
+    parameters: dict[str, Any] = {}
+    other_parameters: Literal["shared", "free"] = "free"
+    seed: Annotated[int, Field(ge=0)] = 0
+
+
+class _Role(_Section):
+    role: Literal["shared", "free", "law", "varying"] | None = None
+    law: Any = None
+    over: str | None = None
+    scatter: Annotated[tuple[Any, Any] | None, Field(min_length=2, max_length=2)] = None
+
+
+def read_series(source: str | os.PathLike[str] | Mapping[str, Any], *, plugins: PluginPaths = ()) -> SeriesDescription:
+    """Read the description of a series of tests.
+
+    Parameters
+    ----------
+    source : path or mapping
+        YAML, or the same as a dict. File names are relative to its folder, or to the working directory for a dict.
+    plugins : path or iterable of paths
+        As in `dovetail.load`.
+
+    Returns
+    -------
+    SeriesDescription
+
+    Raises
+    ------
+    DescriptionError
+        Everything that is wrong with the file, at once.
+    PluginError
+        A plugin file cannot be loaded.
+    """
+    faults = FaultList()
+    name, faults.root = read_source(source, faults)
+    check_format(faults, _KEY, FORMAT, "the file does not say that it describes a series of tests.")
+    read = validate(_File, (), faults, "the description of a series", reserved=(_KEY,))
+    if read is None:
+        raise faults.error()
+    folder = Path() if name == DICT else Path(os.path.abspath(name)).parent
+    reader = _Reader(faults, read, folder, components(plugins), plugins)
+    covariates = reader.covariates()
+    tests = reader.tests(covariates)
+    roles = reader.roles(covariates, tests)
+    if not faults:
+        check_roles(tests, roles, Role(read.other_parameters), faults)
+    faults.raise_if_any()
+    return SeriesDescription(read.name, tests, covariates, roles, Role(read.other_parameters), read.seed)
+
+
+@dataclass(frozen=True)
+class _Reader:
+    faults: FaultList
+    read: _File
+    folder: Path
+    registry: Registry
+    plugins: PluginPaths
+
+    def covariates(self) -> dict[str, Covariate]:
+        """Return the covariates whose units are units."""
+        known = {}
+        for name, unit in self.read.covariates.items():
+            if not name.isidentifier():
+                self.faults.add(
+                    ("covariates", name), f"'{name}' cannot be a name.", "letters, digits and '_'", key=True
+                )
+            elif not is_unit(unit):
+                self.faults.add(("covariates", name), f"'{unit}' is not a unit.", "an SI unit, such as N m; 1 for none")
+            else:
+                known[name] = Covariate(name, unit)
+        return known
+
+    def tests(self, covariates: Mapping[str, Covariate]) -> tuple[SeriesTest, ...]:
+        """Return the tests without faults."""
+        loaded: dict[str, Assembly] = {}
+        tests = (self._test(name, covariates, loaded) for name in self.read.tests)
+        return tuple(test for test in tests if test is not None)
+
+    def _test(self, name: str, covariates: Mapping[str, Covariate], loaded: dict[str, Assembly]) -> SeriesTest | None:
+        place: Place = ("tests", name)
+        section = validate(_Test, place, self.faults, f"test '{name}'")
+        if section is None:
+            return None
+        values = self._values(place, section.at, covariates)
+        assembly = self._assembly(place, section, loaded)
+        files = tuple(self._file(place, measured) for measured in section.measured)
+        if assembly is None:
+            return None
+        count, wanted = len(files), len(assembly.description.responses)
+        if count != wanted:
+            problem = f"{count} measured file{'s' * (count != 1)}, and its assembly has {wanted} responses."
+            accepted = "; ".join(assembly.description.response_labels)
+            self.faults.add((*place, "measured"), problem, accepted, "Give one file for each response, in order.")
+        return SeriesTest(name, assembly, files, values)
+
+    def _values(self, place: Place, at: Mapping[str, Any], covariates: Mapping[str, Covariate]) -> dict[str, float]:
+        values = {}
+        for key, value in at.items():
+            if key not in covariates:
+                hint = did_you_mean(key, covariates) or "List it under 'covariates' with its unit."
+                if key not in self.read.covariates:
+                    problem = f"'{key}' is not a covariate of the series."
+                    self.faults.add((*place, "at", key), problem, listing(covariates) or "none", hint, key=True)
+                continue
+            try:
+                values[key] = to_si(value, covariates[key].unit)
+            except UnitError as error:
+                self.faults.add((*place, "at", key), error.faults[0].problem)
+        return values
+
+    def _file(self, place: Place, measured: _Measured) -> tuple[Path, Mapping[str, Any]]:
+        options = measured.model_dump(exclude={"file"}, exclude_none=True)
+        path = self.folder / measured.file
+        if not path.exists():
+            remedy = "The path is relative to the description of the series."
+            self.faults.add((*place, "measured"), f"there is no file '{measured.file}'.", remedy=remedy)
+        return path, {"accelerometer_mass": self.read.accelerometer_mass, **options}
+
+    def _assembly(self, place: Place, test: _Test, loaded: dict[str, Assembly]) -> Assembly | None:
+        """Return the assembly of a test; the same object for tests with the same description."""
+        file, where = (test.assembly, (*place, "assembly")) if test.assembly else (self.read.assembly, ("assembly",))
+        if file is None:
+            remedy = "Name it here, or 'assembly:' for all tests at the top of the file."
+            self.faults.add(
+                place, f"the test '{place[-1]}' names no assembly.", "the path of a description", remedy, key=True
+            )
+            return None
+        path = self.folder / file
+        item = self.faults.root.at((*place, "change"))
+        change: Any = {} if item is None else plain_values(item)
+        key = f"{path} {change}"
+        if key not in loaded:
+            try:
+                loaded[key] = load({"extends": str(path), **change} if change else path, plugins=self.plugins)
+            except DovetailError as error:
+                self._add_faults((*place, "change") if change else where, file, error)
+                return None
+        return loaded[key]
+
+    def _add_faults(self, where: Place, file: str, error: DovetailError) -> None:
+        first, *more = error.faults
+        further = f" ({len(more)} further faults; see 'dovetail check {file}')" if more else ""
+        problem = f"'{file}' is not usable: {first.where}: {first.problem}{further}"
+        self.faults.add(where, problem, first.accepted, first.remedy)
+
+    def roles(self, covariates: Mapping[str, Covariate], tests: Sequence[SeriesTest]) -> dict[str, Role]:
+        """Return the roles of the parameters that the series names."""
+        names = {p.name for test in tests for p in test.assembly.parameters}
+        roles = {}
+        for name in self.read.parameters:
+            if name not in names:
+                if tests:
+                    problem = f"no test has a parameter '{name}' to identify."
+                    accepted = listing(sorted(names), 30)
+                    self.faults.add(("parameters", name), problem, accepted, did_you_mean(name, names), key=True)
+                continue
+            role = self._role(name, covariates)
+            if role is not None:
+                roles[name] = role
+        return roles
+
+    def _role(self, name: str, covariates: Mapping[str, Covariate]) -> Role | None:
+        place: Place = ("parameters", name)
+        item = self.faults.root.at(place)
+        assert item is not None
+        words = ("shared", "free", "varying")
+        if not item.is_mapping:
+            if item.value in words:
+                return FREE if item.value == "free" else Role(item.value)  # type: ignore[arg-type]
+            hint = did_you_mean(str(item.value), words)
+            problem = f"{format_value(plain_values(item))} is not a role."
+            accepted = "shared, free, varying; or {law: NAME, over: COVARIATE}"
+            self.faults.add(place, problem, accepted, hint)
+            return None
+        section = validate(_Role, place, self.faults, f"the role of '{name}'")
+        if section is None:
+            return None
+        kind = section.role or ("law" if section.law is not None else "varying" if section.scatter else None)
+        if kind is None or (kind == "law") != (section.law is not None and kind != "varying"):
+            problem = f"the role of '{name}' needs 'law'." if kind == "law" else f"'{kind or 'role'}' takes no 'law'."
+            problem = "it says neither a role nor a law." if kind is None else problem
+            self.faults.add(place, problem, "role: shared, free or varying; or law and over", key=True)
+            return None
+        if section.scatter is not None and kind != "varying":
+            self.faults.add((*place, "scatter"), f"'{kind}' takes no 'scatter'.", remedy="Use it with 'role: varying'.")
+            return None
+        law, over = None, ""
+        if section.law is not None:
+            law, over = self._law(place, section.law), self._over(place, section.over, covariates)
+            if law is None or not over:
+                return None
+        scatter = Role.scatter if section.scatter is None else self._scatter((*place, "scatter"), section.scatter)
+        return None if scatter is None else Role(kind, law, over, scatter)
+
+    def _law(self, place: Place, law: object) -> Any:
+        where: Place = (*place, "law")
+        if isinstance(law, str):
+            if law not in self.registry.names("law") and ":" not in law:
+                known = self.registry.names("law")
+                self.faults.add(where, f"there is no law '{law}'.", listing(known), did_you_mean(law, known))
+                return None
+            return self.registry.create("law", law)
+        made = build_component("law", where, self.faults, self.registry)
+        return None if made is None else made.component
+
+    def _over(self, place: Place, over: str | None, covariates: Mapping[str, Covariate]) -> str:
+        if over is None and len(covariates) == 1:
+            return next(iter(covariates))
+        if over is not None and over in covariates:
+            return over
+        problem = "the law does not say over which covariate." if over is None else f"'{over}' is not a covariate."
+        hint = "" if over is None else did_you_mean(over, covariates)
+        accepted = listing(covariates) or "a name that 'covariates:' lists with its unit"
+        self.faults.add((*place, "over"), problem, accepted, hint)
+        return ""
+
+    def _scatter(self, place: Place, ends: Iterable[Any]) -> tuple[float, float] | None:
+        try:
+            low, high = (to_fraction(end) for end in ends)
+        except UnitError as error:
+            self.faults.add(place, error.faults[0].problem, "two parts of the range's width, such as [0.1 %, 30 %]")
+            return None
+        if not 0.0 < low < high <= _WIDEST_SCATTER:
+            accepted = "two increasing parts of the range's width, more than 0 and at most 1"
+            self.faults.add(place, f"the scatter cannot range from {low:g} to {high:g}.", accepted)
+            return None
+        return low, high
