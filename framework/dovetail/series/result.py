@@ -111,8 +111,7 @@ class SeriesIdentification:
             return (
                 "The tests contradict the relations between them: with shared values and laws the sum of squares rises "
                 f"by {np.sum(self.fit.squares - self.fit.squares_alone):.0f}, where {self.fit.constraints} are "
-                "expected. Make parameters 'free' or 'varying', or choose another law; 'dovetail compare-models' "
-                "shows which."
+                "expected. Make parameters 'free' or 'varying', or choose another law."
             )
         return ""
 
@@ -141,9 +140,9 @@ class SeriesIdentification:
         for index, parameter in enumerate(assembly.parameters):
             role = self.series.role_of(parameter.name).describe()
             spread = float(deviations[index] * parameter.slope(values[index]))
-            told = {} if posterior is None else _posterior_columns(posterior, index, self.warning)
+            known = {} if posterior is None else _posterior_columns(posterior, index, self.warning)
             name, unit = parameter.name, parameter.unit
-            rows.append(SeriesRow(name, fitted.test.name, unit, role, float(values[index]), spread, **told))
+            rows.append(SeriesRow(name, fitted.test.name, unit, role, float(values[index]), spread, **known))
         return tuple(rows)
 
     def _rows(
@@ -159,9 +158,9 @@ class SeriesIdentification:
             value = float(parameter.from_unit(unit_from_normal(z[index])))
             slope = float(parameter.slope(np.array(value)) * normal_density(z[index]))
             deviation = float(np.sqrt(variances[index])) * slope
-            told = {} if posterior is None else _posterior_columns(posterior, index, self.warning)
+            known = {} if posterior is None else _posterior_columns(posterior, index, self.warning)
             role = self.series.role_of(unknown.parameter).describe()
-            yield SeriesRow(parameter.name, test, parameter.unit, role, value, deviation, **told)
+            yield SeriesRow(parameter.name, test, parameter.unit, role, value, deviation, **known)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result as plain values for JSON."""
