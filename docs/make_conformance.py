@@ -10,7 +10,7 @@ from dovetail.testing.kit import check_descriptions
 PAGE = Path(__file__).with_name("conformance.md")
 TESTS = Path(__file__).parents[1] / "tests"
 HEADINGS = {"joint": "Joints", "substructure": "Substructures", "reducer": "Reducers", "regressor": "Regressors"}
-HEADINGS |= {"reader": "File readers", "method": "Methods of identification"}
+HEADINGS |= {"reader": "File readers", "method": "Methods of identification", "law": "Laws"}
 
 INTRODUCTION = """# What the conformance kit checks
 

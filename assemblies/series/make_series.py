@@ -1,4 +1,4 @@
-"""Makes the synthetic measurements of this folder: one rod in one collet, tightened to five torques.
+"""Makes the synthetic measurements of this folder: one rod, clamped at five torques.
 
 Run it from anywhere: ``python assemblies/series/make_series.py``.
 """

@@ -22,13 +22,6 @@ def dovetail_components() -> list[type[dovetail.Component]]:
     from dovetail_plugins.methods.network import Network
     from dovetail_plugins.methods.posterior import PosteriorMethod
     from dovetail_plugins.methods.refined import Refined
-    from dovetail_plugins.readers.cutpro import CutProReader
-    from dovetail_plugins.readers.hdf5 import Hdf5Reader
-    from dovetail_plugins.readers.labview import LabViewReader
-    from dovetail_plugins.readers.matlab import MatlabReader
-    from dovetail_plugins.readers.numpy_files import NpyReader, NpzReader
-    from dovetail_plugins.readers.text import TextReader
-    from dovetail_plugins.readers.uff import UffReader
     from dovetail_plugins.reducers.none import NoReducer
     from dovetail_plugins.reducers.pca import PCA
     from dovetail_plugins.reducers.scikit_learn import Transformer
@@ -65,16 +58,21 @@ def dovetail_components() -> list[type[dovetail.Component]]:
         Refined,
         Multistart,
         Network,
-        UffReader,
-        TextReader,
-        NpzReader,
-        NpyReader,
-        MatlabReader,
-        Hdf5Reader,
-        CutProReader,
-        LabViewReader,
+        *_readers(),
         *LAWS,
     ]
+
+
+def _readers() -> list[type[dovetail.Component]]:
+    from dovetail_plugins.readers.cutpro import CutProReader
+    from dovetail_plugins.readers.hdf5 import Hdf5Reader
+    from dovetail_plugins.readers.labview import LabViewReader
+    from dovetail_plugins.readers.matlab import MatlabReader
+    from dovetail_plugins.readers.numpy_files import NpyReader, NpzReader
+    from dovetail_plugins.readers.text import TextReader
+    from dovetail_plugins.readers.uff import UffReader
+
+    return [UffReader, TextReader, NpzReader, NpyReader, MatlabReader, Hdf5Reader, CutProReader, LabViewReader]
 
 
 @dovetail.hookimpl

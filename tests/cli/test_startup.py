@@ -119,7 +119,7 @@ def test_help_lists_every_command(shell):
     assert listed == {
         "Describe an assembly": ["new-assembly", "check", "describe", "simulate", "explore", "schema"],
         "Measure": ["plot", "convert", "frf", "plan", "spindle"],
-        "Identify a joint": ["identify", "train", "generate", "merge"],
+        "Identify a joint": ["identify", "identify-series", "train", "generate", "merge"],
         "Use the result": ["predict"],
         "Extend": ["plugins", "new-plugin", "check-plugin"],
         "Evaluate": ["calibrate", "compare", "robustness", "study", "validate"],

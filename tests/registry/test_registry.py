@@ -221,7 +221,7 @@ class NoConfig:
         (
             ComponentConfig,
             "<class 'dovetail.interfaces.component.ComponentConfig'> is not a component class "
-            "(a subclass of SubstructureModel, JointModel, Reducer, Regressor, FrfReader, IdentificationMethod).",
+            "(a subclass of SubstructureModel, JointModel, Reducer, Regressor, FrfReader, IdentificationMethod, Law).",
         ),
     ],
 )

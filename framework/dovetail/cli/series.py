@@ -91,7 +91,10 @@ def _print(result: SeriesIdentification) -> None:
         numbers=["chi-squared alone", "together"],
     )
     say()
-    say(f"Probability of so large a rise if the relations between the tests are right: {result.fit.contradiction:.2g}.")
+    say(
+        "If the relations between the tests are right, chance raises the sum of squares by at least this much with "
+        f"probability {result.fit.contradiction:.2g}."
+    )
     for warning in result.warnings:
         say(f"Note: {warning}")
 

@@ -56,7 +56,7 @@ def offers_named(registry: Registry, name: str) -> tuple[Offer, ...]:
         for failure in registry.failures:
             remedy += f"{' ' if remedy else ''}(Not loaded: {failure.source}: {failure.reason})"
         remedy = f"{remedy} {HOW_TO_OFFER}".lstrip()
-        raise PluginError(Fault("", f"there is no model '{name}'.", listing(names, 30), remedy))
+        raise PluginError(Fault("", f"there is no model '{name}'.", listing(names, 40), remedy))
     return offers
 
 

@@ -58,17 +58,17 @@ def _draw_parameter(axes: Axes, result: SeriesIdentification, name: str, rows: S
     of_rows = [tests[row.test].covariates for row in rows]
     common = [key for key in result.series.covariates if all(key in values for values in of_rows)]
     over = result.series.role_of(name).over or (common[0] if common else "")
-    places = [values[over] for values in of_rows] if over else list(np.arange(len(rows), dtype=float))
+    positions = [values[over] for values in of_rows] if over else list(np.arange(len(rows), dtype=float))
     middles = np.array([row.fit if row.estimate is None else row.estimate for row in rows])
     spread = [1.645 * row.deviation for row in rows]
     lows = np.array([m - s if row.low is None else row.low for m, s, row in zip(middles, spread, rows, strict=True)])
     highs = np.array([m + s if row.high is None else row.high for m, s, row in zip(middles, spread, rows, strict=True)])
-    axes.vlines(places, lows, highs, color=RECONSTRUCTED, linewidth=2.0)
-    axes.plot(places, middles, "o", color=RECONSTRUCTED, markersize=4)
-    axes.plot(places, [row.fit for row in rows], "_", color=INK, markersize=9)
+    axes.vlines(positions, lows, highs, color=RECONSTRUCTED, linewidth=2.0)
+    axes.plot(positions, middles, "o", color=RECONSTRUCTED, markersize=4)
+    axes.plot(positions, [row.fit for row in rows], "_", color=INK, markersize=9)
     unit = result.series.covariates[over].unit if over else ""
     if not over:
-        axes.set_xticks(places, [row.test for row in rows], rotation=45, ha="right")
+        axes.set_xticks(positions, [row.test for row in rows], rotation=45, ha="right")
     axes.set_xlabel(f"{over} [{unit}]" if over else "test")
     axes.set_ylabel(f"{name} [{rows[0].unit}]")
     axes.set_title(rows[0].role, loc="left", fontsize=9)

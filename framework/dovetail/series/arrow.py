@@ -33,17 +33,20 @@ class ArrowMatrix:
     blocks: Sequence[Array]
 
     @staticmethod
-    def added(diagonal: Array, parts: Sequence[Array], shared: int) -> ArrowMatrix:
+    def added(diagonal: Array, additions: Sequence[Array], shared: int) -> ArrowMatrix:
         """Return a diagonal (n, d) plus a matrix (n, g + l_k, g + l_k) for each test."""
-        border = sum(part[:, :shared, :shared] for part in parts) + _diagonal(diagonal[:, :shared])
+        border = sum(part[:, :shared, :shared] for part in additions) + _diagonal(diagonal[:, :shared])
         blocks, first = [], shared
-        for part in parts:
+        for part in additions:
             own = part[:, shared:, shared:]
             last = first + own.shape[1]
             blocks.append(own + _diagonal(diagonal[:, first:last]))
             first = last
         return ArrowMatrix(
-            border, [part[:, :shared, shared:] for part in parts], [part[:, shared:, :shared] for part in parts], blocks
+            border,
+            [part[:, :shared, shared:] for part in additions],
+            [part[:, shared:, :shared] for part in additions],
+            blocks,
         )
 
     def diagonal(self) -> Array:
@@ -93,14 +96,14 @@ class ArrowMatrix:
         shared = self.border.shape[1]
         schur, _ = self._reduced()
         common = _times(np.asarray(np.linalg.cholesky(schur), dtype=np.float64), normal[:, :shared])
-        own, first = [], shared
+        inner, first = [], shared
         for right, block in zip(self.right, self.blocks, strict=True):
             last = first + block.shape[1]
             root = np.asarray(np.linalg.cholesky(block), dtype=np.float64)
-            own.append(_times(root, normal[:, first:last]))
+            inner.append(_times(root, normal[:, first:last]))
             common = common + _times(right, _solved(np.swapaxes(root, 1, 2), normal[:, first:last]))
             first = last
-        return np.concatenate([common, *own], axis=1)
+        return np.concatenate([common, *inner], axis=1)
 
     def shared_covariance(self) -> Array:
         """Return the part of the inverse that belongs to the shared unknowns (n, g, g)."""

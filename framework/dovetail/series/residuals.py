@@ -104,13 +104,13 @@ class SeriesResiduals:
         prior : (d,) array
             Weight of each unknown's square among the squares: 1 with its prior, 0 without.
         """
-        parts = [one @ np.swapaxes(one, 1, 2) for one in points.jacobians]
+        products = [one @ np.swapaxes(one, 1, 2) for one in points.jacobians]
         vectors = [
             (one @ part[:, :, np.newaxis])[:, :, 0]
             for one, part in zip(points.jacobians, points.residuals, strict=True)
         ]
         diagonal = np.broadcast_to(prior, points.z.shape)
-        matrix = ArrowMatrix.added(diagonal, parts, self.shared)
+        matrix = ArrowMatrix.added(diagonal, products, self.shared)
         return matrix, arrow_vector(vectors, self.shared) + prior * points.z
 
 

@@ -18,13 +18,13 @@ def check_roles(tests: Sequence[SeriesTest], roles: Mapping[str, Role], other: R
     for test in tests:
         for parameter in test.assembly.parameters:
             by_name.setdefault(parameter.name, []).append((test, parameter))
-    for name, places in by_name.items():
+    for name, uses in by_name.items():
         role = roles.get(name, other)
         if role.name == "free":
             continue
-        _check_ranges(name, places, faults)
+        _check_ranges(name, uses, faults)
         if role.law is not None:
-            _check_covariates(name, role, [test for test, _ in places], faults)
+            _check_covariates(name, role, [test for test, _ in uses], faults)
     _check_units(by_name, faults)
 
 

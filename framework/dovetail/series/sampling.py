@@ -188,14 +188,14 @@ class _Sampler:
     def _explore(self, mode: Array) -> None:
         """Reduce the residuals of each test to a few lines, until they are accurate where samples are."""
         fractions = self._exact.fractions(self._pool)
-        frfs = [one.frf(part) for one, part in zip(self._likelihoods, fractions, strict=True)]
+        frfs = [likelihood.frf(part) for likelihood, part in zip(self._likelihoods, fractions, strict=True)]
         origins = [part[0] for part in frfs]
         for number in range(_SETTINGS.rounds):
             self._progress("exploration", number, _SETTINGS.rounds)
             pairs = zip(self._likelihoods, frfs, origins, strict=True)
             reduced = [ReducedResiduals(*pair) for pair in pairs]
             self.residuals = SeriesResiduals(self._unknowns, reduced)
-            self._outside = [one.outside for one in reduced]
+            self._outside = [residuals.outside for residuals in reduced]
             mode, _ = minimise(self.residuals, mode, np.ones(len(mode)))
             self._centre = self.residuals.linearise(mode[np.newaxis])
             self._map = ArrowTangentMap(self.residuals, self._centre.jacobians)
@@ -225,7 +225,7 @@ class _Sampler:
 
     def search(self, count: int) -> tuple[SeriesPoints, Array]:
         """Return the ends of the searches that converged, and the logarithms of their weights with all lines."""
-        parts, weights = [], []
+        batches, weights = [], []
         pool = self.residuals.linearise(self._pool)
         images = self._map.image(pool.z, pool.residuals)
         whitened = self._map.covariance.solve(images)
@@ -236,10 +236,10 @@ class _Sampler:
             distance = np.sum(images * whitened, axis=1) - 2.0 * target @ whitened.T
             ends, converged = self._map.solve(target, pool.at_rows(np.argmin(distance, axis=1)))
             ends = ends.at_rows(np.flatnonzero(converged))
-            parts.append(ends)
+            batches.append(ends)
             weights.append(self._log_posterior(ends.z) - self._map.log_density(ends))
         self._progress("samples", count, count)
-        return SeriesPoints.joined(parts), np.concatenate(weights)
+        return SeriesPoints.joined(batches), np.concatenate(weights)
 
     def move(self, points: SeriesPoints, log_weight: Array, count: int) -> tuple[SeriesPoints, Array]:
         """Return samples drawn by weight and moved by Metropolis steps, and the logarithms of their new weights."""

@@ -140,13 +140,13 @@ def _times_arrow(matrix: ArrowMatrix, vector: Array) -> Array:
     """Return the products (n, d) of a matrix in the form of an arrow and vectors."""
     shared = matrix.border.shape[1]
     common = vector[:, :shared, np.newaxis]
-    top, own, first = (matrix.border @ common)[:, :, 0], [], shared
+    top, inner, first = (matrix.border @ common)[:, :, 0], [], shared
     for right, below, block in zip(matrix.right, matrix.below, matrix.blocks, strict=True):
         part = vector[:, first : first + block.shape[1], np.newaxis]
         top = top + (right @ part)[:, :, 0]
-        own.append((below @ common + block @ part)[:, :, 0])
+        inner.append((below @ common + block @ part)[:, :, 0])
         first += block.shape[1]
-    return np.concatenate([top, *own], axis=1)
+    return np.concatenate([top, *inner], axis=1)
 
 
 def metropolis_step(

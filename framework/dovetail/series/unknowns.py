@@ -244,17 +244,17 @@ class SeriesUnknowns:
         return self._test(test, covariates)
 
     def _test(self, test: SeriesTest, covariates: Mapping[str, float]) -> tuple[TestMap, list[Unknown]]:
-        terms, own = [], list[Unknown]()
+        terms, unshared = [], list[Unknown]()
         for parameter in test.assembly.parameters:
             role = self.series.role_of(parameter.name)
             first = self._first.get(parameter.name)
             if first is None:
                 role = Role("free")
             if role.name in ("free", "varying"):
-                own.append(Unknown(parameter, parameter.name, "value" if role.name == "free" else "deviation"))
-            last = len(self.shared) + len(own) - 1
+                unshared.append(Unknown(parameter, parameter.name, "value" if role.name == "free" else "deviation"))
+            last = len(self.shared) + len(unshared) - 1
             terms.append(self._term(parameter, role, first or 0, last, covariates))
-        return TestMap(terms, len(self.shared), len(own)), own
+        return TestMap(terms, len(self.shared), len(unshared)), unshared
 
     def _term(self, parameter: Parameter, role: Role, first: int, last: int, covariates: Mapping[str, float]) -> _Term:
         if role.name == "free":

@@ -32,7 +32,7 @@ class MonotoneSpline(dovetail.Law):
         Attributes
         ----------
         pieces : int
-            Pieces of equal length; the law has one unknown more than three.
+            Pieces of equal length; the law has two unknowns more than pieces.
         """
 
         pieces: Annotated[int, Field(ge=1, le=20)] = 2

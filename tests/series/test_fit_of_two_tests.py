@@ -1,0 +1,52 @@
+"""A mass on a mount, measured once or twice: the fitted values, and the warning when tests contradict their roles."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import dovetail
+from dovetail.cli.app import app
+
+ASSEMBLY = Path(__file__).parents[2] / "assemblies" / "sdof.yaml"
+
+
+def series_of(folder: Path, stiffnesses: dict[str, float], **parameters: str) -> Path:
+    """Write measurements with these stiffnesses, N/m, and 20 N s/m, and a description of the series."""
+    assembly = dovetail.load(ASSEMBLY)
+    lines = ["dovetail_series: 1", f"assembly: {ASSEMBLY}", "tests:"]
+    for number, (name, k) in enumerate(stiffnesses.items()):
+        frf = dovetail.Frf(assembly.frequency, assembly.frf({"k": k, "c": 20.0}), "accelerance")
+        dovetail.write_frf(dovetail.noisy_frf(frf, 0.01, number), folder / f"{name}.csv")
+        lines.append(f"  {name}: {{measured: {name}.csv}}")
+    lines += ["parameters:", *(f"  {name}: {role}" for name, role in parameters.items())]
+    file = folder / "series.yaml"
+    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return file
+
+
+def test_a_shared_damping_and_two_stiffnesses_are_identified(tmp_path):
+    truth = {"loose": 1e6, "tight": 3e6}
+    result = dovetail.identify_series(series_of(tmp_path, truth, k="free", c="shared"), "refined")
+    assert result.is_trustworthy, result.warning
+    (damping,) = result.rows
+    assert abs(damping.fit - 20.0) < 4.0 * damping.deviation
+    for index, name in enumerate(truth):
+        stiffness, same_damping = result.rows_of(index)
+        assert abs(stiffness.fit - truth[name]) < 4.0 * stiffness.deviation
+        assert same_damping.fit == pytest.approx(damping.fit)
+
+
+def test_a_series_of_one_test_gives_the_parameters_of_a_single_identification(tmp_path):
+    series = series_of(tmp_path, {"only": 2e6}, k="shared", c="free")
+    joint = dovetail.identify_series(series, "refined")
+    single = dovetail.identify(ASSEMBLY, tmp_path / "only.csv", "refined")
+    np.testing.assert_allclose(joint.theta(0), single.theta, rtol=1e-5)
+
+
+def test_tests_that_contradict_a_shared_stiffness_make_the_exit_code_3(tmp_path):
+    series = series_of(tmp_path, {"loose": 1e6, "tight": 1.2e6}, k="shared", c="shared")
+    done = CliRunner().invoke(app, ["identify-series", str(series), "--method", "refined"])
+    assert done.exit_code == 3, done.output
+    assert "The tests contradict the relations between them" in " ".join(done.output.split())
