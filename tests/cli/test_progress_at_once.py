@@ -20,6 +20,7 @@ LONG = (
     "convert {measured} {out}/converted.png",
     "identify {sdof} {measured}",
     "identify {sdof} {measured} {measured}",
+    "identify-series {assemblies}/series/torques.yaml",
     "train {sdof} -o {out}/model",
     "generate {sdof} -o {out}/data.zarr",
     "predict {sdof} {measured}/../results",
