@@ -188,7 +188,7 @@ def test_an_end_of_the_range_within_a_tenth_of_the_interval_cuts_it(low, high, c
 def test_separate_groups_are_listed_with_their_weights_and_not_averaged(values, weights):
     parameter = Parameter("k", "N/m", 0.5, 5.0)
     random = np.random.default_rng(0)
-    numbers = np.repeat(np.arange(len(values)), np.round(1000 * np.array(weights)).astype(int))
+    numbers = np.repeat(np.arange(len(values)), np.round(4000 * np.array(weights)).astype(int))
     theta = np.array(values)[numbers] * (1.0 + 0.01 * random.standard_normal(len(numbers)))
     posterior = posterior_of(parameter, parameter.to_unit(theta))
     groups = posterior.groups["k"]
