@@ -14,7 +14,7 @@ from dovetail.identification.measured_lines import MeasuredLines
 from dovetail.inference.adequacy.assess import JudgedFit, JudgementOptions, judge
 from dovetail.inference.fitting import refine
 from dovetail.inference.fitting.fit import allow_for_unknown_noise
-from dovetail.inference.posterior.likelihood import Likelihood, MarginalisedResiduals
+from dovetail.inference.posterior.likelihood import Likelihood
 from dovetail.inference.posterior.mode_search import likelihood_at_mode
 from dovetail.interfaces import Progress, silent
 from dovetail.measurement import read_frf
@@ -63,8 +63,7 @@ class FittedTest:
         if self.is_noise:
             fit = self.judged.fit
             return self.problem.weighted(fit.variance, fit.used)
-        likelihood = self.likelihood()
-        return MarginalisedResiduals(likelihood.misfit, likelihood.errors)
+        return self.likelihood().marginalised
 
 
 def fit_tests(

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from dovetail.inference.posterior import ModelError, Posterior
 from dovetail.inference.posterior.likelihood import (
     Likelihood,
-    MarginalisedResiduals,
     ReducedResiduals,
     squared_norms,
     unit_from_normal,
@@ -175,8 +174,7 @@ class _Sampler:
     ) -> None:
         self._unknowns, self._tests, self._random, self._progress = unknowns, tests, random, progress
         self._likelihoods = [test.likelihood() for test in tests]
-        misfits = [MarginalisedResiduals(one.misfit, one.errors) for one in self._likelihoods]
-        self._exact = SeriesResiduals(unknowns, misfits)
+        self._exact = SeriesResiduals(unknowns, [one.marginalised for one in self._likelihoods])
         self.log_constant = sum(_log_constant(one) for one in self._likelihoods)
         ones = np.ones(unknowns.count)
         mode, matrix = minimise(self._exact, fit.z, ones)
