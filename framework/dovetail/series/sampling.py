@@ -17,7 +17,7 @@ from dovetail.inference.posterior.likelihood import (
     squared_norms,
     unit_from_normal,
 )
-from dovetail.inference.posterior.verdicts import drawn_by_weight
+from dovetail.inference.posterior.verdicts import drawn_by_weight, effective_sample_size
 from dovetail.interfaces import Progress, logged, silent
 from dovetail.series.fitted_tests import FittedTest
 from dovetail.series.fitting import SeriesFit, minimise
@@ -151,7 +151,7 @@ def sample_series(
         sampler = _Sampler(unknowns, tests, fit, np.random.default_rng([seed, 21]), progress)
         points, log_weight = sampler.search(samples)
         evidence = _evidence(log_weight, samples, sampler.log_constant)
-        efficiency = _effective(log_weight) / samples
+        efficiency = effective_sample_size(log_weight) / samples
         if efficiency < _SETTINGS.even_weights:
             points, log_weight = sampler.move(points, log_weight, samples)
         weight = np.exp(log_weight - log_weight.max())
@@ -309,10 +309,3 @@ def _evidence(log_weight: Array, searches: int, constant: float) -> tuple[float,
     mean = float(weight.mean())
     error = float(weight.std(ddof=1) / np.sqrt(searches) / mean)
     return float(np.log(mean) + highest + constant), error
-
-
-def _effective(log_weight: Array) -> float:
-    if not len(log_weight):
-        return 0.0
-    weight = np.exp(log_weight - log_weight.max())
-    return float(weight.sum() ** 2 / np.sum(weight**2))

@@ -29,7 +29,7 @@ from dovetail.inference.posterior.model_error import TYPICAL, ModelError
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap
 from dovetail.inference.posterior.separate_modes import ends_about, mixed, nearest_modes, separate_modes, shares
 from dovetail.inference.posterior.unknown_chain import UnknownChain
-from dovetail.inference.posterior.verdicts import drawn_by_weight
+from dovetail.inference.posterior.verdicts import drawn_by_weight, effective_sample_size
 from dovetail.interfaces import Progress, logged, silent
 from dovetail.problem import Problem
 from dovetail.problem.modal_observations import ModalProblem
@@ -265,9 +265,9 @@ class _Sampler:
         z, log_weight = ends.z, ends.log_posterior - log_density
         self.converged = len(z)
         if self._limit.is_over:
-            if _effective_sample_size(log_weight) < _SETTINGS.even_weights * (count - self.missing):
+            if effective_sample_size(log_weight) < _SETTINGS.even_weights * (count - self.missing):
                 self._limit.leave_out("steps that make the weights of samples even")
-        elif _effective_sample_size(log_weight) < _SETTINGS.even_weights * count:
+        elif effective_sample_size(log_weight) < _SETTINGS.even_weights * count:
             points = self._move(z, log_weight, count)
             z, log_density = points.z, points.log_posterior
         log_likelihood = self._likelihood.log(unit_from_normal(z))
@@ -358,7 +358,7 @@ def _draw(
         points, log_weight = separate, separate.log_posterior
     order = mixed(len(log_weight), separate, random)
     points, log_weight = points.at_rows(order), log_weight[order]
-    if _effective_sample_size(log_weight) < _SETTINGS.even_weights * count:
+    if effective_sample_size(log_weight) < _SETTINGS.even_weights * count:
         chosen = drawn_by_weight(_clipped(log_weight, count), count, random)
         return decorrelate(posterior, points.at_rows(chosen), random).z, np.zeros(count), converged
     return points.z, log_weight, converged
@@ -366,13 +366,6 @@ def _draw(
 
 def _clipped(log_weight: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     """Return the weights of samples, the largest of them clipped if a few dominate."""
-    if _effective_sample_size(log_weight) < _SETTINGS.uneven_weights * count:
+    if effective_sample_size(log_weight) < _SETTINGS.uneven_weights * count:
         log_weight = np.minimum(log_weight, np.quantile(log_weight, _SETTINGS.weight_quantile))
     return np.asarray(np.exp(log_weight - log_weight.max()))
-
-
-def _effective_sample_size(log_weight: NDArray[np.float64]) -> float:
-    if not len(log_weight):
-        return 0.0
-    weight = np.exp(log_weight - log_weight.max())
-    return float(weight.sum() ** 2 / np.sum(weight**2))

@@ -272,6 +272,14 @@ def drawn_by_weight(weight: NDArray[np.float64], count: int, random: np.random.G
     return np.asarray(np.minimum(np.searchsorted(np.cumsum(weight), levels), len(weight) - 1))
 
 
+def effective_sample_size(log_weight: NDArray[np.float64]) -> float:
+    """Return the number of samples of equal weight with the same information (Kish); 0 without samples."""
+    if not len(log_weight):
+        return 0.0
+    weight = np.exp(log_weight - log_weight.max())
+    return float(weight.sum() ** 2 / np.sum(weight**2))
+
+
 def quantiles(
     values: NDArray[np.float64], weight: NDArray[np.float64], levels: list[float]
 ) -> tuple[NDArray[np.float64], ...]:
