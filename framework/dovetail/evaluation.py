@@ -21,6 +21,7 @@ from dovetail.identification.result import joined_warnings
 from dovetail.inference.posterior import LEVEL, NOT_TRUSTWORTHY, PRIOR_PRECISION
 from dovetail.interfaces import progress_reporter
 from dovetail.measurement import check_cover, data_noise, on_grid, within_band
+from dovetail.measurement.file_section import MeasuredFile
 from dovetail.measurement.noise import NOISE_KINDS, NoiseKind
 from dovetail.network.bundle import TrainedNetwork
 from dovetail.network.evaluation import parameter_metrics
@@ -41,6 +42,7 @@ __all__ = [
     "Connection",
     "FaultList",
     "Mass",
+    "MeasuredFile",
     "NoiseKind",
     "PluginPaths",
     "Receptance",

@@ -19,6 +19,7 @@ from dovetail.documents.tree import Path as Place
 from dovetail.documents.tree import format_value, plain_values
 from dovetail.documents.validation import check_format, validate
 from dovetail.errors import DovetailError, UnitError, did_you_mean, listing
+from dovetail.measurement.file_section import MeasuredFile
 from dovetail.registry import PluginPaths, Registry, components
 from dovetail.series.description import FREE, Covariate, Role, SeriesDescription, SeriesTest
 from dovetail.series.role_checks import check_roles
@@ -34,20 +35,6 @@ class _Section(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
-class _Measured(_Section):
-    file: str
-    accelerometer_mass: Mass | None = None
-    quantity: str | None = None
-    unit: str | None = None
-    index: Annotated[int, Field(ge=1)] | None = None
-    response: str | None = None
-    force: str | None = None
-    names: dict[str, str] | None = None
-    columns: tuple[str, ...] | None = None
-    ignore_dofs: bool | None = None
-    reader: str | None = None
-
-
 def _as_files(value: object) -> object:
     several = value if isinstance(value, (list, tuple)) else (value,)
     return tuple({"file": one} if isinstance(one, str) else one for one in several)
@@ -56,7 +43,7 @@ def _as_files(value: object) -> object:
 class _Test(_Section):
     assembly: str | None = None
     change: dict[str, Any] = {}
-    measured: Annotated[tuple[_Measured, ...], BeforeValidator(_as_files), Field(min_length=1)]
+    measured: Annotated[tuple[MeasuredFile, ...], BeforeValidator(_as_files), Field(min_length=1)]
     at: dict[str, Any] = {}
 
 
@@ -176,13 +163,12 @@ class _Reader:
                 self.faults.add((*place, "at", key), error.faults[0].problem)
         return values
 
-    def _file(self, place: Place, measured: _Measured) -> tuple[Path, Mapping[str, Any]]:
-        options = measured.model_dump(exclude={"file"}, exclude_none=True)
+    def _file(self, place: Place, measured: MeasuredFile) -> tuple[Path, Mapping[str, Any]]:
         path = self.folder / measured.file
         if not path.exists():
             remedy = "The path is relative to the description of the series."
             self.faults.add((*place, "measured"), f"there is no file '{measured.file}'.", remedy=remedy)
-        return path, {"accelerometer_mass": self.read.accelerometer_mass, **options}
+        return path, {"accelerometer_mass": self.read.accelerometer_mass, **measured.options}
 
     def _assembly(self, place: Place, test: _Test, loaded: dict[str, Assembly]) -> Assembly | None:
         """Return the assembly of a test; the same object for tests with the same description."""

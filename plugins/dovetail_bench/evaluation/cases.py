@@ -11,7 +11,7 @@ from typing import Annotated, Any, Self
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from dovetail import Frf, read_frf
-from dovetail.evaluation import FaultList, Mass, check_format, read_source, validate
+from dovetail.evaluation import FaultList, Mass, MeasuredFile, check_format, read_source, validate
 
 FORMAT = 1
 """Version of the format, which is what ``dovetail_cases:`` says."""
@@ -102,21 +102,7 @@ class _Section(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
-class _Measured(_Section):
-    file: str
-    accelerometer_mass: Mass | None = None
-    quantity: str | None = None
-    unit: str | None = None
-    index: Annotated[int, Field(ge=1)] | None = None
-    response: str | None = None
-    force: str | None = None
-    names: dict[str, str] | None = None
-    columns: tuple[str, ...] | None = None
-    ignore_dofs: bool | None = None
-    reader: str | None = None
-
-
-_MeasuredFile = Annotated[_Measured, BeforeValidator(_as_section)]
+_MeasuredFile = Annotated[MeasuredFile, BeforeValidator(_as_section)]
 
 
 class _Joint(_Section):
@@ -173,8 +159,8 @@ def read_cases(source: str | os.PathLike[str], **reading: Any) -> Cases:
     faults.raise_if_any()
     assert read is not None
 
-    def measurement(measured: _Measured) -> Measurement:
-        described = measured.model_dump(exclude={"file"}, exclude_none=True)
+    def measurement(measured: MeasuredFile) -> Measurement:
+        described = measured.options
         options = {"accelerometer_mass": read.accelerometer_mass, **reading, **described}
         return Measurement(folder / measured.file, options.pop("accelerometer_mass"), options)
 
@@ -190,7 +176,7 @@ def _section(name: str, in_series: bool, faults: FaultList) -> _Case | None:
     return case
 
 
-def _case(name: str, case: _Case, folder: Path, measurement: Callable[[_Measured], Measurement]) -> Case:
+def _case(name: str, case: _Case, folder: Path, measurement: Callable[[MeasuredFile], Measurement]) -> Case:
     joint = case.joint
     source = None
     if joint is not None:
