@@ -31,6 +31,14 @@ def test_the_shipped_series_is_read():
     assert len({id(test.assembly) for test in series.tests}) == 1
 
 
+def test_two_frfs_of_one_file_are_two_measurements():
+    content = described()
+    file = content["tests"]["T20"]["measured"]
+    content["tests"]["T20"]["measured"] = {"file": file, "index": 1}
+    content["tests"]["T40"]["measured"] = {"file": file, "index": 2}
+    assert [test.measured[0][1]["index"] for test in read_series(content).tests[:2]] == [1, 2]
+
+
 def test_covariates_are_converted_to_their_units():
     content = described()
     content["tests"]["T20"]["at"]["torque"] = "20000 N mm"
@@ -53,6 +61,10 @@ FAULTS = {
     "no tests": (lambda c: c.update(tests={}), "tests"),
     "a misspelt key of a test": (lambda c: c["tests"]["T20"].update(measure="x.csv"), "Did you mean 'measured'"),
     "no file": (lambda c: c["tests"]["T20"].update(measured="missing.csv"), "there is no file 'missing.csv'"),
+    "a measurement of two tests": (
+        lambda c: c["tests"]["T40"].update(measured=c["tests"]["T20"]["measured"]),
+        "'torque_20.csv' is the measurement of 'T20' too",
+    ),
     "two files for one response": (
         lambda c: c["tests"]["T20"].update(measured=[c["tests"]["T20"]["measured"]] * 2),
         "2 measured files, and its assembly has 1",

@@ -22,7 +22,7 @@ from dovetail.errors import DovetailError, UnitError, did_you_mean, listing
 from dovetail.measurement.file_section import MeasuredFile
 from dovetail.registry import PluginPaths, Registry, components
 from dovetail.series.description import FREE, Covariate, Role, SeriesDescription, SeriesTest
-from dovetail.series.role_checks import check_roles
+from dovetail.series.role_checks import check_files, check_roles
 from dovetail.units import Mass, is_unit, to_fraction, to_si
 
 FORMAT = 1
@@ -97,6 +97,7 @@ def read_series(source: str | os.PathLike[str] | Mapping[str, Any], *, plugins: 
     covariates = reader.covariates()
     tests = reader.tests(covariates)
     roles = reader.roles(covariates, tests)
+    check_files(tests, faults)
     if not faults:
         check_roles(tests, roles, Role(read.other_parameters), faults)
     faults.raise_if_any()

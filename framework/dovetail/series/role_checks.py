@@ -1,4 +1,4 @@
-"""Whether the tests of a series have what the roles of the parameters need."""
+"""Whether the tests of a series have what the roles of the parameters need, and measurements of their own."""
 
 from __future__ import annotations
 
@@ -26,6 +26,19 @@ def check_roles(tests: Sequence[SeriesTest], roles: Mapping[str, Role], other: R
         if role.law is not None:
             _check_covariates(name, role, [test for test, _ in uses], faults)
     _check_units(by_name, faults)
+
+
+def check_files(tests: Sequence[SeriesTest], faults: FaultList) -> None:
+    """Report measurements that stand for two tests: they would count as two."""
+    first: dict[tuple[object, ...], str] = {}
+    for test in tests:
+        for path, options in test.measured:
+            measured = path.resolve(), *(options.get(name) for name in ("index", "response", "force"))
+            other = first.setdefault(measured, test.name)
+            if other != test.name:
+                problem = f"'{path.name}' is the measurement of '{other}' too."
+                remedy = "Give each test its own: a measurement that is used twice makes the intervals too narrow."
+                faults.add(("tests", test.name, "measured"), problem, remedy=remedy)
 
 
 def _check_units(by_name: Mapping[str, Sequence[tuple[SeriesTest, Parameter]]], faults: FaultList) -> None:
