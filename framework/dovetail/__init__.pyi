@@ -72,6 +72,7 @@ from .interfaces import ComponentState as ComponentState
 from .interfaces import Estimate as Estimate
 from .interfaces import FeatureContext as FeatureContext
 from .interfaces import FileName as FileName
+from .interfaces import FitOptions as FitOptions
 from .interfaces import FittedReducer as FittedReducer
 from .interfaces import FittedRegressor as FittedRegressor
 from .interfaces import FrfReader as FrfReader
@@ -85,6 +86,7 @@ from .interfaces import Node as Node
 from .interfaces import Omission as Omission
 from .interfaces import Parameter as Parameter
 from .interfaces import Port as Port
+from .interfaces import PosteriorOptions as PosteriorOptions
 from .interfaces import Progress as Progress
 from .interfaces import RecordedArrays as RecordedArrays
 from .interfaces import RecordedChannels as RecordedChannels

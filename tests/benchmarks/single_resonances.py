@@ -24,16 +24,15 @@ import contextlib
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
-from unittest import mock
 
 import numpy as np
 
 import dovetail
 from dovetail.frf import conversion
-from dovetail.inference.fitting import refinement
+from support.short_search import one_batch
 
 QUANTITIES = "accelerance", "mobility", "receptance"
 KINDS = "natural_frequency", "damping", "magnitude", "phase", "background"
@@ -210,7 +209,7 @@ def identified(number: int, seed: int, method: str, *, full_search: bool) -> Cas
 
 def shorter_search() -> Any:
     """Return a context in which fits end after the first batch of starts."""
-    return mock.patch.object(refinement, "_SETTINGS", replace(refinement._SETTINGS, more_batches=0))
+    return one_batch()
 
 
 def rows(cases: Sequence[Case]) -> Iterator[str]:

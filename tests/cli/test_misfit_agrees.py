@@ -9,7 +9,6 @@ import contextlib
 import io
 import json
 import re
-from dataclasses import replace
 from html import unescape
 from importlib import import_module
 from types import SimpleNamespace
@@ -21,9 +20,9 @@ import dovetail
 from dovetail.frf import LOW_COHERENCE, poor_bands
 from dovetail.frf.resonance_peaks import PairedPeaks
 from dovetail.inference.adequacy.resonances import lacking_resonances
-from dovetail.inference.fitting import refinement
 from dovetail.report.batch import write_batch
 from dovetail.report.result_files import write_results
+from support.short_search import one_batch
 
 identify, in_batches = (import_module(f"dovetail.cli.{name}") for name in ("identify", "batch"))
 
@@ -79,15 +78,14 @@ def printed(show):
 
 
 @pytest.fixture(scope="module")
-def one_batch():
+def short_search():
     """A single batch of searches is enough for a fit that is wrong anyway."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(refinement, "_SETTINGS", replace(refinement._SETTINGS, more_batches=0))
+    with one_batch():
         yield
 
 
 @pytest.fixture(scope="module", params=SEEDS)
-def misfit(request, one_batch, tmp_path_factory):
+def misfit(request, short_search, tmp_path_factory):
     """The result of each seed, as it is written and printed, alone and in a batch."""
     folder, (model, measured) = tmp_path_factory.mktemp("misfit"), draw(request.param)
     assembly = dovetail.load(model)

@@ -20,8 +20,8 @@ import dovetail
 import dovetail_bench
 from dovetail.identification.application import Application
 from dovetail.identification.result_file import load_result
-from dovetail.inference.fitting import refinement
 from dovetail.report.result_files import write_results
+from support.short_search import one_batch
 
 pytestmark = pytest.mark.usefixtures("few_mode_searches")
 WARNING = "The model does not fit the measurement: do not trust the numbers."
@@ -90,8 +90,7 @@ def each_fit_once():
             made[key] = apply(self, measured)
         return made[key]
 
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(refinement, "_SETTINGS", replace(refinement._SETTINGS, more_batches=0))
+    with one_batch(), pytest.MonkeyPatch.context() as patch:
         patch.setattr(import_module("dovetail.inference.adequacy.assess"), "find_causes", lambda *_, **__: ())
         patch.setattr(Application, "to", remembered)
         yield

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 import dovetail
 from dovetail.inference.adequacy.verdict import NOTHING_SHOWN
-from dovetail.inference.fitting import refinement
 from support.noisy_measurements import noisy
+from support.short_search import one_batch
 
 THETA = np.array([4e6, 60.0])
 NO_CAUSES = {"cause_seconds": 0}
@@ -18,9 +16,10 @@ CASES = 25
 
 
 @pytest.fixture(autouse=True)
-def _short_search(monkeypatch):
+def _short_search():
     """Fits end after the first batch of starts, which is enough for one resonance."""
-    monkeypatch.setattr(refinement, "_SETTINGS", replace(refinement._SETTINGS, more_batches=0))
+    with one_batch():
+        yield
 
 
 def white(frequency, seed, size=1.0):

@@ -217,12 +217,12 @@ def test_the_ranges_hold(sdof):
 
 
 def test_a_start_that_reaches_the_noise_is_enough_and_others_follow_one_that_does_not(collet, torque_100, monkeypatch):
-    few_steps = refinement.Settings(search_steps=3, fit_steps=3, more_batches=1)
+    few_steps, options = refinement.Settings(search_steps=3), dovetail.FitOptions(steps=3, batches=1)
     monkeypatch.setattr(refinement, "_SETTINGS", few_steps)
     frf = measured_of(collet, torque_100, 0.01)
     right, wrong = torque_100, collet.from_unit(1.0 - collet.to_unit(torque_100))
-    assert refine(Problem.of(collet, frf), [right]).starts == 1
-    assert refine(Problem.of(collet, frf), [wrong]).starts > few_steps.more_starts
+    assert refine(Problem.of(collet, frf), [right], options).starts == 1
+    assert refine(Problem.of(collet, frf), [wrong], options).starts > few_steps.more_starts
 
 
 @pytest.mark.parametrize("objective", ["frf", "weighted"])

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import dovetail
 from dovetail.inference.adequacy.verdict import Adequacy
-from dovetail.inference.fitting import refinement
 from dovetail.inference.posterior.model_error import ModelError
+from support.short_search import one_batch
 
 MASS, NATURAL, RATIO = 0.42, 445.4, 1e-4
 AXIS = np.arange(435.0, 456.01, 0.25)
@@ -21,9 +20,10 @@ NO_CAUSES = {"cause_seconds": 0}
 
 
 @pytest.fixture(autouse=True)
-def _short_search(monkeypatch):
+def _short_search():
     """Fits end after the first batch of starts, which is enough for one resonance."""
-    monkeypatch.setattr(refinement, "_SETTINGS", replace(refinement._SETTINGS, more_batches=0))
+    with one_batch():
+        yield
 
 
 def resonator(mass=UNKNOWN, quantity="accelerance", **response):

@@ -8,16 +8,17 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail.inference.fitting import refinement
 from support.noisy_measurements import noisy
+from support.short_search import one_batch
 
 THETA = np.array([4e6, 60.0])
 
 
 @pytest.fixture(autouse=True)
-def _short_search(monkeypatch):
+def _short_search():
     """Fits end after the first batch of starts, which is enough for one resonance."""
-    monkeypatch.setattr(refinement, "_SETTINGS", replace(refinement._SETTINGS, more_batches=0))
+    with one_batch():
+        yield
 
 
 def weightings(frf):

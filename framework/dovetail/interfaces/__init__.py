@@ -12,6 +12,7 @@ from dovetail.interfaces.component import (
 from dovetail.interfaces.context import FeatureContext, fit_in_context, takes_context
 from dovetail.interfaces.declarations import joint_faults, node_faults, parameter_faults, port_faults
 from dovetail.interfaces.file_name import FileName
+from dovetail.interfaces.fit_options import FIT_OPTIONS, FitOptions, PosteriorOptions
 from dovetail.interfaces.joint import JointModel, Parameter, Prior, Scale
 from dovetail.interfaces.law import Law, LawUnknown
 from dovetail.interfaces.matrices import (
@@ -45,6 +46,7 @@ from dovetail.interfaces.superposition import Declaration, Superposition
 
 __all__ = [
     "DIRECTIONS",
+    "FIT_OPTIONS",
     "INTERFACE_VERSION",
     "KINDS",
     "NO_LIMIT",
@@ -58,6 +60,7 @@ __all__ = [
     "Estimate",
     "FeatureContext",
     "FileName",
+    "FitOptions",
     "FittedReducer",
     "FittedRegressor",
     "FrfReader",
@@ -72,6 +75,7 @@ __all__ = [
     "Omission",
     "Parameter",
     "Port",
+    "PosteriorOptions",
     "Prior",
     "Progress",
     "Recorded",

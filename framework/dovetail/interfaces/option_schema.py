@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 import re
+from collections.abc import Mapping
 from typing import Any
 
 from pydantic import BaseModel
@@ -14,7 +16,8 @@ def option_schema(config: type[BaseModel]) -> dict[str, Any]:
     Parameters
     ----------
     config : pydantic model class
-        Its options are described by ``Field(description=...)`` or in the Attributes section of its docstring.
+        Its options are described by ``Field(description=...)`` or in the Attributes section of its docstring;
+        those that it inherits also in that of their class.
 
     Returns
     -------
@@ -27,15 +30,18 @@ def option_schema(config: type[BaseModel]) -> dict[str, Any]:
         The exception from pydantic for a type that JSON does not know.
     """
     schema = config.model_json_schema()
+    inherited: dict[str, str] = {}
+    for base in reversed(config.__mro__):
+        inherited |= _attribute_section(inspect.cleandoc(base.__doc__ or ""))
     for section in (schema, *schema.get("$defs", {}).values()):
         if "properties" in section:
-            _describe(section)
+            _describe(section, inherited if section is schema else {})
     return schema
 
 
-def _describe(section: dict[str, Any]) -> None:
+def _describe(section: dict[str, Any], inherited: Mapping[str, str]) -> None:
     text = section.get("description", "")
-    descriptions = _attribute_section(text)
+    descriptions = {**inherited, **_attribute_section(text)}
     for name, entry in section["properties"].items():
         if name in descriptions:
             entry.setdefault("description", descriptions[name])

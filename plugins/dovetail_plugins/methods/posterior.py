@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
-
-from pydantic import Field
-
 import dovetail
 from dovetail_plugins.methods.refined import Refined
 
@@ -18,20 +14,8 @@ class PosteriorMethod(Refined):
     gives_posterior = True
     references = ("Bardsley et al., SIAM J. Sci. Comput. 36 (2014) A1895",)
 
-    class Config(dovetail.ComponentConfig):
-        """How the posterior is represented.
-
-        Attributes
-        ----------
-        form : {"samples", "laplace"}
-            Samples of the posterior, or a Gaussian about its mode, which is faster but cannot follow a curved
-            posterior. If the model does not fit, intervals are not to be trusted, and the Gaussian is used in any case.
-        samples : int
-            Number of samples, 20 at least, for intervals of 90 %.
-        """
-
-        form: Literal["samples", "laplace"] = "samples"
-        samples: Annotated[int, Field(ge=20)] = 400
+    class Config(dovetail.PosteriorOptions, Refined.Config):
+        """How the best fit is found, and how the posterior is represented."""
 
     def sample(
         self,

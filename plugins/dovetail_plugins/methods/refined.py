@@ -14,8 +14,11 @@ class Refined(dovetail.IdentificationMethod[dovetail.Problem]):
     uses_starts = True
     refits_with_errors = True
 
+    class Config(dovetail.FitOptions):
+        """How the fit searches, and when it ends."""
+
     def identify(
         self, problem: dovetail.Problem, *, seed: int, progress: dovetail.Progress = dovetail.silent
     ) -> dovetail.Estimate:
         """Fit the parameters."""
-        return dovetail.refine(problem, problem.starts, seed=seed, progress=progress)
+        return dovetail.refine(problem, problem.starts, self.config, seed=seed, progress=progress)

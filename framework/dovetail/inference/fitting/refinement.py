@@ -14,7 +14,7 @@ from dovetail.inference.fitting.fit import SEARCH_SHARE, UNFINISHED, Fit, count_
 from dovetail.inference.fitting.modal_fit import fit_to_modes
 from dovetail.inference.fitting.search_lines import Smoothed, missed_resonances, search_lines, thinned_lines
 from dovetail.inference.fitting.whiteness import NOISE_ALARM, has_size_of_noise, is_of_few_lines, is_white
-from dovetail.interfaces import Progress, logged, silent
+from dovetail.interfaces import FIT_OPTIONS, FitOptions, Progress, logged, silent
 from dovetail.problem import Problem
 from dovetail.problem.definition import bounds_reached, fractions_within
 from dovetail.problem.least_squares import Minima, minimise
@@ -32,8 +32,6 @@ class Settings:
     search, and 86 % of the searches from the most similar FRFs end in the right minimum; from random points 51 %."""
     more_candidates: int = 4096
     """Random points for each further batch."""
-    first_starts: int = 4
-    """Starts of the first batch, if none are given."""
     more_starts: int = 8
     """Starts from random points in each further batch."""
     along_axes: int = 4
@@ -54,8 +52,6 @@ class Settings:
     """Searches of the first batch whose minima are fitted first: those with the most similar FRFs."""
     carried: int = 4
     """Searches of each further batch whose minima are fitted."""
-    more_batches: int = 4
-    """Largest number of further batches. Where the model does not fit, more starts only confirm it."""
     enough_agreeing: int = 6
     """Searches that must end in the same minimum before it counts as the best one, where the model does not fit."""
     least_batches: int = 3
@@ -66,10 +62,6 @@ class Settings:
     """Decrease of the sum of squares in one step that ends a search by logarithms; the fit continues from there."""
     search_steps: int = 40
     """Largest number of steps of such a search; one that needs more is in a wrong valley."""
-    fit_tolerance: float = 0.02
-    """Decrease of the sum of squares in one step that ends a fit; 1 is a standard deviation of a parameter."""
-    fit_steps: int = 100
-    """Largest number of steps of a fit; for the collet, half of the fits take 14, and all of them fewer than 70."""
     most_delays: int = 100
     """Largest number of delays of a response that are tried, eight for each turn of the phase at the highest line."""
     refitted: int = 4
@@ -88,6 +80,7 @@ _SETTINGS = Settings()
 def refine(
     problem: Problem,
     starts: Sequence[NDArray[np.float64]] = (),
+    options: FitOptions = FIT_OPTIONS,
     *,
     seed: int = 0,
     progress: Progress = silent,
@@ -103,6 +96,8 @@ def refine(
         SI; values outside the ranges are brought to their bounds. The first batch has these alone or, if none are
         given, the middle of the ranges and those points of a Latin hypercube whose FRFs are most like the measured
         ones. Further batches follow until a fit is as good as the random error allows.
+    options : FitOptions
+        Of a fit to FRFs; a fit to a table needs none.
     seed : int
         Of the Latin hypercube.
     progress : Progress
@@ -126,15 +121,15 @@ def refine(
     with logged(__name__, f"fit of {len(problem.parameters)} parameters"):
         if isinstance(problem, ModalProblem):
             return fit_to_modes(problem, starts, seed=seed, progress=progress)
-        return _Refinement(problem, seed, progress).run(starts)
+        return _Refinement(problem, options, seed, progress).run(starts)
 
 
 class _Refinement:
     """The state of one refinement: the weights and the lines that count."""
 
-    def __init__(self, problem: Problem, seed: int, progress: Progress) -> None:
+    def __init__(self, problem: Problem, options: FitOptions, seed: int, progress: Progress) -> None:
         target = problem.observations
-        self._problem, self._target = problem, target
+        self._problem, self._target, self._options = problem, target, options
         self._hypercube = scipy.stats.qmc.LatinHypercube(len(problem.parameters), rng=np.random.default_rng(seed))
         self._random = np.random.default_rng([seed, 1])
         self._variance = target.variance()
@@ -144,7 +139,7 @@ class _Refinement:
         self._some = thinned_lines(target, _SETTINGS.fit_lines, self._few)
         self._on_few, self._on_some = self._on_lines(self._few), self._on_lines(self._some)
         self._steps = self._starts = self._searches = 0
-        self._expected = _SETTINGS.first_starts + _SETTINGS.first_carried + 1
+        self._expected = options.first_starts + _SETTINGS.first_carried + 1
         self._progress = progress
 
     def _report_search(self) -> None:
@@ -190,13 +185,13 @@ class _Refinement:
         Returns all minima, and the best one fitted on all lines.
         """
         profiled = np.inf
-        for batch in range(1, _SETTINGS.more_batches + 2):
+        for batch in range(1, self._options.batches + 2):
             minima = self._compared(minima.position)  # the weights have changed
             best = self._reweighted(self._fitted(minima.position[:1]))
             if not self._is_doubtful(best):
                 break
             passes = self._is_noise(best)
-            first_profiled, last = (1, 1) if passes else (_SETTINGS.profiled_batch, _SETTINGS.more_batches)
+            first_profiled, last = (1, 1) if passes else (_SETTINGS.profiled_batch, self._options.batches)
             if batch > last or self._has_no_time(last - batch + 1):
                 break
             enough = count_agreeing(minima.cost) >= _SETTINGS.enough_agreeing
@@ -224,7 +219,7 @@ class _Refinement:
         if starts:
             return fractions_within(self._problem.parameters, np.array(starts))
         middle = np.full((1, len(self._problem.parameters)), 0.5)
-        return np.concatenate([middle, self._most_similar(_SETTINGS.first_starts - 1, _SETTINGS.candidates)])
+        return np.concatenate([middle, self._most_similar(self._options.first_starts - 1, _SETTINGS.candidates)])
 
     def _most_similar(self, count: int, candidates: int) -> NDArray[np.float64]:
         """Return the points whose FRFs are most similar to the measured ones, among many random ones."""
@@ -311,7 +306,7 @@ class _Refinement:
 
     def _minimised(self, misfit: FrfResiduals, start: NDArray[np.float64]) -> Minima:
         with_prior = WithPrior(misfit, self._problem.parameters)
-        tolerance, most_steps = _SETTINGS.fit_tolerance, _SETTINGS.fit_steps
+        tolerance, most_steps = self._options.tolerance, self._options.steps
         minima = minimise(with_prior, start, tolerance=tolerance, most_steps=most_steps, callback=self._report_search)
         self._steps += int(minima.steps.sum())
         return Minima.ranked(minima)
