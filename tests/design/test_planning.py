@@ -110,7 +110,7 @@ def test_a_second_point_narrows_every_interval(collet):
 
 
 def test_second_points_are_ranked_given_the_described_response(collet):
-    found = plan_measurements(collet, ["tool"], samples=6, beside_described=True)
+    found = plan_measurements(collet, ["tool"], samples=6, with_described=True)
     assert found.first == found.current != 0
     described, best = found.points[found.first], found.seconds[0]
     assert all(best.deviation[name] / described.deviation[name] == share for name, share in found.narrowing.items())

@@ -15,7 +15,7 @@ import pytest
 import dovetail
 from dovetail.inference.adequacy.causes import _named, find_causes
 from dovetail.inference.adequacy.perturbations import list_perturbations
-from dovetail.inference.adequacy.quick_fits import QuickFits, power_given_out
+from dovetail.inference.adequacy.quick_fits import QuickFits, share_of_power_delivered
 from dovetail.inference.adequacy.verdict import Cause, ModelError
 from dovetail.inference.fitting import fit_at, refine
 from dovetail.problem import Problem
@@ -472,10 +472,10 @@ def test_a_cause_is_a_sentence_with_its_figures():
     rises = "With the sign reversed the coherence rises from 0.504 to 0.991."
     assert replace(cause, residual_factor=1.04).sentence == rises
     unlike = replace(cause, coherence=(0.5, 0.5), residual_factor=1.0)
-    assert unlike.sentence == "With the sign reversed the structure gives out no power."
+    assert unlike.sentence == "With the sign reversed the structure delivers no power."
 
 
-# -- power that the structure gives out where it is driven ----------------------------------------------------------
+# -- power that the structure delivers where it is driven ----------------------------------------------------------
 
 
 @pytest.mark.parametrize("quantity", ["receptance", "mobility", "accelerance"])
@@ -484,35 +484,35 @@ def test_a_passive_structure_gives_out_power_only_if_sign_or_phase_are_wrong(qua
     model = chain(MASSES, ["upper"])
     genuine = noisy(model, model.frf(TRUTH), 0.02, 1).to(quantity)
 
-    def given_out(values):
-        return power_given_out(Problem(model, Observations((replace(genuine, values=values),))), genuine.variance)
+    def delivered(values):
+        return share_of_power_delivered(Problem(model, Observations((replace(genuine, values=values),))), genuine.variance)
 
-    assert given_out(genuine.values) == 0.0
-    assert given_out(-genuine.values) > 0.95
-    assert (given_out(genuine.values.conj()) > 0.95) == (quantity != "mobility")
+    assert delivered(genuine.values) == 0.0
+    assert delivered(-genuine.values) > 0.95
+    assert (delivered(genuine.values.conj()) > 0.95) == (quantity != "mobility")
 
 
 def test_power_is_not_judged_by_transfer_frfs_amplitudes_or_noise():
     model = chain(MASSES)
     drive_point, transfer = (noisy(alone, -alone.frf(TRUTH), 0.02, 1) for alone in model.each_response)
     variance = np.concatenate([drive_point.variance, transfer.variance])
-    assert power_given_out(Problem(model, Observations((drive_point, transfer))), variance) > 0.95
+    assert share_of_power_delivered(Problem(model, Observations((drive_point, transfer))), variance) > 0.95
     lines = len(transfer.frequency)
-    assert power_given_out(Problem(model.at(1), Observations((transfer,))), variance[lines:]) == 0.0
+    assert share_of_power_delivered(Problem(model.at(1), Observations((transfer,))), variance[lines:]) == 0.0
     amplitude = replace(drive_point, values=drive_point.amplitude.astype(complex), has_phase=False)
-    assert power_given_out(Problem(model.at(0), Observations((amplitude,))), variance[:lines]) == 0.0
+    assert share_of_power_delivered(Problem(model.at(0), Observations((amplitude,))), variance[:lines]) == 0.0
     noise = np.full(lines, 1e4 * drive_point.amplitude.max() ** 2)
-    assert power_given_out(Problem(model.at(0), Observations((drive_point,))), noise) == 0.0
+    assert share_of_power_delivered(Problem(model.at(0), Observations((drive_point,))), noise) == 0.0
 
 
 def test_power_is_not_judged_where_a_measuring_chain_turns_the_phase(sdof):
-    """A delay or an unknown sign of the chain gives out power, and is part of the model."""
+    """A delay or an unknown sign of the chain delivers power, and is part of the model."""
     plain = json.loads(sdof.description.text)
     plain["response"]["calibration"] = {"delay": {"range": ["-1 ms", "1 ms"]}}
     reversed_sign = noisy(sdof, -sdof.frf(), 0.01, 1)
     target, variance = Observations((reversed_sign,)), reversed_sign.variance
-    assert power_given_out(Problem(sdof, target), variance) > 0.95
-    assert power_given_out(Problem(dovetail.load(plain), target), variance) == 0.0
+    assert share_of_power_delivered(Problem(sdof, target), variance) > 0.95
+    assert share_of_power_delivered(Problem(dovetail.load(plain), target), variance) == 0.0
 
 
 def test_a_model_that_is_far_too_small_fits_worse_than_one_that_is_a_little(sdof):
@@ -533,7 +533,7 @@ def test_a_conjugated_phase_is_named_of_a_structure_that_the_model_does_not_fit(
 
     def told(values):
         result = dovetail.identify(model, noisy(model, values, 0.005, seed), "refined", cause_seconds=200.0)
-        reasons = [reason for reason in result.adequacy.reasons if "gives out" in reason]
+        reasons = [reason for reason in result.adequacy.reasons if "delivers" in reason]
         return [cause.name for cause in result.adequacy.causes], len(reasons)
 
     assert told(genuine.conj()) == (["conjugate"], 1)

@@ -1,4 +1,4 @@
-"""The power given out at a drive point: genuine ones with noise pass, and those with a wrong sign do not."""
+"""The power delivered at a drive point: genuine ones with noise pass, and those with a wrong sign do not."""
 
 from __future__ import annotations
 

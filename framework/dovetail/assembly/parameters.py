@@ -137,13 +137,13 @@ class ParameterScales:
     """
 
     def __init__(self, parameters: Sequence[Parameter]) -> None:
-        alike: dict[tuple[Scale, Prior], list[int]] = {}
+        same_kind: dict[tuple[Scale, Prior], list[int]] = {}
         for column, parameter in enumerate(parameters):
-            alike.setdefault((parameter.scale, parameter.prior), []).append(column)
+            same_kind.setdefault((parameter.scale, parameter.prior), []).append(column)
         self._groups: list[tuple[list[int] | slice, RangeMap]] = []
-        for (scale, prior), columns in alike.items():
+        for (scale, prior), columns in same_kind.items():
             lower, upper = np.transpose([(parameters[column].lower, parameters[column].upper) for column in columns])
-            rows = slice(None) if len(alike) == 1 else columns
+            rows = slice(None) if len(same_kind) == 1 else columns
             self._groups.append((rows, RangeMap.of(lower, upper, scale, prior)))
 
     def from_unit(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -30,10 +30,10 @@ def plan(
             help="Noise of every line relative to the standard deviation of the described FRF.",
         ),
     ] = 0.01,
-    beside_described: Annotated[
+    with_described: Annotated[
         bool,
         typer.Option(
-            "--beside-described", help="Rank second points given the described response instead of the best one."
+            "--with-described", help="Rank second points given the described response instead of the best one."
         ),
     ] = False,
     plugin: PluginFiles = None,
@@ -49,7 +49,7 @@ def plan(
     loaded = load_assembly(assembly, plugin)
     with progress_bars() as progress:
         ranking = dovetail.plan_measurements(
-            loaded, at or (), noise=noise, beside_described=beside_described, progress=progress
+            loaded, at or (), noise=noise, with_described=with_described, progress=progress
         )
     if as_json:
         print_json(ranking.to_dict())

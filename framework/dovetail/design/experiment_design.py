@@ -131,7 +131,7 @@ def plan_measurements(
     *,
     samples: int = 40,
     noise: float = NOISE,
-    beside_described: bool = False,
+    with_described: bool = False,
     seed: int = 0,
     progress: Progress | bool | None = None,
 ) -> MeasurementPlan:
@@ -147,7 +147,7 @@ def plan_measurements(
         Parameter vectors from the ranges over which the gain is averaged.
     noise : float
         Of every line, the same at all points, over the standard deviation of the FRF at the described response.
-    beside_described : bool
+    with_described : bool
         Look for a second point in addition to the described response, which is measured already, not to the best point.
     seed : int
     progress : bool or callable, optional
@@ -182,7 +182,7 @@ def plan_measurements(
     order = sorted(range(len(points)), key=lambda index: -points[index].mean_gain)
     described = assembly.description.response
     current = next(index for index in order if candidates[index].description.response == described)
-    first = current if beside_described else order[0]
+    first = current if with_described else order[0]
     others = [index for index in order if index != first]
     seconds = _points(
         [candidates[index] for index in others],

@@ -131,7 +131,11 @@ class Identification:
         object.__setattr__(self, "warnings", by_importance(self.warnings))
         if self.posterior is not None:
             definitions = [parameter.definition for parameter in self.parameters.values()]
-            doubts = {} if self.adequacy is None else self.adequacy.doubts(self.posterior.interval(), definitions)
+            doubts = (
+                {}
+                if self.adequacy is None
+                else self.adequacy.parameters_moved_by_causes(self.posterior.interval(), definitions)
+            )
             object.__setattr__(self, "posterior", replace(self.posterior, warning=self.warning, doubts=doubts))
         if self.adequacy is not None and not self.is_trustworthy:
             bands = tuple(band for response in self.responses for band in response.poor_bands)

@@ -21,12 +21,12 @@ from dovetail.frf.resonance_peaks import noise_deviation
 from dovetail.measurement.recording import DOF
 
 _MOST_DELIVERED = 0.95
-"""Share of the power at a drive point that is given out above which a sign or a phase is certainly wrong: of 300 random
+"""Share of the power at a drive point that is delivered above which a sign or a phase is certainly wrong: of 300 random
 structures with a reversed sign and 10 % noise it was 1, of genuine measurements with an unknown delay up to 0.8."""
 SUSPICIOUS = 0.25
 """Share above which there is a warning: with the right sign it was 0 for the same 300, with 30 % noise up to 0.13."""
 PHASE_ERROR = 30.0
-"""Degrees by which a phase may be wrong before power counts as given out. With 20 the same 300 reached 0.34."""
+"""Degrees by which a phase may be wrong before power counts as delivered. With 20 the same 300 reached 0.34."""
 _CLEAR = 5.0
 """Standard deviations of random error that a power must exceed to be counted."""
 _NAME_LENGTH = 10
@@ -292,7 +292,7 @@ def _equal(first: Frf, second: Frf) -> bool:
 
 
 def _check_passive(role: Role) -> None:
-    """Refuse an FRF that cannot be that of a drive point, and warn if much power is given out."""
+    """Refuse an FRF that cannot be that of a drive point, and warn if much power is delivered."""
     share = power_delivered(role.frf, turn=PHASE_ERROR)
     statement = f"as {role.use}, it delivers {100.0 * share:.0f} % of the power, which no passive structure does"
     if share > _MOST_DELIVERED:

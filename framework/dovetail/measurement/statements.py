@@ -32,7 +32,7 @@ class _Claim(NamedTuple):
 
     fact: str
     value: Any
-    said: str
+    quoted: str
     where: str
 
 
@@ -44,7 +44,7 @@ class Meaning(NamedTuple):
     quantity : Quantity or None
         None if it is not given.
     per_load : bool
-        Whether the values are stated to be a motion per load, so that `quantity` is that of an FRF.
+        Whether the file says that the values are a motion per load, so that `quantity` is that of an FRF.
     factor : float
         Converts values that are a motion per load to SI; 1 without a unit.
     motion_factor, load_factor : float or None
@@ -105,7 +105,7 @@ def interpret(statements: Iterable[Statement], *, axis: Literal["Hz", "s"] = "Hz
         rotation=None if moving is None else moving.rotation,
         moment=None if moment is None else moment.value,
         axis_factor=None if scale is None else scale.value,
-        unit="" if whole is None else whole.said.replace("'", ""),
+        unit="" if whole is None else whole.quoted.replace("'", ""),
         is_half=ratio is None and whole is not None and (motion is None or load is None),
     )
 
@@ -162,16 +162,16 @@ def _unit_claims(statement: Statement) -> list[_Claim]:
     accepted = {"motion unit": ("motion", "ratio"), "load unit": ("load",)}.get(about, ("motion", "ratio", "load"))
     if reading is not None and reading.kind == "none":
         return []
-    said = f"'{text[:_SHOWN]}'"
+    quoted = f"'{text[:_SHOWN]}'"
     if reading is None or reading.kind not in accepted:
-        problem = f"the unit {said} is not understood."
+        problem = f"the unit {quoted} is not understood."
         is_inverse = reading is not None and reading.kind == "inverse"
         remedy = "It is that of a load per motion." if is_inverse else find_homonym(text) or _HOW_TO_CORRECT
         raise MeasurementError(Fault(where, problem, _ACCEPTED_UNITS[about], remedy))
-    claims = [_Claim(reading.kind, reading, said, where)]
+    claims = [_Claim(reading.kind, reading, quoted, where)]
     if reading.quantity is not None:
         fact = "quantity" if reading.kind == "ratio" else "motion quantity"
-        claims.append(_Claim(fact, reading.quantity, f"the unit {said}", where))
+        claims.append(_Claim(fact, reading.quantity, f"the unit {quoted}", where))
     return claims
 
 
@@ -210,7 +210,9 @@ def _agreed_quantity(claims: Sequence[_Claim]) -> _Claim | None:
     named = [claim for claim in claims if claim.fact in ("quantity", "motion quantity")]
     for other in named[1:]:
         if other.value != named[0].value:
-            raise _contradiction(*(claim._replace(said=f"{claim.value} ({claim.said})") for claim in (named[0], other)))
+            raise _contradiction(
+                *(claim._replace(quoted=f"{claim.value} ({claim.quoted})") for claim in (named[0], other))
+            )
     return named[0] if named else None
 
 
@@ -220,7 +222,7 @@ def _whole(ratio: _Claim | None, motion: _Claim | None, load: _Claim | None) -> 
     What is not given is in SI; the caller asks for it where the file need not mean SI.
     """
     if ratio is not None:
-        above, _, below = ratio.said.strip("'").rpartition("/")
+        above, _, below = ratio.quoted.strip("'").rpartition("/")
         for part, text in ((motion, above), (load, below)):
             if part is not None and not _agrees_with_part(part, text, ratio):
                 raise _contradiction(ratio, part)
@@ -230,14 +232,14 @@ def _whole(ratio: _Claim | None, motion: _Claim | None, load: _Claim | None) -> 
     divisor = 1.0 if load is None else load.value.factor
     moment = False if load is None else load.value.moment
     reading = motion.value._replace(kind="ratio", factor=motion.value.factor / divisor, moment=moment)
-    said = motion.said if load is None else f"{motion.said} over {load.said}"
-    return _Claim("ratio", reading, said, motion.where)
+    quoted = motion.quoted if load is None else f"{motion.quoted} over {load.quoted}"
+    return _Claim("ratio", reading, quoted, motion.where)
 
 
 def _per_load(load: _Claim) -> _Claim:
     """Return the unit of a motion in SI per load in a unit of its own."""
     reading = UnitReading("ratio", 1.0 / load.value.factor, moment=load.value.moment)
-    return _Claim("ratio", reading, load.said, load.where)
+    return _Claim("ratio", reading, load.quoted, load.where)
 
 
 def _agrees_with_part(part: _Claim, text: str, ratio: _Claim) -> bool:
@@ -256,9 +258,9 @@ def _moments(ratio: _Claim | None, load: _Claim | None) -> list[_Claim]:
 
 
 def _contradiction(one: _Claim, other: _Claim) -> MeasurementError:
-    problem = f"the file contradicts itself: {one.said} here, and {other.said} at {other.where}."
+    problem = f"the file contradicts itself: {one.quoted} here, and {other.quoted} at {other.where}."
     if one.where == other.where:
-        problem = f"the file contradicts itself: {one.said} and {other.said}."
+        problem = f"the file contradicts itself: {one.quoted} and {other.quoted}."
     return MeasurementError(Fault(one.where, problem, remedy="Correct the file, or export it again."))
 
 

@@ -34,8 +34,8 @@ def answers(component: Any, question: int = 0) -> dict[str, Any]:
     """
     lines = _LINES * (1.0 + 0.1 * question)
     if isinstance(component, JointModel):
-        return _of_joint(component, lines, question)
-    return _of_substructure(component, lines)
+        return _joint_answers(component, lines, question)
+    return _substructure_answers(component, lines)
 
 
 def declarations(component: Any) -> dict[str, str]:
@@ -114,7 +114,7 @@ def _read(component: Any, name: str) -> str:
         return "not defined"
 
 
-def _of_joint(joint: JointModel, lines: NDArray[np.float64], question: int) -> dict[str, Any]:
+def _joint_answers(joint: JointModel, lines: NDArray[np.float64], question: int) -> dict[str, Any]:
     fractions = np.random.default_rng(question).random((_VECTORS, len(joint.parameters)))
     columns = [parameter.from_unit(fractions[:, index]) for index, parameter in enumerate(joint.parameters)]
     theta = np.stack(columns, axis=1) if columns else np.empty((_VECTORS, 0))
@@ -126,7 +126,7 @@ def _of_joint(joint: JointModel, lines: NDArray[np.float64], question: int) -> d
     return values
 
 
-def _of_substructure(substructure: SubstructureModel, lines: NDArray[np.float64]) -> dict[str, Any]:
+def _substructure_answers(substructure: SubstructureModel, lines: NDArray[np.float64]) -> dict[str, Any]:
     matrices, values = substructure.matrices(), {}
     for part, noun in PARTS.items() if matrices is not None else ():
         matrix = getattr(matrices, part)

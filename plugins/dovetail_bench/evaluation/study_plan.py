@@ -214,7 +214,7 @@ class StudyPlan:
             return self.first[number]
         planned_ended = all(trial.ended for trial in trials[: len(self.first)])
         if planned_ended and not any(trial.kind == "together" for trial in trials):
-            changes = self._together(trials)
+            changes = self._best_of_sweeps(trials)
             if changes is not None:
                 return StudyTrial(number, "together", changes)
         search = self.section.search
@@ -225,7 +225,7 @@ class StudyPlan:
             return None
         return StudyTrial(number, "test", self.best(trials).changes)
 
-    def _together(self, trials: Sequence[StudyTrial]) -> dict[str, Any] | None:
+    def _best_of_sweeps(self, trials: Sequence[StudyTrial]) -> dict[str, Any] | None:
         """Return the best value of each sweep, or None if these settings have been tried already."""
         changes: dict[str, Any] = {}
         for sweep in self.sweeps:

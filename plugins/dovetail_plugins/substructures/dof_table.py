@@ -159,7 +159,7 @@ def _numbers(cells: Sequence[str], name: str, where: str) -> NDArray[np.float64]
     numbers = []
     for index, cell in enumerate(cells):
         try:
-            numbers.append(float(cell if cell.isascii() and "_" not in cell else "no number"))
+            numbers.append(float(cell if cell.isascii() and "_" not in cell else "not a number"))
         except ValueError:
             raise DovetailError(
                 Fault(f"{where}  DOF {index + 1}", f"the {name} '{cell[:40]}' is not a number.")

@@ -18,7 +18,7 @@ from dovetail.inference.adequacy.model_error_size import (
     FitWithError,
     fit_with_error,
 )
-from dovetail.inference.adequacy.quick_fits import MOST_GIVEN_OUT, power_given_out
+from dovetail.inference.adequacy.quick_fits import MOST_DELIVERED, share_of_power_delivered
 from dovetail.inference.adequacy.verdict import (
     NO_TIME,
     NOTHING_LEFT,
@@ -167,15 +167,15 @@ def assess(
         return Adequacy("to the noise", allowed=model_error, reasons=remarks), refitted
     estimated, shown = errors.fit, replace(errors.fit, size=errors.size)
     remarks = tuple(_remarks(problem, refitted, errors.in_intervals if errors.phases else None))
-    given_out = power_given_out(problem, fit.variance)
+    delivered = share_of_power_delivered(problem, fit.variance)
     adequacy = Adequacy(
-        "does not fit" if given_out > MOST_GIVEN_OUT else errors.word,
+        "does not fit" if delivered > MOST_DELIVERED else errors.word,
         errors.size,
         model_error,
         in_intervals=errors.in_intervals if model_error is None else None,
         reasons=(
             *_phases(target, errors.phases),
-            *_reasons(fit, shown, model_error, given_out),
+            *_reasons(fit, shown, model_error, delivered),
             *remarks,
         ),
         bands=_bands(target, fit, estimated.values),
@@ -306,11 +306,11 @@ def _followers_of_gain(problem: Problem, theta: NDArray[np.float64]) -> list[str
     return [] if is_known or remainder > _SETTINGS.not_followed else [parameter.name for parameter in followers]
 
 
-def _reasons(fit: Fit, estimated: FitWithError, allowed: float | None, given_out: float) -> Iterator[str]:
+def _reasons(fit: Fit, estimated: FitWithError, allowed: float | None, delivered: float) -> Iterator[str]:
     """Yield further remarks on a measurement and on a fit that does not reach its noise, as sentences."""
-    if given_out > MOST_GIVEN_OUT:
+    if delivered > MOST_DELIVERED:
         yield Note(
-            f"As measured, the structure gives out {100.0 * given_out:.0f} % of the power where it is driven, which no "
+            f"As measured, the structure delivers {100.0 * delivered:.0f} % of the power where it is driven, which no "
             "passive structure does: a sign or a phase is wrong.",
             Importance.DECISIVE,
         )

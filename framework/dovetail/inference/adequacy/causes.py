@@ -121,7 +121,7 @@ def find_causes(
     The misfit (`QuickFit`) is computed on few lines, among them those around each resonance. A cause in the
     measurement is named if the misfit falls by 0.3, one in the model if it falls by 0.6, and either if the misfit
     beyond noise falls by 40 %; for a quantity of a part it must fall by 70 %. Each cause must improve the fit at
-    least half as much as the best one. If the measured structure gives out power, only changes that turn the phase
+    least half as much as the best one. If the measured structure delivers power, only changes that turn the phase
     are tried, and the better of a reversed sign and a conjugated phase is named in any case.
     """
     if not seconds:

@@ -42,7 +42,7 @@ class Settings:
     less_similar: float = 1.2
     """Distance from the measured amplitudes, over that of the described point, beyond which only the least number is
     fitted."""
-    beside: int = 2
+    neighbourhood: int = 2
     """Number of nodes within which two of these would be neighbours."""
     lines: int = 120
     """Of the FRF, evenly chosen."""
@@ -84,8 +84,8 @@ Candidate = tuple[str, str, QuickFit]
 def try_points(fits: QuickFits) -> Iterator[Candidate]:
     """Yield the fits with other points of response, and of force and response: the most similar, then their neighbours.
 
-    Nodes beside the best one follow as long as they fit better, because amplitudes of wrong parameters tell a point
-    only roughly.
+    The neighbours of the best node follow as long as they fit better, because amplitudes of wrong parameters locate a
+    point only roughly.
     """
     nodes = [] if len(fits.target.frfs) > 1 else movable_nodes(fits.assembly)
     ends = dict[tuple[bool, Node], QuickFit]()
@@ -101,8 +101,8 @@ def try_points(fits: QuickFits) -> Iterator[Candidate]:
         yield at(node, with_force, start)
     while ends:
         (with_force, best), quick = min(ends.items(), key=lambda end: end[1].misfit)
-        beside = [(best[0], best[1] + step) for step in (-1, 1)]
-        untried = [node for node in beside if node in nodes and (with_force, node) not in ends]
+        neighbours = [(best[0], best[1] + step) for step in (-1, 1)]
+        untried = [node for node in neighbours if node in nodes and (with_force, node) not in ends]
         if not untried or quick.misfit >= fits.unchanged.misfit:
             return
         for node in untried:
@@ -117,7 +117,9 @@ def _most_similar_points(fits: QuickFits, nodes: list[Node]) -> list[tuple[Node,
     step = -(-len(nodes) // _SETTINGS.most_nodes)
     if step > 1:
         coarse = nodes[::step]
-        best = {step * i for kind in _distances(assembly, amplitude, joints, coarse) for i in _apart(kind, coarse)}
+        best = {
+            step * i for kind in _distances(assembly, amplitude, joints, coarse) for i in _separate_nodes(kind, coarse)
+        }
         nodes = [node for i, node in enumerate(nodes) if any(abs(i - j) < step for j in best)]
     response = assembly.description.response
     distances = _distances(assembly, amplitude, joints, [*nodes, (response.substructure, response.node)])
@@ -127,18 +129,18 @@ def _most_similar_points(fits: QuickFits, nodes: list[Node]) -> list[tuple[Node,
         kinds = kinds[:1]
     chosen: list[tuple[float, int, int]] = []
     for with_force, kind in enumerate(kinds):
-        of_kind = [(float(kind[:, i].min()), with_force, i) for i in _apart(kind, nodes)]
+        of_kind = [(float(kind[:, i].min()), with_force, i) for i in _separate_nodes(kind, nodes)]
         similar = [choice for choice in of_kind if choice[0] < _SETTINGS.less_similar * described]
         chosen += of_kind[: max(_SETTINGS.points[0], len(similar))]
     return [(nodes[i], bool(force), joints[np.argmin(kinds[force][:, i])]) for _, force, i in sorted(chosen)]
 
 
-def _apart(distances: NDArray[np.float64], nodes: list[Node]) -> list[int]:
-    """Return the nodes with the smallest distances (n, n_nodes) at any parameters, none of them beside a better one."""
+def _separate_nodes(distances: NDArray[np.float64], nodes: list[Node]) -> list[int]:
+    """Return the nodes with the smallest distances (n, n_nodes) at any parameters, none of them near a better one."""
     chosen: list[int] = []
     for index in np.argsort(distances.min(axis=0), kind="stable").tolist():
         part, number = nodes[index]
-        if all(part != nodes[i][0] or abs(number - nodes[i][1]) > _SETTINGS.beside for i in chosen):
+        if all(part != nodes[i][0] or abs(number - nodes[i][1]) > _SETTINGS.neighbourhood for i in chosen):
             chosen.append(index)
     return chosen[: _SETTINGS.points[1]]
 

@@ -106,7 +106,7 @@ def _overhangs(assembly: Assembly) -> Iterator[Perturbation]:
         name = f"overhang at {1e3 * overhang.end:.4g} mm"
         apply = partial(_with_overhang, assembly, overhang)
         describe = partial(_describe_overhang, overhang)
-        for perturbation in _of_substructure(overhang.substructure, name, apply, describe):
+        for perturbation in _part_perturbation(overhang.substructure, name, apply, describe):
             least = _SETTINGS.least_overhang
             shortest = np.log(least + (1.0 - least) * overhang.unchanged / overhang.length)
             yield replace(perturbation, kind="overhang", lower=max(perturbation.lower, float(shortest)))
@@ -114,13 +114,13 @@ def _overhangs(assembly: Assembly) -> Iterator[Perturbation]:
 
 def _quantities(assembly: Assembly) -> Iterator[Perturbation]:
     for name, quantity, apply in known_quantities(assembly):
-        yield from _of_substructure(name, quantity.name, apply, partial(_describe, name, quantity))
+        yield from _part_perturbation(name, quantity.name, apply, partial(_describe, name, quantity))
     for names, quantity, apply in materials_in_common(assembly):
-        together = " and the ".join(names)
-        yield from _of_substructure(together, quantity.name, apply, partial(_describe, together, quantity))
+        names_of_all = " and the ".join(names)
+        yield from _part_perturbation(names_of_all, quantity.name, apply, partial(_describe, names_of_all, quantity))
 
 
-def _of_substructure(substructure: str, name: str, apply: Apply, describe: Describe) -> Iterator[Perturbation]:
+def _part_perturbation(substructure: str, name: str, apply: Apply, describe: Describe) -> Iterator[Perturbation]:
     """Yield the perturbation of a substructure by the logarithm of a ratio, if the model accepts another value."""
     try:
         apply(_SETTINGS.step)

@@ -54,8 +54,8 @@ class Settings:
 
 _SETTINGS = Settings()
 
-MOST_GIVEN_OUT = 0.9
-"""Share of the power at drive points that is given out above which a sign or a phase is certainly wrong."""
+MOST_DELIVERED = 0.9
+"""Share of the power at drive points that is delivered above which a sign or a phase is certainly wrong."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,12 +99,12 @@ class QuickFits:
     recorded : tuple of str
         Quantity in which each FRF was measured.
     is_active : bool
-        Whether the measured structure gives out power, which no passive structure does; judged on all lines.
+        Whether the measured structure delivers power, which no passive structure does; judged on all lines.
     """
 
     def __init__(self, problem: Problem, fit: Fit) -> None:
         target = problem.observations
-        self.is_active = power_given_out(problem, fit.variance) > MOST_GIVEN_OUT
+        self.is_active = share_of_power_delivered(problem, fit.variance) > MOST_DELIVERED
         lines = search_lines(target, fit.variance)
         lines = lines[fit.used[lines] & (target.amplitude[lines] > 0.0)]  # an exact zero has no logarithm
         self.best = fit.theta
@@ -214,7 +214,7 @@ class QuickFits:
     ) -> tuple[QuickFit, float]:
         """Fit the joint together with an unknown amount of a change of the measurement's logarithms.
 
-        In the first pass all lines count alike, which is robust. In the others they are weighted by noise and typical
+        In the first pass all lines count equally, which is robust. In the others they are weighted by noise and typical
         residuals, which is as precise as the measurement, but underestimates the amount where the model is wrong. The
         pass with the lowest misfit is returned.
 
@@ -326,8 +326,8 @@ class QuickFits:
         return QuickFit(theta, misfit, coherence, residual, values)
 
 
-def power_given_out(problem: Problem, variance: NDArray[np.float64]) -> float:
-    """Return the share of the power at drive points that the structure gives out; a passive one only takes power up.
+def share_of_power_delivered(problem: Problem, variance: NDArray[np.float64]) -> float:
+    """Return the share of the power at drive points that the structure delivers; a passive one only takes power up.
 
     Parameters
     ----------
@@ -341,14 +341,14 @@ def power_given_out(problem: Problem, variance: NDArray[np.float64]) -> float:
         Sum of the negative real parts over that of all, in magnitude, among those that clearly exceed the random error.
         0 if none does, and without drive points or phases, or where unknowns of the measurement chain turn the phase.
     """
-    given_out = total = 0.0
+    delivered = total = 0.0
     target, description = problem.observations, problem.assembly.description
     of_responses = zip(target.frfs, description.responses, target.split(variance), strict=True)
     for frf, response, errors in of_responses:
         if response.is_drive_point and frf.has_phase and not description.calibrations:
             balance = power_balance(frf, errors)
-            given_out, total = given_out + balance[0], total + balance[1]
-    return given_out / total if total else 0.0
+            delivered, total = delivered + balance[0], total + balance[1]
+    return delivered / total if total else 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -106,7 +106,7 @@ class Cause:
         if self.residual_factor >= 1.05:
             to = "" if self.residual is None else f", {100.0 * self.residual:.2g} % of the FRF"
             improvements.append(f"residuals become {self.residual_factor:.2g} times smaller{to}")
-        return f"With {self.words} {' and '.join(improvements) or 'the structure gives out no power'}."
+        return f"With {self.words} {' and '.join(improvements) or 'the structure delivers no power'}."
 
 
 @dataclass(frozen=True)
@@ -186,20 +186,22 @@ class Adequacy:
             else known
         )
 
-    def doubts(self, intervals: Mapping[str, tuple[float, float]], parameters: Sequence[Parameter]) -> dict[str, str]:
+    def parameters_moved_by_causes(
+        self, intervals: Mapping[str, tuple[float, float]], parameters: Sequence[Parameter]
+    ) -> dict[str, str]:
         """Name the parameters that some cause moves from the middle of their interval by more than its width.
 
         The value of such a parameter depends on whether the cause is real, which the measurement alone does not decide.
         """
-        doubts = dict[str, str]()
+        moved = dict[str, str]()
         for cause in self.causes:
             for parameter, ends, value in zip(parameters, intervals.values(), cause.theta, strict=False):
                 with np.errstate(divide="ignore", invalid="ignore"):
                     lower, upper, at = parameter.to_unit(np.array([*ends, value]))
                 if abs(at - 0.5 * (lower + upper)) > upper - lower:
                     there = format_quantity(value, parameter.unit)
-                    doubts.setdefault(parameter.name, f"with {cause.words} it is {there}")
-        return doubts
+                    moved.setdefault(parameter.name, f"with {cause.words} it is {there}")
+        return moved
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything as plain values, fit for JSON."""

@@ -194,8 +194,8 @@ def _scale_of_voltage(
     factor = factors.pop()
     if factor is None or factors or unit_factor is not None or disagrees:
         texts = _said(others)
-        said = ", ".join((*(f"'{unit}'" for unit in units), *([texts] if texts else [])))
-        problem = f"the {signal} has the sensitivity '{choice.sensitivity}', and its unit is given as {said}."
+        units_given = ", ".join((*(f"'{unit}'" for unit in units), *([texts] if texts else [])))
+        problem = f"the {signal} has the sensitivity '{choice.sensitivity}', and its unit is given as {units_given}."
         raise MeasurementError(
             Fault(record.where, problem, "a voltage, and the motion or the force of the sensitivity")
         )

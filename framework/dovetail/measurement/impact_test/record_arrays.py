@@ -81,7 +81,7 @@ def _named(archive: RecordedArrays, chosen: Mapping[str, str]) -> dict[str, Sign
         if name not in archive.entries:
             hint = did_you_mean(name, archive.entries)
             raise MeasurementError(Fault(str(archive.path), f"there is no '{name}' in the file.", remedy=hint))
-        names = {key: SignalName("") if said.role == _PARTS[part] else said for key, said in names.items()}
+        names = {key: SignalName("") if signal.role == _PARTS[part] else signal for key, signal in names.items()}
     for part, name in chosen.items():
         role: Any = _PARTS[part]
         names[name] = read_name(re.split(r"[/.]", name)[-1], role)
@@ -129,11 +129,11 @@ def _rows(archive: RecordedArrays, name: str) -> Array:
     return table.T if table.shape[0] > table.shape[1] else table
 
 
-def _record(archive: RecordedArrays, name: str, said: SignalName, role: str, remarks: Remarks) -> TimeRecord:
+def _record(archive: RecordedArrays, name: str, signal: SignalName, role: str, remarks: Remarks) -> TimeRecord:
     """Return a record without its samples: what name, attributes and other entries state about it."""
     where = f"{archive.path}  {name}"
-    if said.unclear:
-        problem = f"'{name}' holds '{said.unclear}', not samples in a unit."
+    if signal.unclear:
+        problem = f"'{name}' holds '{signal.unclear}', not samples in a unit."
         raise MeasurementError(Fault(str(archive.path), problem, "forces and motions in their units, or voltages"))
     attached = Remarks(skip=remarks.skip)
     for key, text in archive.entries[name].attributes.items():
@@ -141,10 +141,10 @@ def _record(archive: RecordedArrays, name: str, said: SignalName, role: str, rem
     remarks.numbers += attached.numbers
     label = "load label" if role == "force" else "label"
     unit = "load unit" if role == "force" else "motion unit"
-    own = [Statement(label, said.label or re.split(r"[/.]", name)[-1], where)]  # type: ignore[arg-type]
-    own += [Statement(unit, one, where) for one in said.units]  # type: ignore[arg-type]
+    own = [Statement(label, signal.label or re.split(r"[/.]", name)[-1], where)]  # type: ignore[arg-type]
+    own += [Statement(unit, one, where) for one in signal.units]  # type: ignore[arg-type]
     statements = remarks.of(role, [*own, *attached.statements[role]])
-    point = remarks.point(role, attached.point(role, Point(said.point, said.point, said.sign)))
+    point = remarks.point(role, attached.point(role, Point(signal.point, signal.point, signal.sign)))
     dtype = archive.entries[name].load().dtype
     is_counts = dtype.kind in "iu" and dtype.itemsize <= 2  # bytes of a number
     return TimeRecord(
@@ -153,7 +153,7 @@ def _record(archive: RecordedArrays, name: str, said: SignalName, role: str, rem
         statements,
         attached.facts(),
         point,
-        is_acceleration=said.is_acceleration,
+        is_acceleration=signal.is_acceleration,
         is_counts=is_counts,
     )
 
@@ -166,14 +166,14 @@ def _axis(
 ) -> list[AxisFact]:
     """Return the facts on the times of the records, of which those of the file hold for all."""
     facts = list(remarks.facts())
-    for name, said in names.items():
-        if said.role not in ("times", "rate", "step", "start"):
+    for name, signal in names.items():
+        if signal.role not in ("times", "rate", "step", "start"):
             continue
         where = f"{archive.path}  {name}"
         array = _numbers(archive, name)
         attributes = archive.entries[name].attributes
-        unit = said.unit or next((attributes[key] for key in ("unit", "units") if key in attributes), "")
-        if said.role == "times" and array.size > 1:
+        unit = signal.unit or next((attributes[key] for key in ("unit", "units") if key in attributes), "")
+        if signal.role == "times" and array.size > 1:
             if array.size not in (shape[1], shape[0] * shape[1]):
                 problem = f"'{name}' has the shape {array.shape}, and the records have {shape[1]} samples."
                 raise MeasurementError(Fault(str(archive.path), problem, "a time for each sample"))
@@ -183,8 +183,8 @@ def _axis(
         else:
             problem = f"'{name}' has the shape {array.shape} and the type {array.dtype}."
             raise MeasurementError(Fault(str(archive.path), problem, "real numbers, and one rate"))
-        if said.role != "times" or array.size > 1:
-            facts.append(remarks.with_unit(AxisFact(said.role, value, unit, where)))
+        if signal.role != "times" or array.size > 1:
+            facts.append(remarks.with_unit(AxisFact(signal.role, value, unit, where)))
     return facts
 
 

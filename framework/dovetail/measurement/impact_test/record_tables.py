@@ -32,21 +32,21 @@ _BRACKET = re.compile(r"([^\[(]*?)\s*[\[(](.*)[\])]")
 class _Column:
     """A column of a table, or a channel."""
 
-    def __init__(self, name: str, unit: str, said: SignalName, where: str) -> None:
-        self.name, self.unit, self.said, self.where = name, unit, said, where
+    def __init__(self, name: str, unit: str, signal: SignalName, where: str) -> None:
+        self.name, self.unit, self.signal, self.where = name, unit, signal, where
 
     def record(self, samples: Array, axis: Sequence[AxisFact], remarks: Remarks) -> TimeRecord:
         """Return the record of these samples."""
-        role = self.said.role
-        if self.said.unclear:
-            problem = f"'{self.name}' holds '{self.said.unclear}', not samples in a unit."
+        role = self.signal.role
+        if self.signal.unclear:
+            problem = f"'{self.name}' holds '{self.signal.unclear}', not samples in a unit."
             raise MeasurementError(Fault(self.where, problem, "forces and motions in their units, or voltages"))
         label: Any = "load label" if role == "force" else "label"
         about: Any = "load unit" if role == "force" else "motion unit"
-        own = [Statement(label, self.said.label or self.name, self.where)]
-        own += [Statement(about, unit, self.where) for unit in (self.unit, *self.said.units) if unit]
-        point = remarks.point(role, Point(self.said.point, self.said.point, self.said.sign))
-        is_acceleration = self.said.is_acceleration
+        own = [Statement(label, self.signal.label or self.name, self.where)]
+        own += [Statement(about, unit, self.where) for unit in (self.unit, *self.signal.units) if unit]
+        point = remarks.point(role, Point(self.signal.point, self.signal.point, self.signal.sign))
+        is_acceleration = self.signal.is_acceleration
         return TimeRecord(
             self.where, samples, remarks.of(role, own), tuple(axis), point, is_acceleration=is_acceleration
         )
@@ -83,7 +83,7 @@ def read_table(path: Path, text: str, columns: Sequence[str], names: dict[str, s
             remarks.read_line(line, f"{path}:{number + 1}")
     where = "the argument columns" if columns else f"{path}:{table.line + 1}"
     found = _columns(where, table.header, table.units if not columns else (), names)
-    used = [number for number, column in enumerate(found) if column.said.role]
+    used = [number for number, column in enumerate(found) if column.signal.role]
     _check_pairs(where, found)
     _, rows = read_rows(table, table.header, used)
     return _pairs(where, [found[number] for number in used], rows, remarks)
@@ -106,7 +106,7 @@ def read_columns(path: Path, array: NDArray[Any], columns: Sequence[str], remark
     table = array if array.shape[1] == len(columns) else array.T
     found = _columns("the argument columns", columns, (), {})
     _check_pairs("the argument columns", found)
-    used = [number for number, column in enumerate(found) if column.said.role]
+    used = [number for number, column in enumerate(found) if column.signal.role]
     rows = table.T[used].astype(np.float64)
     return _pairs(str(path), [found[number] for number in used], rows, remarks)
 
@@ -114,15 +114,15 @@ def read_columns(path: Path, array: NDArray[Any], columns: Sequence[str], remark
 def _named(cells: Sequence[str], names: dict[str, str]) -> list[SignalName]:
     """Return what each name of a column states, where the caller's names replace those of the table."""
     bare = _names_and_units(cells)[0]
-    said = [SignalName("") if name in ("", _SKIP) else read_name(name) for name in bare]
+    signals = [SignalName("") if name in ("", _SKIP) else read_name(name) for name in bare]
     for part, chosen in names.items():
         role: Any = {"time": "times"}.get(part, part)
         for number, (name, cell) in enumerate(zip(bare, cells, strict=True)):
             if chosen in (name, cell):
-                said[number] = read_name(name, role)
-            elif said[number].role == role:
-                said[number] = SignalName("")
-    return said
+                signals[number] = read_name(name, role)
+            elif signals[number].role == role:
+                signals[number] = SignalName("")
+    return signals
 
 
 def _names_and_units(cells: Sequence[str]) -> tuple[list[str], list[str]]:
@@ -150,23 +150,25 @@ def _columns(where: str, cells: Sequence[str], below: Sequence[str], names: dict
     for number, cell in enumerate(cells):
         unit = "" if units[number].isdigit() else units[number]
         row = below[number].strip("[]()") if below else ""
-        said = named[number]
+        signal = named[number]
         if unit and row and read_unit(unit) != read_unit(row):
             problem = f"'{cell[:60]}' has the unit '{row[:40]}' in the row below."
             raise MeasurementError(Fault(where, problem, "one unit"))
-        if unit and not said.role.startswith(("times", "force", "response")):
+        if unit and not signal.role.startswith(("times", "force", "response")):
             unit = ""
-        if unit and read_unit(unit) is None and said.role in ("force", "response"):
-            said = read_name(cell, said.role)  # brackets with a word, such as (Trigger)
+        if unit and read_unit(unit) is None and signal.role in ("force", "response"):
+            signal = read_name(cell, signal.role)  # brackets with a word, such as (Trigger)
             is_word = (unit.replace(" ", "").isalpha() and len(unit) > 3) or _CHANNEL.fullmatch(unit)
-            unit = "" if is_word or said.impact or said.point else unit
-        columns.append(_Column(cell if not unit else bare[number], unit or row, said, where))
+            unit = "" if is_word or signal.impact or signal.point else unit
+        columns.append(_Column(cell if not unit else bare[number], unit or row, signal, where))
     return columns
 
 
 def _check_pairs(where: str, columns: Sequence[_Column]) -> None:
     """Refuse other columns than pairs of force and response and one time, in units of a time, a force and a motion."""
-    forces, responses, times = ([c for c in columns if c.said.role == role] for role in ("force", "response", "times"))
+    forces, responses, times = (
+        [c for c in columns if c.signal.role == role] for role in ("force", "response", "times")
+    )
     if not forces or len(forces) != len(responses):
         problem = f"the header has {len(forces)} columns of force and {len(responses)} of response."
         remedy = (
@@ -186,19 +188,19 @@ def _check_pairs(where: str, columns: Sequence[_Column]) -> None:
 def _pairs(where: str, columns: Sequence[_Column], rows: Array, remarks: Remarks) -> list[Pair]:
     by_role: dict[Role, list[int]] = {"force": [], "response": [], "times": []}
     for number, column in enumerate(columns):
-        by_role.setdefault(column.said.role, []).append(number)
+        by_role.setdefault(column.signal.role, []).append(number)
     axis = list(remarks.facts())
     for number in by_role["times"]:
         column = columns[number]
-        unit = column.unit or column.said.unit
+        unit = column.unit or column.signal.unit
         axis.append(remarks.with_unit(AxisFact("times", np.ascontiguousarray(rows[number]), unit, column.where)))
     forces, responses = by_role["force"], by_role["response"]
     for part in (forces, responses):
-        if len({columns[number].said.others for number in part}) > 1:  # other words name points
+        if len({columns[number].signal.others for number in part}) > 1:  # other words name points
             for number in part:
-                said = columns[number].said
-                columns[number].said = said._replace(point=f"{said.others} {said.point}".strip())
-    numbers = [[columns[number].said.impact for number in part] for part in (forces, responses)]
+                signal = columns[number].signal
+                columns[number].signal = signal._replace(point=f"{signal.others} {signal.point}".strip())
+    numbers = [[columns[number].signal.impact for number in part] for part in (forces, responses)]
     if len(forces) > 1 and any(chain(*numbers)):
         if any(len(set(part)) < len(part) for part in numbers) or set(numbers[0]) != set(numbers[1]):
             problem = "the numbers of the columns of force and response are not the same."
@@ -221,7 +223,9 @@ def read_channels(segments: Sequence[RecordedChannels], names: dict[str, str], r
     pairs = []
     for segment in segments:
         columns = _columns(segment.where, segment.names, (), names)
-        chosen = [[n for n, column in enumerate(columns) if column.said.role == role] for role in ("force", "response")]
+        chosen = [
+            [n for n, column in enumerate(columns) if column.signal.role == role] for role in ("force", "response")
+        ]
         if segment.dimension != "time" or any(len(part) != 1 for part in chosen):
             problem = f"the abscissa is {segment.dimension}, the channels are {', '.join(segment.names[:20])}."
             accepted = "time, and channels whose names begin with Force and Response, one of each"
@@ -244,7 +248,7 @@ def _channel(
         problem = f"'{column.name}' has the unit '{unit}' in the header."
         raise MeasurementError(Fault(segment.where, problem, "one unit"))
     attached = Remarks(skip=remarks.skip)
-    role: Role = column.said.role
+    role: Role = column.signal.role
     for one in (*segment.statements, *(segment.channel_statements[number] if segment.channel_statements else ())):
         attached.read(one.key or "comment", one.text, one.where, role)
     remarks.numbers += attached.numbers

@@ -180,14 +180,14 @@ def _signals(path: Path, pairs: Sequence[Pair], scales: Sequence[tuple[Scale, ..
 
 def _origin(units: Sequence[Sequence[str]], shape: tuple[int, ...], rate: float, quantity: Quantity) -> str:
     """Return a sentence on what was read, and in which units."""
-    said = []
+    described = []
     for name, each, usual in zip(
         ("force", "response"), units, ("N", motion_unit(quantity, rotation=False)), strict=True
     ):
         unit_text = listing(dict.fromkeys(unit or f"{usual}, since no unit is given" for unit in each))
-        said.append(f"{name} in {unit_text}")
+        described.append(f"{name} in {unit_text}")
     count = f"{shape[0]} impact{'s' * (shape[0] != 1)} of {shape[1]} samples"
-    return f"{count} at {rate:.6g} Hz; {'; '.join(said)}."
+    return f"{count} at {rate:.6g} Hz; {'; '.join(described)}."
 
 
 def _negative_pulses(force: Array) -> tuple[str, ...]:
