@@ -260,6 +260,8 @@ def test_the_same_seed_gives_the_same_fit(sdof):
         ({"cause_seconds": "20 s"}, "'20 s' s is no time"),
         ({"samples": "many"}, "'many' is not accepted"),
         ({"samples": 1}, "1 must be at least 20"),
+        ({"tolerance": 0.0}, "must be greater than 0"),
+        ({"method": "refined", "batches": -1}, "-1 must be at least 0"),
     ],
 )
 def test_options_that_make_no_sense_are_refused_before_any_work(sdof, options, message):

@@ -9,8 +9,9 @@ import pytest
 
 import dovetail
 from dovetail.inference.adequacy.verdict import Adequacy
+from dovetail.inference.fitting import refinement
 from dovetail.inference.posterior.model_error import ModelError
-from support.short_search import one_batch
+from support.short_search import of_one_batch
 
 MASS, NATURAL, RATIO = 0.42, 445.4, 1e-4
 AXIS = np.arange(435.0, 456.01, 0.25)
@@ -20,10 +21,9 @@ NO_CAUSES = {"cause_seconds": 0}
 
 
 @pytest.fixture(autouse=True)
-def _short_search():
+def _short_search(monkeypatch):
     """Fits end after the first batch of starts, which is enough for one resonance."""
-    with one_batch():
-        yield
+    monkeypatch.setattr(refinement, "_Refinement", of_one_batch)
 
 
 def resonator(mass=UNKNOWN, quantity="accelerance", **response):

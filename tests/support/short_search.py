@@ -8,12 +8,14 @@ from unittest import mock
 
 from dovetail.inference.fitting import refinement
 
+_refinement = refinement._Refinement
+
+
+def of_one_batch(problem: Any, options: Any, *others: Any) -> Any:
+    """Return a refinement without further batches."""
+    return _refinement(problem, options.with_options({"batches": 0}), *others)
+
 
 def one_batch() -> AbstractContextManager[Any]:
     """Return a context in which no further batches of searches follow."""
-    refine_once = refinement._Refinement
-
-    def without_batches(problem: Any, options: Any, *others: Any) -> Any:
-        return refine_once(problem, options.with_options({"batches": 0}), *others)
-
-    return mock.patch.object(refinement, "_Refinement", without_batches)
+    return mock.patch.object(refinement, "_Refinement", of_one_batch)
