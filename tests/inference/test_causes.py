@@ -485,7 +485,9 @@ def test_a_passive_structure_gives_out_power_only_if_sign_or_phase_are_wrong(qua
     genuine = noisy(model, model.frf(TRUTH), 0.02, 1).to(quantity)
 
     def delivered(values):
-        return share_of_power_delivered(Problem(model, Observations((replace(genuine, values=values),))), genuine.variance)
+        return share_of_power_delivered(
+            Problem(model, Observations((replace(genuine, values=values),))), genuine.variance
+        )
 
     assert delivered(genuine.values) == 0.0
     assert delivered(-genuine.values) > 0.95
