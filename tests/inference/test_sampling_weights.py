@@ -49,7 +49,7 @@ def test_samples_are_moved_where_fewer_than_four_tenths_of_them_count(sdof, monk
 @pytest.mark.parametrize(("light", "kept"), [(4.0, False), (3.5, True)])
 def test_weights_are_cut_where_fewer_than_a_tenth_of_the_samples_count(monkeypatch, light, kept):
     """20 of 1000 weigh 1, the others exp(-4) or exp(-3.5): 71 or 118 count. Cut at 97.5 %, all weigh the same."""
-    monkeypatch.setattr(sampling, "decorrelate", lambda _, points, *__: points)
+    monkeypatch.setattr(sampling, "decorrelate", lambda _, points, *__: (points, 0.0))
     points = SimpleNamespace(z=None, log_posterior=np.zeros(1))
     chosen = []
 

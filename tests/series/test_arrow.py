@@ -27,6 +27,7 @@ def test_solutions_determinants_and_covariances_are_those_of_the_dense_matrix(ma
     arrow, dense = matrices
     vector = np.random.default_rng(1).standard_normal(dense.shape[:2])
     np.testing.assert_allclose(arrow.solve(vector), np.linalg.solve(dense, vector[:, :, None])[:, :, 0], atol=1e-10)
+    np.testing.assert_allclose(arrow.times(vector), (dense @ vector[:, :, None])[:, :, 0], atol=1e-10)
     np.testing.assert_allclose(arrow.log_determinant(), np.linalg.slogdet(dense)[1], rtol=1e-12)
     np.testing.assert_allclose(arrow.diagonal(), np.einsum("nii->ni", dense))
     inverse = np.linalg.inv(dense)
@@ -39,8 +40,11 @@ def test_solutions_determinants_and_covariances_are_those_of_the_dense_matrix(ma
 def test_draws_have_the_matrix_as_their_covariance(matrices):
     arrow, dense = matrices
     size = dense.shape[1]
-    root = np.stack([arrow.times_root(np.tile(row, (5, 1))) for row in np.eye(size)], axis=2)
+    root = np.stack([arrow.root().times(np.tile(row, (5, 1))) for row in np.eye(size)], axis=2)
     np.testing.assert_allclose(root @ root.swapaxes(1, 2), dense, atol=1e-10)
+    vector = np.random.default_rng(2).standard_normal(dense.shape[:2])
+    np.testing.assert_allclose(arrow.root().times(arrow.root().solve(vector)), vector, atol=1e-10)
+    np.testing.assert_allclose(2.0 * arrow.root().log_determinant(), np.linalg.slogdet(dense)[1], rtol=1e-12)
 
 
 def test_vectors_of_the_tests_are_added_in_the_shared_rows_only():

@@ -39,6 +39,8 @@ class Settings:
 
 _SETTINGS = Settings()
 
+_HALF_LOG_2_PI = float(np.log(2.0 * np.pi) / 2.0)
+
 
 @dataclass(frozen=True, eq=False)
 class ModelFrfs:
@@ -299,6 +301,12 @@ class Weighted:
         mean, _ = rice_mean(np.abs(frf), self.variance)
         return np.asarray((mean - self.measured) * self.weight)
 
+    @property
+    def log_scale(self) -> float:
+        """Logarithm of the residuals' density where they are 0, as a density of the measured values."""
+        counted = self.weight[self.weight > 0.0]
+        return (2.0 if self.has_phase else 1.0) * float(np.sum(np.log(counted)) - len(counted) * _HALF_LOG_2_PI)
+
     def size(self, frf: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Return the size (f,) of each line's residual for one FRF (f,): 1 where it is as large as the noise."""
         residuals = self.of(frf)
@@ -342,6 +350,11 @@ class StackedResiduals(Generic[_Kind]):
         """Return their derivatives (n, p, m) from FRFs (n, f) and their derivatives (n, p, f)."""
         blocks = zip(self.responses, self._split(frf), self._split(frf_jacobian), strict=True)
         return _joined([residual.jacobian(*block) for residual, *block in blocks], axis=-1)
+
+    @property
+    def log_scale(self: StackedResiduals[Any]) -> float:
+        """Logarithm of the residuals' density where they are 0, as a density of the measured values."""
+        return float(sum(residual.log_scale for residual in self.responses))
 
     def size(self: StackedResiduals[Weighted], frf: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Return the size (f,) of each line's residual, as `Weighted.size`."""

@@ -87,27 +87,37 @@ class ArrowMatrix:
         parts = [np.linalg.slogdet(schur)[1], *(np.linalg.slogdet(block)[1] for block in self.blocks)]
         return np.asarray(np.sum(parts, axis=0))
 
-    def quadratic(self, vector: Array) -> Array:
-        """Return v^T A^-1 v (n,)."""
-        return np.asarray(np.sum(vector * self.solve(vector), axis=1))
-
-    def times_root(self, normal: Array) -> Array:
-        """Return draws (n, d) with these matrices, symmetric here, as covariance, from standard normal ones (n, d)."""
+    def times(self, vector: Array) -> Array:
+        """Return the products (n, d) with vectors (n, d)."""
         shared = self.border.shape[1]
-        schur, _ = self._reduced()
-        common = _times(np.asarray(np.linalg.cholesky(schur), dtype=np.float64), normal[:, :shared])
-        inner, first = [], shared
-        for right, block in zip(self.right, self.blocks, strict=True):
-            last = first + block.shape[1]
-            root = np.asarray(np.linalg.cholesky(block), dtype=np.float64)
-            inner.append(_times(root, normal[:, first:last]))
-            common = common + _times(right, _solved(np.swapaxes(root, 1, 2), normal[:, first:last]))
-            first = last
-        return np.concatenate([common, *inner], axis=1)
+        common = vector[:, :shared]
+        top, inner, first = _times(self.border, common), [], shared
+        for right, below, block in zip(self.right, self.below, self.blocks, strict=True):
+            part = vector[:, first : first + block.shape[1]]
+            top = top + _times(right, part)
+            inner.append(_times(below, common) + _times(block, part))
+            first += block.shape[1]
+        return np.concatenate([top, *inner], axis=1)
+
+    def root(self) -> ArrowRoot:
+        """Return the Cholesky factors of these matrices, which are symmetric and positive definite here."""
+        inner = [np.asarray(np.linalg.cholesky(block), dtype=np.float64) for block in self.blocks]
+        coupling = [
+            np.swapaxes(np.asarray(np.linalg.solve(root, below), dtype=np.float64), 1, 2)
+            for root, below in zip(inner, self.below, strict=True)
+        ]
+        schur = self.border - sum(part @ np.swapaxes(part, 1, 2) for part in coupling)
+        return ArrowRoot(np.asarray(np.linalg.cholesky(schur), dtype=np.float64), coupling, inner)
 
     def shared_covariance(self) -> Array:
         """Return the part of the inverse that belongs to the shared unknowns (n, g, g)."""
         return np.asarray(np.linalg.inv(self._reduced()[0]), dtype=np.float64)
+
+    def variances(self) -> Array:
+        """Return the diagonals (n, d) of the inverses."""
+        shared, own = self.border.shape[1], [self.own_covariance(index) for index in range(len(self.blocks))]
+        diagonals = [np.einsum("nii->ni", part)[:, shared:] for part in own]
+        return np.concatenate([np.einsum("nii->ni", self.shared_covariance()), *diagonals], axis=1)
 
     def own_covariance(self, index: int) -> Array:
         """Return the part of the inverse (n, g + l, g + l) that belongs to the shared unknowns and those of a test."""
@@ -117,11 +127,58 @@ class ArrowMatrix:
         own = np.linalg.inv(self.blocks[index]) + part @ common @ np.swapaxes(part, 1, 2)
         return np.block([[common, cross], [np.swapaxes(cross, 1, 2), own]])
 
-    def row(self, index: int) -> ArrowMatrix:
-        """Return one of the matrices, as a batch of one."""
-        rows = slice(index, index + 1)
-        right, below, blocks = ([one[rows] for one in part] for part in (self.right, self.below, self.blocks))
-        return ArrowMatrix(self.border[rows], right, below, blocks)
+
+@dataclass(frozen=True, eq=False)
+class ArrowRoot:
+    """Roots L of a batch of symmetric matrices L L^T in the form of an arrow, the border last.
+
+    Parameters
+    ----------
+    border : (n, g, g) array
+        Triangular.
+    coupling : list of (n, g, l_k) arrays
+    blocks : list of (n, l_k, l_k) arrays
+        Triangular.
+    """
+
+    border: Array
+    coupling: Sequence[Array]
+    blocks: Sequence[Array]
+
+    @property
+    def parts(self) -> tuple[Array, ...]:
+        """All arrays."""
+        return (self.border, *self.coupling, *self.blocks)
+
+    def at_rows(self, rows: NDArray[np.intp]) -> ArrowRoot:
+        """Return copies of some of the roots."""
+        coupling, blocks = ([one[rows] for one in part] for part in (self.coupling, self.blocks))
+        return ArrowRoot(self.border[rows], coupling, blocks)
+
+    def times(self, vector: Array) -> Array:
+        """Return L v (n, d)."""
+        own = self._own(vector)
+        common = _times(self.border, vector[:, : self.border.shape[1]])
+        common = common + sum(_times(part, one) for part, one in zip(self.coupling, own, strict=True))
+        return np.concatenate(
+            [common, *(_times(root, one) for root, one in zip(self.blocks, own, strict=True))], axis=1
+        )
+
+    def solve(self, vector: Array) -> Array:
+        """Return L^-1 v (n, d)."""
+        own = [_solved(root, one) for root, one in zip(self.blocks, self._own(vector), strict=True)]
+        common = vector[:, : self.border.shape[1]]
+        common = common - sum(_times(part, one) for part, one in zip(self.coupling, own, strict=True))
+        return np.concatenate([_solved(self.border, common), *own], axis=1)
+
+    def log_determinant(self) -> Array:
+        """Return the logarithms (n,) of the determinants."""
+        diagonals = [np.einsum("nii->ni", part) for part in (self.border, *self.blocks)]
+        return np.asarray(np.sum(np.log(np.concatenate(diagonals, axis=1)), axis=1))
+
+    def _own(self, vector: Array) -> list[Array]:
+        ends = np.cumsum([self.border.shape[1], *(block.shape[1] for block in self.blocks)])
+        return np.split(vector, ends[:-1], axis=1)[1:]
 
 
 def arrow_vector(parts: Sequence[Array], shared: int) -> Array:

@@ -67,9 +67,21 @@ class FittedTest:
 
 
 def fit_tests(
-    series: SeriesDescription, *, seed: int | None = None, progress: Progress = silent
+    series: SeriesDescription,
+    *,
+    model_error: float | None = None,
+    seed: int | None = None,
+    progress: Progress = silent,
 ) -> tuple[FittedTest, ...]:
     """Read the measurements of a series, and fit and judge each test by itself.
+
+    Parameters
+    ----------
+    series : SeriesDescription
+    model_error : float, optional
+        As in `fit_test`.
+    seed : int, optional
+    progress : Progress
 
     Raises
     ------
@@ -80,13 +92,23 @@ def fit_tests(
     for number, test in enumerate(series.tests):
         progress("tests", number, len(series.tests))
         frfs = [read_frf(file, **options) for file, options in test.measured]
-        fitted.append(fit_test(test, frfs, series.seed if seed is None else seed))
+        fitted.append(fit_test(test, frfs, series.seed if seed is None else seed, model_error))
     progress("tests", len(series.tests), len(series.tests))
     return tuple(fitted)
 
 
-def fit_test(test: SeriesTest, frfs: Sequence[Frf], seed: int) -> FittedTest:
-    """Fit and judge one test with its measured FRFs, one for each response."""
+def fit_test(test: SeriesTest, frfs: Sequence[Frf], seed: int, model_error: float | None = None) -> FittedTest:
+    """Fit and judge one test with its measured FRFs, one for each response.
+
+    Parameters
+    ----------
+    test : SeriesTest
+    frfs : sequence of Frf
+    seed : int
+    model_error : float, optional
+        Relative error of natural frequencies that the model is allowed; by default the one that the test shows.
+    """
     lines = lines_to_fit(test.assembly, tuple(frfs), None, silent, phase=True).merged(seed, silent)
     fit = refine(lines.problem, [] if lines.start is None else [lines.start], seed=seed)
-    return FittedTest(test, lines, judge(lines.problem, fit, JudgementOptions(cause_seconds=0.0), seed=seed))
+    options = JudgementOptions(model_error=model_error, cause_seconds=0.0)
+    return FittedTest(test, lines, judge(lines.problem, fit, options, seed=seed))

@@ -9,7 +9,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from dovetail.inference.posterior.likelihood import Z_LIMIT, normal_from_unit, unit_from_normal
+from dovetail.inference.posterior.likelihood import Z_LIMIT, normal_from_unit, squared_norms, unit_from_normal
+from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints
 from dovetail.interfaces import Progress, silent
 from dovetail.series.arrow import ArrowMatrix
 from dovetail.series.fitted_tests import FittedTest
@@ -27,6 +28,9 @@ class Settings:
     """First damping, relative to the diagonal of the normal matrix."""
     factors: tuple[float, float] = (1 / 5, 4.0)
     """Change of the damping after a step that lowers the sum of squares, and after one that does not."""
+    least_damping: float = 1e-8
+    most_damping: float = 1e8
+    """Damping below which it is not decreased, and at which a search is given up."""
     least_diagonal: float = 1e-6
     """Smallest damped diagonal; unknowns that no test depends on stay where they are."""
     longest_step: float = 1.0
@@ -86,74 +90,85 @@ def fit_series(unknowns: SeriesUnknowns, tests: Sequence[FittedTest], *, progres
     marginalised (expectation-maximisation, with a normal approximation of the likelihood).
     """
     residuals = SeriesResiduals(unknowns, [test.misfit() for test in tests])
-    prior, frozen = _prior_weights(unknowns), _is_scatter(unknowns)
-    best, cost = None, np.inf
-    starts = _starts(unknowns, tests)
-    for number, start in enumerate(starts):
-        progress("fit", number, len(starts))
-        z, _ = minimise(residuals, start, prior, frozen)
-        reached = _squares(residuals, z, prior)
-        if reached < cost - _SETTINGS.tolerance:
-            best, cost = z, reached
-    assert best is not None
-    if frozen.any():
-        best = _with_scatter(residuals, best, prior, frozen)
-    points = residuals.linearise(best[np.newaxis])
-    matrix, _ = residuals.normal_equations(points, prior)
+    prior, scatter = _prior_weights(unknowns), unknowns.scatter_columns
+    progress("fit", 0, 1)
+    ends = minimise(residuals, _starts(unknowns, tests), prior, scatter)
+    points = ends.at_rows(np.argmin(_cost(residuals, ends, prior), keepdims=True))
+    if scatter:
+        points = _with_scatter(residuals, points, prior)
+    matrix, _ = normal_equations(residuals, points, prior)
     pairs = zip(residuals.misfits, tests, strict=True)
     alone = [float(np.sum(misfit.residuals(test.fraction[np.newaxis]) ** 2)) for misfit, test in pairs]
     used = sum(len(test.problem.parameters) for test in tests)
-    free = unknowns.count - int(np.count_nonzero(frozen))
-    squares = np.array([float(np.sum(part**2)) for part in points.residuals])
-    progress("fit", len(starts), len(starts))
-    return SeriesFit(best, matrix, squares, np.array(alone), used - free)
+    free = unknowns.count - len(scatter)
+    squares = np.array([float(np.sum(part**2)) for part in residuals.of_tests(points.residuals)])
+    progress("fit", 1, 1)
+    return SeriesFit(points.z[0], matrix, squares, np.array(alone), used - free)
 
 
 def minimise(
-    residuals: SeriesResiduals, start: Array, prior: Array, frozen: NDArray[np.bool_] | None = None
-) -> tuple[Array, ArrowMatrix]:
-    """Return the unknowns (d,) with the least sum of squares near a start, and the Gauss-Newton matrix there.
+    residuals: SeriesResiduals,
+    start: Array,
+    prior: Array | float = 1.0,
+    held: Sequence[int] = (),
+) -> LinearisedPoints:
+    """Return the points with the least sums of squares near starts (n, d), which advance together.
 
     Parameters
     ----------
     residuals : SeriesResiduals
-    start : (d,) array
-    prior : (d,) array
-        As in `SeriesResiduals.normal_equations`.
-    frozen : (d,) bool array, optional
-        Unknowns that keep their values.
+    start : (n, d) array
+    prior : (d,) array or float
+        Weight of each unknown's square among the squares: 1 with its prior, 0 without.
+    held : sequence of int
+        Shared unknowns that keep their values.
+
+    Notes
+    -----
+    This is the method of Levenberg and Marquardt with normal equations in the form of an arrow, whose cost is linear in
+    the number of tests. `dovetail.problem.least_squares` decomposes dense ones.
     """
-    z, damping = start.copy(), _SETTINGS.damping
-    held = np.zeros(len(z)) if frozen is None else np.where(frozen, 1e12, 0.0)
-    points = residuals.linearise(z[np.newaxis])
-    cost = _cost(points.squares[0], z, prior)
-    matrix, gradient = residuals.normal_equations(points, prior)
+    points = residuals.linearise(start.copy())
+    cost, damping = _cost(residuals, points, prior), np.full(len(start), _SETTINGS.damping)
+    active = np.arange(len(start))
     for _ in range(_SETTINGS.steps):
+        here = points.at_rows(active)
+        matrix, gradient = normal_equations(residuals, here, prior, held)
         diagonal = np.maximum(matrix.diagonal(), _SETTINGS.least_diagonal)
-        step = -matrix.plus(damping * diagonal + held).solve(gradient)[0]
-        step *= min(1.0, _SETTINGS.longest_step / max(float(np.abs(step).max()), 1e-300))
-        tried = np.clip(z + step, -Z_LIMIT, Z_LIMIT)
-        there = residuals.linearise(tried[np.newaxis])
-        new = _cost(there.squares[0], tried, prior)
-        if np.isfinite(new) and new < cost:
-            done = cost - new < _SETTINGS.tolerance and damping <= _SETTINGS.damping
-            z, cost, damping = tried, new, damping * _SETTINGS.factors[0]
-            matrix, gradient = residuals.normal_equations(there, prior)
-            if done:
-                break
-        else:
-            damping = max(damping, 1e-8) * _SETTINGS.factors[1]
-            if damping > 1e8:
-                break
-    return z, matrix
+        step = -matrix.plus(damping[active, np.newaxis] * diagonal).solve(gradient)
+        longest = np.maximum(np.abs(step).max(axis=1, keepdims=True), np.finfo(float).tiny)
+        step *= np.minimum(1.0, _SETTINGS.longest_step / longest)
+        tried = residuals.linearise(np.clip(here.z + step, -Z_LIMIT, Z_LIMIT))
+        decrease = cost[active] - _cost(residuals, tried, prior)
+        better = np.nan_to_num(decrease, nan=-np.inf) > 0.0
+        ended = better & (decrease < _SETTINGS.tolerance) & (damping[active] <= _SETTINGS.damping)
+        rows = active[better]
+        points.overwrite(rows, tried.at_rows(np.flatnonzero(better)))
+        cost[rows] -= decrease[better]
+        damping[active] = np.where(
+            better, damping[active] * _SETTINGS.factors[0], damping[active] * _SETTINGS.factors[1]
+        )
+        damping[active] = np.maximum(damping[active], _SETTINGS.least_damping)
+        active = active[~ended & (damping[active] < _SETTINGS.most_damping)]
+        if not len(active):
+            break
+    return points
 
 
-def _cost(squares: float, z: Array, prior: Array) -> float:
-    return float(squares + np.sum(prior * z**2))
+def normal_equations(
+    residuals: SeriesResiduals, points: LinearisedPoints, prior: Array | float = 1.0, held: Sequence[int] = ()
+) -> tuple[ArrowMatrix, Array]:
+    """Return the Gauss-Newton matrices and gradients (n, d) of half the sums of squares, as for `minimise`."""
+    jacobian = residuals.without_rows(points.jacobian, held)
+    diagonal = np.broadcast_to(prior, points.z.shape).copy()
+    gradient = residuals.gradient(jacobian, points.residuals, prior)
+    diagonal[:, list(held)], gradient[:, list(held)] = 1.0, 0.0
+    return residuals.products(jacobian, jacobian, diagonal), gradient
 
 
-def _squares(residuals: SeriesResiduals, z: Array, prior: Array) -> float:
-    return _cost(sum(float(np.sum(part**2)) for part in residuals.residuals(z[np.newaxis])), z, prior)
+def _cost(residuals: SeriesResiduals, points: LinearisedPoints, prior: Array | float) -> Array:
+    count = residuals.unknowns.count
+    return np.asarray(squared_norms(points.residuals[:, count:]) + np.sum(prior * points.z**2, axis=1))
 
 
 def _prior_weights(unknowns: SeriesUnknowns) -> Array:
@@ -161,16 +176,10 @@ def _prior_weights(unknowns: SeriesUnknowns) -> Array:
     return np.array([float(one.kind == "deviation" or one.definition.prior == "normal") for one in every])
 
 
-def _is_scatter(unknowns: SeriesUnknowns) -> NDArray[np.bool_]:
-    own = unknowns.count - len(unknowns.shared)
-    return np.array([one.kind == "scatter" for one in unknowns.shared] + [False] * own, dtype=np.bool_)
-
-
-def _starts(unknowns: SeriesUnknowns, tests: Sequence[FittedTest]) -> list[Array]:
-    """Return starts of the fit: where the fits to each test alone agree best, by their information."""
+def _starts(unknowns: SeriesUnknowns, tests: Sequence[FittedTest]) -> Array:
+    """Return starts (n, d) of the fit: where the fits to each test alone agree best, by their information."""
     misfits = [QuadraticMisfit.of(test.fraction, test.judged.fit.information) for test in tests]
     nearby = SeriesResiduals(unknowns, misfits)
-    prior = np.ones(unknowns.count)
     starts = []
     for test in (None, *tests[:3]):
         start = np.zeros(unknowns.count)
@@ -185,8 +194,8 @@ def _starts(unknowns: SeriesUnknowns, tests: Sequence[FittedTest]) -> list[Array
             for column, unknown in enumerate(unknowns.shared):
                 if unknown.kind == "value" and unknown.parameter in values:
                     start[column] = _quantile(values[unknown.parameter])
-        starts.append(minimise(nearby, start, prior)[0] if test is None else start)
-    return starts if len(tests) > 1 else starts[1:]
+        starts.append(minimise(nearby, start[np.newaxis]).z[0] if test is None else start)
+    return np.array(starts if len(tests) > 1 else starts[1:])
 
 
 def _quantile(fraction: float) -> float:
@@ -194,30 +203,21 @@ def _quantile(fraction: float) -> float:
     return float(normal_from_unit(np.array([clipped]))[0])
 
 
-def _with_scatter(residuals: SeriesResiduals, z: Array, prior: Array, frozen: NDArray[np.bool_]) -> Array:
+def _with_scatter(residuals: SeriesResiduals, points: LinearisedPoints, prior: Array) -> LinearisedPoints:
     """Return the fit with the most likely standard deviations from test to test."""
     unknowns = residuals.unknowns
-    columns = np.flatnonzero(frozen).tolist()
     for _ in range(_SETTINGS.scatter_rounds):
-        points = residuals.linearise(z[np.newaxis])
-        matrix, _ = residuals.normal_equations(points, prior)
-        changes = []
-        for column in columns:
-            unknown = unknowns.shared[column]
-            second = []
-            for index, own in enumerate(unknowns.own):
-                covariance = matrix.own_covariance(index)[0]
-                for place, one in enumerate(own):
-                    if one.kind == "deviation" and one.parameter == unknown.parameter:
-                        at = unknowns.columns[index].start + place
-                        row = len(unknowns.shared) + place
-                        second.append(z[at] ** 2 + covariance[row, row])
-            factor = float(np.sqrt(np.mean(second)))
-            before = float(unknown.definition.from_unit(unit_from_normal(z[[column]]))[0])
-            after = float(np.clip(before * factor, unknown.definition.lower, unknown.definition.upper))
-            z[column] = _quantile(float(unknown.definition.to_unit(np.array(after))))
+        matrix, _ = normal_equations(residuals, points, prior)
+        z, variances, changes = points.z.copy(), matrix.variances()[0], []
+        for column in unknowns.scatter_columns:
+            definition = unknowns.shared[column].definition
+            before = float(definition.from_unit(unit_from_normal(z[0, [column]]))[0])
+            own = unknowns.deviation_columns(column)
+            factor = np.sqrt(np.mean(z[0, own] ** 2 + variances[own]))
+            after = float(np.clip(before * factor, definition.lower, definition.upper))
+            z[0, column] = _quantile(float(definition.to_unit(np.array(after))))
             changes.append(abs(after / before - 1.0))
-        z, _ = minimise(residuals, z, prior, frozen)
+        points = minimise(residuals, z, prior, unknowns.scatter_columns)
         if max(changes) < _SETTINGS.settled:
             break
-    return z
+    return points

@@ -27,6 +27,7 @@ def identify_series(
     method: Method = "posterior",
     *,
     samples: int = 400,
+    model_error: float | None = None,
     seed: int | None = None,
     plugins: PluginPaths = (),
     progress: Progress | bool | None = None,
@@ -40,6 +41,9 @@ def identify_series(
         The fit with samples, intervals and verdicts; or the least-squares fit alone.
     samples : int
         Number of searches, each for one sample, for "posterior".
+    model_error : float, optional
+        Relative error of natural frequencies that the models are allowed, 0 for exact ones; by default the one that
+        each test shows.
     seed : int, optional
         That of the description by default.
     plugins : path or iterable of paths
@@ -67,7 +71,7 @@ def identify_series(
     described = series if isinstance(series, SeriesDescription) else read_series(series, plugins=plugins)
     seed = described.seed if seed is None else seed
     with one_blas_thread(), progress_reporter(progress) as report, logged(__name__, f"series {described.name}"):
-        tests = fit_tests(described, seed=seed, progress=report)
+        tests = fit_tests(described, model_error=model_error, seed=seed, progress=report)
         unknowns = SeriesUnknowns(described)
         fit = fit_series(unknowns, tests, progress=report)
         if method == "refined":

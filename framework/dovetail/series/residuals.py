@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.inference.posterior.likelihood import squared_norms
+from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints
 from dovetail.problem.least_squares import Linearisation, SumOfSquares
 from dovetail.series.arrow import ArrowMatrix, arrow_vector
 from dovetail.series.unknowns import SeriesUnknowns
@@ -17,49 +19,12 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class SeriesPoints:
-    """Points of the unknowns with the residuals of each test, and their derivatives.
-
-    Parameters
-    ----------
-    z : (n, d) array
-    residuals : list of (n, m_k) arrays
-    jacobians : list of (n, g + l_k, m_k) arrays
-        Derivatives by the shared unknowns and those of the test.
-    """
-
-    z: Array
-    residuals: Sequence[Array]
-    jacobians: Sequence[Array]
-
-    @property
-    def squares(self) -> Array:
-        """(n,) sums of the squared residuals of all tests."""
-        return np.asarray(sum(squared_norms(part) for part in self.residuals))
-
-    def at_rows(self, rows: NDArray[np.intp]) -> SeriesPoints:
-        """Return copies of some of the points."""
-        return SeriesPoints(self.z[rows], [one[rows] for one in self.residuals], [one[rows] for one in self.jacobians])
-
-    def overwrite(self, rows: NDArray[np.intp], others: SeriesPoints) -> None:
-        """Overwrite the points in `rows` by as many others."""
-        self.z[rows] = others.z
-        for mine, theirs in zip(
-            (*self.residuals, *self.jacobians), (*others.residuals, *others.jacobians), strict=True
-        ):
-            mine[rows] = theirs
-
-    @staticmethod
-    def joined(parts: Sequence[SeriesPoints]) -> SeriesPoints:
-        """Return all points of several sets."""
-        residuals = [np.concatenate(each) for each in zip(*(part.residuals for part in parts), strict=True)]
-        jacobians = [np.concatenate(each) for each in zip(*(part.jacobians for part in parts), strict=True)]
-        return SeriesPoints(np.concatenate([part.z for part in parts]), residuals, jacobians)
-
-
-@dataclass(frozen=True, eq=False)
 class SeriesResiduals:
     """Residuals of the tests as functions of all unknowns z, which have standard normal priors.
+
+    The residuals of a point are ``[z, r]``, with those of all tests one after another in r. Their derivatives are kept
+    in a compact form, (n, w, m): a row for each shared unknown, then one for each unknown of the test to which a
+    residual belongs, filled up with zeros where a test has fewer.
 
     Parameters
     ----------
@@ -76,42 +41,65 @@ class SeriesResiduals:
         """Number of unknowns that the tests have in common."""
         return len(self.unknowns.shared)
 
+    @cached_property
+    def _columns(self) -> list[slice]:
+        """The residuals of each test among those of all."""
+        middles = self.fractions(np.zeros((1, self.unknowns.count)))
+        pairs = zip(self.misfits, middles, strict=True)
+        ends = np.cumsum([0, *(misfit.residuals(middle).shape[1] for misfit, middle in pairs)])
+        return [slice(first, last) for first, last in pairwise(ends.tolist())]
+
     def fractions(self, z: Array) -> list[Array]:
         """Return the parameters (n, p_k) of each test in fractions of their ranges."""
         return [one.fractions(self.unknowns.of_test(k, z)) for k, one in enumerate(self.unknowns.maps)]
 
-    def residuals(self, z: Array) -> list[Array]:
-        """Return the residuals (n, m_k) of each test."""
+    def of_tests(self, residuals: Array) -> list[Array]:
+        """Return the residuals (n, m_k) of each test, of all residuals ``[z, r]`` (n, d + m)."""
+        measured = residuals[:, self.unknowns.count :]
+        return [measured[:, columns] for columns in self._columns]
+
+    def jacobians(self, jacobian: Array) -> list[Array]:
+        """Return the derivatives (n, g + l_k, m_k) of each test's residuals, of the compact ones of all (n, w, m)."""
+        pairs = zip(self.unknowns.maps, self._columns, strict=True)
+        return [jacobian[:, : one.shared + one.own, columns] for one, columns in pairs]
+
+    def residuals(self, z: Array) -> Array:
+        """Return the residuals ``[z, r]`` (n, d + m) at z (n, d)."""
         pairs = zip(self.misfits, self.fractions(z), strict=True)
-        return [misfit.residuals(fraction) for misfit, fraction in pairs]
+        return np.concatenate([z, *(misfit.residuals(fraction) for misfit, fraction in pairs)], axis=1)
 
-    def linearise(self, z: Array) -> SeriesPoints:
+    def linearise(self, z: Array) -> LinearisedPoints:
         """Return residuals and derivatives at z (n, d)."""
-        residuals, jacobians = [], []
-        for index, (misfit, test_map) in enumerate(zip(self.misfits, self.unknowns.maps, strict=True)):
-            fractions, slopes = test_map.linearise(self.unknowns.of_test(index, z))
-            there = misfit.linearise(fractions)
-            residuals.append(there.residuals)
-            jacobians.append(np.swapaxes(slopes, 1, 2) @ there.jacobian)
-        return SeriesPoints(z, residuals, jacobians)
+        size, columns = max(one.shared + one.own for one in self.unknowns.maps), self._columns
+        residuals = np.empty((len(z), z.shape[1] + columns[-1].stop))
+        jacobian = np.zeros((len(z), size, columns[-1].stop))
+        residuals[:, : z.shape[1]] = z
+        parts = zip(self.of_tests(residuals), self.jacobians(jacobian), strict=True)
+        for index, (of_test, slopes_of_test) in enumerate(parts):
+            fractions, slopes = self.unknowns.maps[index].linearise(self.unknowns.of_test(index, z))
+            there = self.misfits[index].linearise(fractions)
+            of_test[:] = there.residuals
+            np.matmul(np.swapaxes(slopes, 1, 2), there.jacobian, out=slopes_of_test)
+        return LinearisedPoints(z, residuals, jacobian)
 
-    def normal_equations(self, points: SeriesPoints, prior: Array) -> tuple[ArrowMatrix, Array]:
-        """Return the Gauss-Newton matrices and gradients (n, d) of half the sums of squares.
+    def products(self, left: Array, right: Array, diagonal: Array) -> ArrowMatrix:
+        """Return the products of compact derivatives (n, w, m) and transposed ones, plus a diagonal (n, d)."""
+        pairs = zip(self.jacobians(left), self.jacobians(right), strict=True)
+        return ArrowMatrix.added(diagonal, [one @ np.swapaxes(other, 1, 2) for one, other in pairs], self.shared)
 
-        Parameters
-        ----------
-        points : SeriesPoints
-        prior : (d,) array
-            Weight of each unknown's square among the squares: 1 with its prior, 0 without.
-        """
-        products = [one @ np.swapaxes(one, 1, 2) for one in points.jacobians]
-        vectors = [
-            (one @ part[:, :, np.newaxis])[:, :, 0]
-            for one, part in zip(points.jacobians, points.residuals, strict=True)
-        ]
-        diagonal = np.broadcast_to(prior, points.z.shape)
-        matrix = ArrowMatrix.added(diagonal, products, self.shared)
-        return matrix, arrow_vector(vectors, self.shared) + prior * points.z
+    def gradient(self, jacobian: Array, residuals: Array, prior: Array | float = 1.0) -> Array:
+        """Return J^T r (n, d), with the derivatives of the tests' residuals and a weight of the prior."""
+        pairs = zip(self.jacobians(jacobian), self.of_tests(residuals), strict=True)
+        parts = [(one @ part[:, :, np.newaxis])[:, :, 0] for one, part in pairs]
+        return arrow_vector(parts, self.shared) + prior * residuals[:, : self.unknowns.count]
+
+    def without_rows(self, jacobian: Array, held: Sequence[int]) -> Array:
+        """Return compact derivatives (n, w, m) with those by some shared unknowns replaced by 0."""
+        if not len(held):
+            return jacobian
+        others = jacobian.copy()
+        others[:, list(held)] = 0.0
+        return others
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,24 +5,23 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.inference.posterior import ModelError, Posterior
-from dovetail.inference.posterior.likelihood import (
-    Likelihood,
-    ReducedResiduals,
-    squared_norms,
-    unit_from_normal,
-)
+from dovetail.inference.posterior.likelihood import ReducedResiduals, squared_norms, unit_from_normal
+from dovetail.inference.posterior.metropolis import decorrelate
+from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints
 from dovetail.inference.posterior.verdicts import drawn_by_weight, effective_sample_size
 from dovetail.interfaces import Progress, logged, silent
 from dovetail.series.fitted_tests import FittedTest
-from dovetail.series.fitting import SeriesFit, minimise
-from dovetail.series.residuals import SeriesPoints, SeriesResiduals
-from dovetail.series.tangent_map import ArrowTangentMap, metropolis_step
+from dovetail.series.fitting import SeriesFit, minimise, normal_equations
+from dovetail.series.residuals import SeriesResiduals
+from dovetail.series.scatter import ScatterProposal, conditional_modes
+from dovetail.series.tangent_map import ArrowTangentMap
 from dovetail.series.unknowns import SeriesUnknowns
 
 Array = NDArray[np.float64]
@@ -42,18 +41,16 @@ class Settings:
     """Chi-squared of a test above the smallest up to which its residuals have to be accurate."""
     most_snapshots: int = 400
     """Number of FRFs of a test, the latest ones, from which its residuals are reduced."""
-    batch: int = 100
+    batch: int = 200
     """Searches at a time."""
+    iterations: int = 60
+    """Largest number of iterations of the search for one sample, as for one measurement."""
     even_weights: float = 0.4
     """Effective samples over searches above which samples need no Metropolis steps."""
+    fewest_effective: float = 50.0
+    """Effective sample size below which the ends of the intervals are rough."""
     clipped: float = 0.975
     """Quantile at which weights are clipped before samples are moved."""
-    moves: int = 8
-    """Largest number of Metropolis steps."""
-    remaining: float = 0.1
-    """Correlation with the start below which moved samples count as independent."""
-    moved_at_once: int = 50
-    """Samples that are moved together: each has derivatives of its own."""
 
 
 _SETTINGS = Settings()
@@ -69,12 +66,14 @@ class SeriesPosterior:
         Normal quantiles of the unknowns' priors.
     weight : (n,) array
         Sums to 1.
-    shared : Posterior
-        Of the unknowns that the tests have in common.
+    shared : Posterior or None
+        Of the unknowns that the tests have in common, if there are any.
     tests : tuple of Posterior
         Of the parameters of each test.
     log_evidence, log_evidence_error : float
         Logarithm of the marginal likelihood [with the constants of the measurements], and its standard error.
+    effective_sample_size : float
+        Number of independent samples of equal weight with the same information (Kish).
     search_efficiency : float
         Effective sample size of the weights of the searches, over their number.
     searches : int
@@ -83,30 +82,26 @@ class SeriesPosterior:
 
     z: Array
     weight: Array
-    shared: Posterior
+    shared: Posterior | None
     tests: tuple[Posterior, ...]
     log_evidence: float
     log_evidence_error: float
+    effective_sample_size: float
     search_efficiency: float
     searches: int
     seconds: float
 
     @property
-    def effective_sample_size(self) -> float:
-        """Number of independent samples of equal weight with the same information (Kish)."""
-        return float(1.0 / np.sum(self.weight**2))
-
-    @property
     def warnings(self) -> tuple[str, ...]:
         """What a reader of the intervals must know."""
         size = self.effective_sample_size
-        if size >= 50.0:
+        if size >= _SETTINGS.fewest_effective:
             return ()
         return (f"The effective sample size is only {size:.0f}: the ends of the intervals are rough.",)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the samples and their quality as plain values for JSON."""
-        theta = {name: self.shared.theta[:, column].tolist() for column, name in enumerate(self.shared.names)}
+        shared = () if self.shared is None else zip(self.shared.names, self.shared.theta.T.tolist(), strict=True)
         return {
             "effective_samples": self.effective_sample_size,
             "search_efficiency": self.search_efficiency,
@@ -114,7 +109,7 @@ class SeriesPosterior:
             "log_evidence_error": self.log_evidence_error,
             "seconds": self.seconds,
             "weight": self.weight.tolist(),
-            "unknowns": theta,
+            "unknowns": dict(shared),
         }
 
 
@@ -151,14 +146,16 @@ def sample_series(
         sampler = _Sampler(unknowns, tests, fit, np.random.default_rng([seed, 21]), progress)
         points, log_weight = sampler.search(samples)
         evidence = _evidence(log_weight, samples, sampler.log_constant)
-        efficiency = effective_sample_size(log_weight) / samples
+        effective = effective_sample_size(log_weight)
+        efficiency = effective / samples
         if efficiency < _SETTINGS.even_weights:
-            points, log_weight = sampler.move(points, log_weight, samples)
+            points, log_weight, moved = sampler.move(points, log_weight, samples)
+            effective = min(moved, effective_sample_size(log_weight))
         weight = np.exp(log_weight - log_weight.max())
         weight /= weight.sum()
         seconds = time.perf_counter() - began
         parts = sampler.posteriors(points.z, weight, samples, seconds)
-    return SeriesPosterior(points.z, weight, *parts, *evidence, efficiency, samples, seconds)
+    return SeriesPosterior(points.z, weight, *parts, *evidence, effective, efficiency, samples, seconds)
 
 
 class _Sampler:
@@ -175,87 +172,95 @@ class _Sampler:
         self._unknowns, self._tests, self._random, self._progress = unknowns, tests, random, progress
         self._likelihoods = [test.likelihood() for test in tests]
         self._exact = SeriesResiduals(unknowns, [one.marginalised for one in self._likelihoods])
-        self.log_constant = sum(_log_constant(one) for one in self._likelihoods)
-        ones = np.ones(unknowns.count)
-        mode, matrix = minimise(self._exact, fit.z, ones)
+        self.log_constant = sum(one.log_constant for one in self._likelihoods)
+        mode = minimise(self._exact, fit.z[np.newaxis])
+        root = normal_equations(self._exact, mode)[0]
         normal = random.standard_normal((_SETTINGS.pilots, unknowns.count))
-        scattered = mode + matrix.solve(matrix.times_root(normal))
-        self._pool = np.concatenate([mode[np.newaxis], scattered])
-        self._explore(mode)
+        self._pool = np.concatenate([mode.z, mode.z + root.solve(root.root().times(normal))])
+        self._explore(mode.z)
 
     def _explore(self, mode: Array) -> None:
         """Reduce the residuals of each test to a few lines, until they are accurate where samples are."""
         fractions = self._exact.fractions(self._pool)
         frfs = [likelihood.frf(part) for likelihood, part in zip(self._likelihoods, fractions, strict=True)]
-        origins = [part[0] for part in frfs]
+        origins, before = [part[0] for part in frfs], None
         for number in range(_SETTINGS.rounds):
             self._progress("exploration", number, _SETTINGS.rounds)
             pairs = zip(self._likelihoods, frfs, origins, strict=True)
             reduced = [ReducedResiduals(*pair) for pair in pairs]
             self.residuals = SeriesResiduals(self._unknowns, reduced)
             self._outside = [residuals.outside for residuals in reduced]
-            mode, _ = minimise(self.residuals, mode, np.ones(len(mode)))
-            self._centre = self.residuals.linearise(mode[np.newaxis])
-            self._map = ArrowTangentMap(self.residuals, self._centre.jacobians)
-            target = self._map.covariance.times_root(self._random.standard_normal((_SETTINGS.pilots, len(mode))))
-            pilots, converged = self._map.solve(target, self._repeated(len(target)))
-            self._pool = np.concatenate([self._pool, pilots.z[converged]])[-_SETTINGS.most_snapshots :]
+            self._mode = minimise(self.residuals, mode)
+            mode = self._mode.z
+            self._scatter = ScatterProposal.near(self.residuals, mode[0], self._random, before)
+            before = self._scatter
+            pilots, _ = self._searched(_SETTINGS.pilots)
+            self._pool = np.concatenate([self._pool, pilots.z])[-_SETTINGS.most_snapshots :]
             frfs, error = self._with_pilots(frfs, pilots)
             if number >= 1 and error < _SETTINGS.reduction_error:
                 break
 
-    def _repeated(self, count: int) -> SeriesPoints:
-        return self._centre.at_rows(np.zeros(count, dtype=np.intp))
-
     def _with_pilots(
-        self, frfs: list[NDArray[np.complex128]], pilots: SeriesPoints
+        self, frfs: list[NDArray[np.complex128]], pilots: LinearisedPoints
     ) -> tuple[list[NDArray[np.complex128]], float]:
         """Add the FRFs at pilots to those of each test; return the largest error of a reduced chi-squared too."""
-        worst, extended = 0.0, []
+        worst, extended, on_few = 0.0, [], self.residuals.of_tests(pilots.residuals)
         for index, fractions in enumerate(self._exact.fractions(pilots.z)):
             likelihood, values = self._likelihoods[index], self._likelihoods[index].frf(fractions)
-            squares = -2.0 * likelihood.log(fractions)
-            on_few = squared_norms(pilots.residuals[index]) + self._outside[index]
+            squares = likelihood.marginalised.squares(likelihood.residual.of(values))
             near = squares <= squares.min() + _SETTINGS.region
-            worst = max(worst, float(np.abs(on_few - squares)[near].max()))
+            error = np.abs(squared_norms(on_few[index]) + self._outside[index] - squares)
+            worst = max(worst, float(error[near].max()))
             extended.append(np.concatenate([frfs[index], values])[-_SETTINGS.most_snapshots :])
         return extended, worst
 
-    def search(self, count: int) -> tuple[SeriesPoints, Array]:
+    def _searched(self, count: int) -> tuple[LinearisedPoints, Array]:
+        """Return the ends of the searches for samples that converged, and the logarithms of their density."""
+        target = self._random.standard_normal((count, self._unknowns.count))
+        held = self._scatter.columns
+        if held:
+            target[:, held] = self._scatter.draw(count, self._random)
+            start = conditional_modes(self.residuals, self._mode.z[0], held, target[:, held])
+            tangent_map = ArrowTangentMap(self.residuals, start, held)
+        else:
+            tangent_map = ArrowTangentMap(self.residuals, self._mode)
+            pool = self.residuals.linearise(self._pool)
+            components = tangent_map.components(pool.residuals)
+            distance = squared_norms(components) - 2.0 * target @ components.T
+            start = pool.at_rows(np.argmin(distance, axis=1))
+        ends, converged = tangent_map.solve(target, start, _SETTINGS.iterations)
+        rows = np.flatnonzero(converged)
+        ends, tangent_map = ends.at_rows(rows), tangent_map.at_rows(rows)
+        return ends, tangent_map.log_density(ends) + self._scatter.log_ratio(ends.z[:, held])
+
+    def search(self, count: int) -> tuple[LinearisedPoints, Array]:
         """Return the ends of the searches that converged, and the logarithms of their weights with all lines."""
         batches, weights = [], []
-        pool = self.residuals.linearise(self._pool)
-        images = self._map.image(pool.z, pool.residuals)
-        whitened = self._map.covariance.solve(images)
         for first in range(0, count, _SETTINGS.batch):
             self._progress("samples", first, count)
-            size = min(_SETTINGS.batch, count - first)
-            target = self._map.covariance.times_root(self._random.standard_normal((size, pool.z.shape[1])))
-            distance = np.sum(images * whitened, axis=1) - 2.0 * target @ whitened.T
-            ends, converged = self._map.solve(target, pool.at_rows(np.argmin(distance, axis=1)))
-            ends = ends.at_rows(np.flatnonzero(converged))
+            ends, log_density = self._searched(min(_SETTINGS.batch, count - first))
             batches.append(ends)
-            weights.append(self._log_posterior(ends.z) - self._map.log_density(ends))
+            weights.append(self._log_posterior(ends.z) - log_density)
         self._progress("samples", count, count)
-        return SeriesPoints.joined(batches), np.concatenate(weights)
+        return LinearisedPoints.joined(batches), np.concatenate(weights)
 
-    def move(self, points: SeriesPoints, log_weight: Array, count: int) -> tuple[SeriesPoints, Array]:
-        """Return samples drawn by weight and moved by Metropolis steps, and the logarithms of their new weights."""
+    def move(self, points: LinearisedPoints, log_weight: Array, count: int) -> tuple[LinearisedPoints, Array, float]:
+        """Move samples drawn by weight by Metropolis steps.
+
+        Returns
+        -------
+        LinearisedPoints
+        (n,) array
+            Logarithms of the new weights.
+        float
+            Effective number of samples, if few of the steps were accepted: between that of the starts and `count`.
+        """
         clipped = np.minimum(log_weight, np.quantile(log_weight, _SETTINGS.clipped))
         chosen = drawn_by_weight(np.exp(clipped - clipped.max()), count, self._random)
-        moved = []
-        for first in range(0, count, _SETTINGS.moved_at_once):
-            self._progress("independence", first, count)
-            part, correlation = points.at_rows(chosen[first : first + _SETTINGS.moved_at_once]), 1.0
-            for _ in range(_SETTINGS.moves):
-                part, acceptance = metropolis_step(self.residuals, part, self._random)
-                correlation *= 1.0 - 0.4 * acceptance
-                if correlation < _SETTINGS.remaining:
-                    break
-            moved.append(part)
-        ends = SeriesPoints.joined(moved)
-        on_few = -(squared_norms(ends.z) + ends.squares + sum(self._outside)) / 2.0
-        return ends, self._log_posterior(ends.z) - on_few
+        map_at = partial(ArrowTangentMap, self.residuals)
+        ends, correlation = decorrelate(map_at, points.at_rows(chosen), self._random, self._progress)
+        size = 1.0 / (correlation**2 / effective_sample_size(clipped) + (1.0 - correlation**2) / count)
+        return ends, self._log_posterior(ends.z) - ends.log_posterior + sum(self._outside) / 2.0, size
 
     def _log_posterior(self, z: Array) -> Array:
         """Return the log density (n,), up to a constant, of z (n, d), from all lines of all tests."""
@@ -264,17 +269,18 @@ class _Sampler:
 
     def posteriors(
         self, z: Array, weight: Array, searches: int, seconds: float
-    ) -> tuple[Posterior, tuple[Posterior, ...]]:
+    ) -> tuple[Posterior | None, tuple[Posterior, ...]]:
         """Return the posteriors of the unknowns of the series, and of the parameters of each test."""
         known: Mapping[str, Any] = {"searches": searches, "seconds": seconds}
         definitions = [unknown.definition for unknown in self._unknowns.shared]
-        shared = Posterior.from_fractions(
-            definitions,
-            unit_from_normal(z[:, : len(definitions)]),
-            weight,
-            model_error=ModelError(0.0),
-            lines=sum(sum(one.model.counts) for one in self._likelihoods),
-            **known,
+        lines = sum(sum(one.model.counts) for one in self._likelihoods)
+        fractions_of_shared = unit_from_normal(z[:, : len(definitions)])
+        shared = (
+            Posterior.from_fractions(
+                definitions, fractions_of_shared, weight, model_error=ModelError(0.0), lines=lines, **known
+            )
+            if definitions
+            else None
         )
         tests = tuple(
             Posterior.from_fractions(
@@ -290,13 +296,6 @@ class _Sampler:
             )
         )
         return shared, tests
-
-
-def _log_constant(likelihood: Likelihood) -> float:
-    """Return the constant of a log-likelihood: the normalisation of random errors and errors of the model."""
-    errors = likelihood.errors
-    inner = np.linalg.slogdet(np.eye(len(errors)) + errors @ errors.T)[1] if len(errors) else 0.0
-    return float(-inner / 2.0 - np.sum(np.log(likelihood.variance)))
 
 
 def _evidence(log_weight: Array, searches: int, constant: float) -> tuple[float, float]:

@@ -232,6 +232,22 @@ class SeriesUnknowns:
         ends = np.cumsum([len(self.shared), *map(len, self.own)]).tolist()
         return [slice(first, last) for first, last in itertools.pairwise(ends)]
 
+    @cached_property
+    def scatter_columns(self) -> list[int]:
+        """The columns of the standard deviations from test to test."""
+        return [column for column, one in enumerate(self.shared) if one.kind == "scatter"]
+
+    def deviation_columns(self, scatter: int) -> list[int]:
+        """Return the columns of the tests' deviations whose standard deviation is in the column `scatter`."""
+        parameter = self.shared[scatter].parameter
+        pairs = zip(self.columns, self.own, strict=True)
+        return [
+            columns.start + place
+            for columns, own in pairs
+            for place, one in enumerate(own)
+            if one.kind == "deviation" and one.parameter == parameter
+        ]
+
     def of_test(self, index: int, z: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the unknowns (n, shared + own) on which a test depends, of all (n, count)."""
         return np.concatenate([z[:, : len(self.shared)], z[:, self.columns[index]]], axis=1)

@@ -175,6 +175,12 @@ class AveragedResiduals:
         other._factor = self._factor_with(deviation)
         return other
 
+    @property
+    def log_scale(self) -> float:
+        """Logarithm of the residuals' density where they are 0, as a density of the averages of the measured values."""
+        parts = 2.0 if self._has_phase else 1.0
+        return -parts * float(np.sum(np.log(self._factor[0])) + len(self._factor[0]) * np.log(2.0 * np.pi) / 2.0)
+
     def _factor_with(self, deviation: NDArray[np.float64]) -> NDArray[np.float64]:
         of_error = (self._of_used @ deviation[self._used]) ** 2
         return _cholesky(self._of_used, self._variance / 2.0, of_error / 2.0)

@@ -108,6 +108,13 @@ class Likelihood:
         squares = [self.marginalised.squares(self.misfit.residuals(block)) for block in blocks]
         return np.asarray(-np.concatenate(squares) / 2.0)
 
+    @cached_property
+    def log_constant(self) -> float:
+        """What `log` leaves out: the normalisation of the random errors and of the errors of the model."""
+        assert isinstance(self.residual, StackedResiduals)
+        inner = np.linalg.slogdet(np.eye(len(self.errors)) + self.errors @ self.errors.T)[1]
+        return float(self.residual.log_scale - inner / 2.0)
+
 
 def build_likelihood(problem: Problem, fit: Fit, model_error: ModelError) -> Likelihood:
     """Weight a measurement by its random error and by the errors that the model is allowed.

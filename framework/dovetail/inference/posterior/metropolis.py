@@ -8,12 +8,14 @@ determinant. A proposal whose reverse does not return, because the map folds ove
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.inference.posterior.likelihood import PosteriorResiduals, squared_norms
+from dovetail.inference.posterior.likelihood import squared_norms
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, TangentSearches
 from dovetail.interfaces import NO_LIMIT, Progress, TimeLimit, silent
 
@@ -36,18 +38,28 @@ class Settings:
 
 _SETTINGS = Settings()
 
+MapAt: TypeAlias = Callable[[LinearisedPoints], TangentMap]
+"""Makes the tangent map of a posterior that is anchored at points, one for each."""
+
 
 def decorrelate(
-    posterior: PosteriorResiduals,
+    map_at: MapAt,
     points: LinearisedPoints,
     random: np.random.Generator,
     progress: Progress = silent,
     limit: TimeLimit = NO_LIMIT,
-) -> LinearisedPoints:
-    """Move points by Metropolis steps until they are independent of their starts, or time is over."""
+) -> tuple[LinearisedPoints, float]:
+    """Move points by Metropolis steps until they are independent of their starts, or time is over.
+
+    Returns
+    -------
+    LinearisedPoints
+    float
+        Correlation with their starts that remains, from the fraction of the steps that were accepted.
+    """
     fewest, most = _SETTINGS.steps
     progress("independence", 0, most)
-    points, acceptance = metropolis_steps(posterior, points, random, fewest, limit)
+    points, acceptance = metropolis_steps(map_at, points, random, fewest, limit)
     of_one = 1.0 - (1.0 - _SETTINGS.correlation) * acceptance
     needed = np.log(_SETTINGS.remaining_correlation) / np.log(min(of_one, 1.0 - 1e-6))
     further = int(min(np.ceil(needed), most)) - fewest
@@ -55,12 +67,13 @@ def decorrelate(
         limit.leave_out("steps that make samples independent")
     elif further > 0:
         progress("independence", fewest, fewest + further)
-        points, _ = metropolis_steps(posterior, points, random, further, limit)
-    return points
+        points, _ = metropolis_steps(map_at, points, random, further, limit)
+        return points, float(of_one ** (fewest + further))
+    return points, float(of_one**fewest)
 
 
 def metropolis_steps(
-    posterior: PosteriorResiduals,
+    map_at: MapAt,
     points: LinearisedPoints,
     random: np.random.Generator,
     steps: int,
@@ -70,7 +83,7 @@ def metropolis_steps(
 
     Parameters
     ----------
-    posterior : PosteriorResiduals
+    map_at : callable
     points : LinearisedPoints
     random : numpy.random.Generator
     steps : int
@@ -84,7 +97,7 @@ def metropolis_steps(
     float
         Fraction of the steps that were accepted.
     """
-    walk = _Walk(posterior, points, random, steps)
+    walk = _Walk(map_at, points, random, steps)
     walk.run(limit)
     return walk.points, walk.accepted / (steps * len(points.z))
 
@@ -97,7 +110,7 @@ class _Walk:
 
     Parameters
     ----------
-    posterior, points, random, steps
+    map_at, points, random, steps
         As in `metropolis_steps`.
 
     Attributes
@@ -108,14 +121,12 @@ class _Walk:
         Number of accepted steps.
     """
 
-    def __init__(
-        self, posterior: PosteriorResiduals, points: LinearisedPoints, random: np.random.Generator, steps: int
-    ) -> None:
+    def __init__(self, map_at: MapAt, points: LinearisedPoints, random: np.random.Generator, steps: int) -> None:
         shape = (steps, *points.z.shape)
         self._drawn, self._levels = random.standard_normal(shape), np.log(random.random(shape[:2]))
-        self._posterior, self._steps = posterior, steps
+        self._map_at, self._steps = map_at, steps
         self.points, self._proposed, self.accepted = points.copy(), points.copy(), 0
-        self._maps = TangentMap(posterior, points)  # anchored at the points
+        self._maps = map_at(points)  # anchored at the points
         rows = np.arange(len(points.z))
         self._taken, self._returning = np.zeros(len(rows), dtype=np.int64), np.zeros(len(rows), dtype=np.bool_)
         self._searches = TangentSearches(self._maps.at_rows(rows), self._targets(rows), points, _SETTINGS.iterations)
@@ -152,7 +163,7 @@ class _Walk:
         if not len(rows):
             return rows
         start, end, forth = self.points.at_rows(rows), self._searches.ends.at_rows(rows), self._maps.at_rows(rows)
-        back = TangentMap(self._posterior, end)
+        back = self._map_at(end)
         log_ratio = end.log_posterior - start.log_posterior
         log_ratio += _log_proposal(back, end, start) - _log_proposal(forth, start, end)
         accepted = np.flatnonzero(self._levels[self._taken[rows], rows] < log_ratio)
@@ -168,7 +179,7 @@ class _Walk:
         moved = rows[self._searches.converged[rows] & (distance < _SETTINGS.return_distance)]
         if len(moved):
             self.points.overwrite(moved, self._proposed.at_rows(moved))
-            self._maps.overwrite(moved, TangentMap(self._posterior, self.points.at_rows(moved)))
+            self._maps.overwrite(moved, self._map_at(self.points.at_rows(moved)))
             self.accepted += len(moved)
 
 

@@ -12,7 +12,7 @@ distributions in nonlinear inverse problems, SIAM J. Sci. Comput. 36 (2014) A189
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass
 from typing import Any
@@ -184,15 +184,47 @@ class TangentMap:
         diagonal = np.einsum("ndd->nd", matrix).copy()
         np.einsum("ndd->nd", matrix)[:] += damping[:, np.newaxis] * diagonal
         to_step = -np.linalg.solve(matrix, along)
-        velocity = _multiply(to_step, error)
-        longest = np.abs(velocity).max(axis=1)
-        velocity *= np.minimum(1.0, _SETTINGS.longest_step / np.maximum(longest, np.finfo(float).tiny))[:, np.newaxis]
-        probed = self._posterior.residuals(points.z[rows] + _SETTINGS.probe * velocity)
-        change = (self.along(probed, rows) - target - error) / _SETTINGS.probe
-        bend = 2.0 / _SETTINGS.probe * (change - _multiply(along.transpose(0, 2, 1), velocity))
-        acceleration = _multiply(to_step, bend)
-        lengths = [np.einsum("nd,nd->n", diagonal, vector**2) for vector in (acceleration, velocity)]
-        return velocity + acceleration / 2.0, lengths[0] <= _SETTINGS.largest_bend**2 * lengths[1]
+        return bent_step(
+            to_step=lambda change: _multiply(to_step, change),
+            linear=lambda step: _multiply(along.transpose(0, 2, 1), step),
+            components=lambda z: self.along(self._posterior.residuals(z), rows) - target,
+            z=points.z[rows],
+            error=error,
+            diagonal=diagonal,
+        )
+
+
+def bent_step(
+    *,
+    to_step: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    linear: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    components: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    z: NDArray[np.float64],
+    error: NDArray[np.float64],
+    diagonal: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Return damped steps with half their geodesic acceleration, and which of them may be trusted.
+
+    Parameters
+    ----------
+    to_step : callable
+        Takes changes of the components (n, d) to the damped steps (n, d) that remove them.
+    linear : callable
+        Takes steps to the linear changes of the components.
+    components : callable
+        The difference of the components at points (n, d) from their targets.
+    z, error : (n, d) arrays
+        Where the steps begin, and this difference there.
+    diagonal : (n, d) array
+        Squared scale of each coordinate, for the lengths of steps.
+    """
+    velocity = to_step(error)
+    longest = np.abs(velocity).max(axis=1)
+    velocity *= np.minimum(1.0, _SETTINGS.longest_step / np.maximum(longest, np.finfo(float).tiny))[:, np.newaxis]
+    change = (components(z + _SETTINGS.probe * velocity) - error) / _SETTINGS.probe
+    acceleration = to_step(2.0 / _SETTINGS.probe * (change - linear(velocity)))
+    lengths = [np.einsum("nd,nd->n", diagonal, vector**2) for vector in (acceleration, velocity)]
+    return velocity + acceleration / 2.0, lengths[0] <= _SETTINGS.largest_bend**2 * lengths[1]
 
 
 class TangentSearches:

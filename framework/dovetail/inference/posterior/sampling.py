@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -325,7 +326,7 @@ class _Sampler:
             z, log_weight = self._mode, np.zeros(1)
         chosen = drawn_by_weight(_clipped(log_weight, count), count, self._random)
         start = LinearisedPoints.at(self._posterior, z[chosen])
-        return decorrelate(self._posterior, start, self._random, self._progress, self._limit)
+        return decorrelate(partial(TangentMap, self._posterior), start, self._random, self._progress, self._limit)[0]
 
     def _log_posterior(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the log density (n,), up to a constant, of z (n, p), from all lines."""
@@ -360,7 +361,11 @@ def _draw(
     points, log_weight = points.at_rows(order), log_weight[order]
     if effective_sample_size(log_weight) < _SETTINGS.even_weights * count:
         chosen = drawn_by_weight(_clipped(log_weight, count), count, random)
-        return decorrelate(posterior, points.at_rows(chosen), random).z, np.zeros(count), converged
+        return (
+            decorrelate(partial(TangentMap, posterior), points.at_rows(chosen), random)[0].z,
+            np.zeros(count),
+            converged,
+        )
     return points.z, log_weight, converged
 
 
