@@ -146,7 +146,7 @@ class ArrowRoot:
     blocks: Sequence[Array]
 
     @property
-    def parts(self) -> tuple[Array, ...]:
+    def arrays(self) -> tuple[Array, ...]:
         """All arrays."""
         return (self.border, *self.coupling, *self.blocks)
 

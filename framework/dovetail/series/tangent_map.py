@@ -59,7 +59,7 @@ class ArrowTangentMap(TangentMap):
         """Overwrite the tangents of `rows` by as many others."""
         assert isinstance(others, ArrowTangentMap)
         self._jacobian[rows], self._diagonal[rows] = others._jacobian, others._diagonal
-        for mine, theirs in zip(self._root.parts, others._root.parts, strict=True):
+        for mine, theirs in zip(self._root.arrays, others._root.arrays, strict=True):
             mine[rows] = theirs
 
     def tried(self, z: Array) -> LinearisedPoints:
