@@ -61,7 +61,6 @@ from .inference.adequacy.assess import JudgementOptions as JudgementOptions
 from .inference.adequacy.assess import judge as judge
 from .inference.fitting import multistart as multistart
 from .inference.fitting import refine as refine
-from .inference.fitting.fit import allow_for_unknown_noise as allow_for_unknown_noise
 from .inference.posterior import laplace_posterior as laplace_posterior
 from .inference.posterior import sample_posterior as sample_posterior
 from .interfaces import INTERFACE_VERSION as INTERFACE_VERSION

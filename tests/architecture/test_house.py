@@ -16,7 +16,7 @@ LONGEST_FUNCTION = 63
 LARGEST_SHARE = 0.18
 """Largest share of the code that one package of the framework may hold."""
 
-MOST_STOPS, MOST_RETURNS, MOST_SEPARATE = 19, 9, 8
+MOST_STOPS, MOST_RETURNS, MOST_SEPARATE = 15, 2, 8
 """Modules that a measurement enters, returns to a module that it had left, and functions with both as parameters."""
 
 

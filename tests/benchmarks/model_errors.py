@@ -43,6 +43,7 @@ from wrong_structures import ALTERATIONS, KINDS, SCALED, Poles, altered, dampers
 import dovetail
 from dovetail.inference.adequacy.assess import is_noise
 from dovetail.inference.adequacy.causes import CAUSE_SECONDS
+from dovetail.inference.adequacy.error_effects import ErrorEffects
 from dovetail.inference.adequacy.model_error_size import estimate_model_error, fit_with_error
 from dovetail.inference.adequacy.verdict import Adequacy, word_for
 from dovetail.inference.fitting import Fit, fit_at, refine
@@ -218,7 +219,7 @@ def told_of(assembly: dovetail.Assembly, measured: dovetail.Frf, fit: Fit) -> tu
     problem = Problem.of(assembly, measured)
     if is_noise(problem, fit):
         return Adequacy("to the noise"), fit
-    found = estimate_model_error(problem, fit)
+    found = estimate_model_error(ErrorEffects(problem, fit))
     refitted = replace(fit, theta=assembly.from_unit(found.fraction), information=found.information)
     return Adequacy(word_for(found.size), found.size), refitted
 
@@ -229,7 +230,7 @@ def best_fit_with_error(
     """Return the parameters that fit best from the true ones, if errors of the known size are allowed."""
     problem = Problem.of(assembly, exact)
     start = replace(fit_at(problem, assembly.to_unit(theta)), variance=exact.variance)
-    return assembly.from_unit(fit_with_error(problem, start, typical_model_error(known)).fraction)
+    return assembly.from_unit(fit_with_error(ErrorEffects(problem, start), typical_model_error(known)).fraction)
 
 
 def _intervals(

@@ -18,7 +18,6 @@ import pytest
 
 import dovetail
 from dovetail.frf import LOW_COHERENCE, poor_bands
-from dovetail.frf.resonance_peaks import PairedPeaks
 from dovetail.inference.adequacy.resonances import lacking_resonances
 from dovetail.report.batch import write_batch
 from dovetail.report.result_files import write_results
@@ -122,10 +121,9 @@ def test_no_resonance_that_the_model_lacks_is_paired(misfit):
     for frequency in lacking[0] if lacking else ():
         assert all(abs(frequency - peak) > 5e-4 * peak for peak in paired)
     response = misfit.result.responses[0]
-    peaks = PairedPeaks.from_frfs(response.measured, response.frf)
-    assert {*paired} <= {*peaks.measured} - {*peaks.unpaired}
+    assert {*paired} <= {*response.peaks.measured} - {*response.peaks.unpaired}
     error = misfit.result.adequacy.size.natural_frequency
-    expected = lacking_resonances([peaks], [response.measured], [response.frf], error)
+    expected = lacking_resonances([response], error)
     assert [f"{frequency:.4g}" for frequency in expected[:5]] == [f"{one:.4g}" for one in (lacking or [()])[0]]
 
 

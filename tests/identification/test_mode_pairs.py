@@ -11,6 +11,7 @@ import dovetail
 from dovetail.assembly import VibrationMode
 from dovetail.frf.resonance_peaks import resonance_peaks
 from dovetail.identification.reconstruction import paired_modes, reconstruct, unpaired_peaks
+from dovetail.inference.adequacy.verdict import AtPoint
 from dovetail.problem import Problem
 from dovetail.report.content import ABSENT, mode_rows
 
@@ -35,7 +36,7 @@ def frf_of(*modes: VibrationMode) -> dovetail.Frf:
 def test_a_mode_without_motion_at_the_point_is_not_paired_with_the_peak_of_its_neighbour():
     still, moving = mode(819.0, shape=1e-3), mode(825.0)
     frf = frf_of(moving)
-    pairs = paired_modes([still, moving], (POINT, POINT), frf, frf)
+    pairs = paired_modes([still, moving], (POINT, POINT), AtPoint("part", frf, frf))
     assert pairs[0].reconstructed_peak is None
     assert pairs[1].reconstructed_peak == pytest.approx(825.0, rel=1e-3)
     assert pairs[1].measured_peak == pytest.approx(825.0, rel=1e-3)
@@ -46,7 +47,7 @@ def test_a_peak_belongs_to_the_mode_that_makes_it_even_if_another_one_is_nearer(
     maker = mode(800.0, damping=0.05)
     (peak,) = resonance_peaks(frf_of(maker))
     nearer = mode(peak, shape=0.01)
-    pairs = paired_modes([maker, nearer], (POINT, POINT), frf_of(maker), frf_of(maker))
+    pairs = paired_modes([maker, nearer], (POINT, POINT), AtPoint("part", frf_of(maker), frf_of(maker)))
     assert pairs[0].measured_peak == peak
     assert pairs[1].measured_peak is None
 
@@ -55,18 +56,18 @@ def test_a_mode_that_makes_little_of_a_peak_is_not_paired_with_it():
     """The mode that does is no mode of the model, or lies outside the band."""
     little = mode(990.0, damping=0.05, shape=0.1)
     frf = frf_of(little, mode(1000.0))
-    (pair,) = paired_modes([little], (POINT, POINT), frf, frf)
+    (pair,) = paired_modes([little], (POINT, POINT), AtPoint("part", frf, frf))
     assert pair.reconstructed_peak is None
 
 
 def test_a_measured_peak_without_mode_is_listed_with_the_reconstructed_one_near_by():
     known, further = mode(500.0), mode(1500.0)
     frf = frf_of(known, further)
-    pairs = paired_modes([known], (POINT, POINT), frf_of(known), frf)
-    (peak,) = unpaired_peaks(frf_of(known), frf, pairs)
+    pairs = paired_modes([known], (POINT, POINT), AtPoint("part", frf_of(known), frf))
+    (peak,) = unpaired_peaks(AtPoint("part", frf_of(known), frf), pairs)
     assert np.isnan(peak.natural_frequency)
     assert (peak.reconstructed_peak, peak.measured_peak) == (None, pytest.approx(1500.0, rel=1e-3))
-    (peak,) = unpaired_peaks(frf, frf, pairs)
+    (peak,) = unpaired_peaks(AtPoint("part", frf, frf), pairs)
     assert peak.reconstructed_peak == pytest.approx(1500.0, rel=1e-3)
 
 
@@ -78,8 +79,8 @@ def test_every_mode_and_every_measured_peak_is_in_the_table_once(seed):
     damping, shape = random.uniform(1e-3, 0.1, 6), random.choice([0.01, 1.0], 6)
     modes = [mode(*values) for values in zip(natural, damping, shape, strict=True)]
     measured = frf_of(*(mode(n * random.uniform(0.9, 1.1), z) for n, z in zip(natural, damping, strict=True)))
-    pairs = paired_modes(modes, (POINT, POINT), frf_of(*modes), measured)
-    rest = unpaired_peaks(frf_of(*modes), measured, pairs)
+    pairs = paired_modes(modes, (POINT, POINT), AtPoint("part", frf_of(*modes), measured))
+    rest = unpaired_peaks(AtPoint("part", frf_of(*modes), measured), pairs)
     peaks = [pair.measured_peak for pair in (*pairs, *rest) if pair.measured_peak is not None]
     assert len(pairs) == len(modes)
     assert sorted(peaks) == pytest.approx(resonance_peaks(measured))

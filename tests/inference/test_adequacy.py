@@ -14,15 +14,14 @@ import dovetail
 from dovetail.assembly import Assembly
 from dovetail.assembly.overhangs import find_overhangs
 from dovetail.cli.app import app
-from dovetail.frf.resonance_peaks import PairedPeaks
+from dovetail.frf.resonance_peaks import PairedPeaks, resonance_peaks
 from dovetail.identification.result_file import load_result
-from dovetail.inference.adequacy.found_errors import _distance_of_lost_peaks
+from dovetail.inference.adequacy.error_effects import distance_of_lost_peaks
 from dovetail.inference.adequacy.perturbations import PerturbedResiduals, list_perturbations
 from dovetail.inference.adequacy.quick_fits import LogRatio
 from dovetail.inference.adequacy.resonances import describe_lacking, lacking_resonances
-from dovetail.inference.adequacy.verdict import Adequacy, Cause, ModelError
+from dovetail.inference.adequacy.verdict import Adequacy, AtPoint, Cause, ModelError
 from dovetail.inference.fitting.whiteness import find_deviating_bands
-from dovetail.problem.observations import Observations
 from dovetail.problem.part_quantities import list_quantities
 from dovetail.problem.residuals import Weighted
 from dovetail.report.content import adequacy_sentences
@@ -313,8 +312,8 @@ def peaks(*resonances):
 def test_resonances_that_the_model_lacks_are_listed(first, second, said):
     measured = [dovetail.Frf(AXIS, peaks(*resonances), "receptance") for resonances in (first, second)]
     modelled = [dovetail.Frf(AXIS, peaks(*of), "receptance") for of in ([(100.0, 1.0), (300.0, 1.0)], [(300.0, 1.0)])]
-    paired = [PairedPeaks.from_frfs(one, other) for one, other in zip(measured, modelled, strict=True)]
-    words = [*describe_lacking(lacking_resonances(paired, measured, modelled, 0.01), measured)]
+    at_points = [AtPoint("", model, frf) for model, frf in zip(modelled, measured, strict=True)]
+    words = [*describe_lacking(lacking_resonances(at_points, 0.01), measured)]
     assert len(words) == len(said)
     assert all(word.endswith(f" {end}." if end.endswith("Hz") else end) for word, end in zip(words, said, strict=True))
 
@@ -330,8 +329,9 @@ def test_resonances_that_the_model_lacks_are_listed(first, second, said):
 )
 def test_how_far_peaks_are_from_the_model_if_most_have_no_counterpart(model, distance):
     measured = dovetail.Frf(AXIS, peaks((100.0, 1.0), (200.0, 1.0), (350.0, 1.0)), "receptance")
-    found = _distance_of_lost_peaks(Observations((measured,)), peaks(*((at, 1.0) for at in model)) + 0j * AXIS)
-    assert found == pytest.approx(distance, abs=2e-3)
+    modelled = dovetail.Frf(AXIS, peaks(*((at, 1.0) for at in model)) + 0j * AXIS, "receptance")
+    paired = PairedPeaks(resonance_peaks(measured), resonance_peaks(modelled))
+    assert distance_of_lost_peaks([paired]) == pytest.approx(distance, abs=2e-3)
 
 
 def test_a_model_that_does_not_show_which_resonance_is_which_does_not_fit(assemblies):

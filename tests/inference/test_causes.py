@@ -15,7 +15,7 @@ import pytest
 import dovetail
 from dovetail.inference.adequacy.causes import _named, find_causes
 from dovetail.inference.adequacy.perturbations import list_perturbations
-from dovetail.inference.adequacy.quick_fits import QuickFits, share_of_power_delivered
+from dovetail.inference.adequacy.quick_fits import QuickFits
 from dovetail.inference.adequacy.verdict import Cause, ModelError
 from dovetail.inference.fitting import fit_at, refine
 from dovetail.problem import Problem
@@ -479,15 +479,14 @@ def test_a_cause_is_a_sentence_with_its_figures():
 
 
 @pytest.mark.parametrize("quantity", ["receptance", "mobility", "accelerance"])
-def test_a_passive_structure_gives_out_power_only_if_sign_or_phase_are_wrong(quantity):
+def test_a_passive_structure_delivers_power_only_if_sign_or_phase_are_wrong(quantity):
     """The power is the real part of a mobility, which the conjugate has too."""
     model = chain(MASSES, ["upper"])
     genuine = noisy(model, model.frf(TRUTH), 0.02, 1).to(quantity)
 
     def delivered(values):
-        return share_of_power_delivered(
-            Problem(model, Observations((replace(genuine, values=values),))), genuine.variance
-        )
+        problem = Problem(model, Observations((replace(genuine, values=values),)))
+        return problem.power_delivered(genuine.variance)
 
     assert delivered(genuine.values) == 0.0
     assert delivered(-genuine.values) > 0.95
@@ -498,13 +497,13 @@ def test_power_is_not_judged_by_transfer_frfs_amplitudes_or_noise():
     model = chain(MASSES)
     drive_point, transfer = (noisy(alone, -alone.frf(TRUTH), 0.02, 1) for alone in model.each_response)
     variance = np.concatenate([drive_point.variance, transfer.variance])
-    assert share_of_power_delivered(Problem(model, Observations((drive_point, transfer))), variance) > 0.95
+    assert Problem(model, Observations((drive_point, transfer))).power_delivered(variance) > 0.95
     lines = len(transfer.frequency)
-    assert share_of_power_delivered(Problem(model.at(1), Observations((transfer,))), variance[lines:]) == 0.0
+    assert Problem(model.at(1), Observations((transfer,))).power_delivered(variance[lines:]) == 0.0
     amplitude = replace(drive_point, values=drive_point.amplitude.astype(complex), has_phase=False)
-    assert share_of_power_delivered(Problem(model.at(0), Observations((amplitude,))), variance[:lines]) == 0.0
+    assert Problem(model.at(0), Observations((amplitude,))).power_delivered(variance[:lines]) == 0.0
     noise = np.full(lines, 1e4 * drive_point.amplitude.max() ** 2)
-    assert share_of_power_delivered(Problem(model.at(0), Observations((drive_point,))), noise) == 0.0
+    assert Problem(model.at(0), Observations((drive_point,))).power_delivered(noise) == 0.0
 
 
 def test_power_is_not_judged_where_a_measuring_chain_turns_the_phase(sdof):
@@ -513,8 +512,8 @@ def test_power_is_not_judged_where_a_measuring_chain_turns_the_phase(sdof):
     plain["response"]["calibration"] = {"delay": {"range": ["-1 ms", "1 ms"]}}
     reversed_sign = noisy(sdof, -sdof.frf(), 0.01, 1)
     target, variance = Observations((reversed_sign,)), reversed_sign.variance
-    assert share_of_power_delivered(Problem(sdof, target), variance) > 0.95
-    assert share_of_power_delivered(Problem(dovetail.load(plain), target), variance) == 0.0
+    assert Problem(sdof, target).power_delivered(variance) > 0.95
+    assert Problem(dovetail.load(plain), target).power_delivered(variance) == 0.0
 
 
 def test_a_model_that_is_far_too_small_fits_worse_than_one_that_is_a_little(sdof):

@@ -11,7 +11,7 @@ import yaml
 
 import dovetail
 from dovetail.inference.fitting import refine
-from dovetail.inference.fitting.search_lines import Smoothed, missed_resonances, search_lines, thinned_lines
+from dovetail.inference.fitting.search_lines import SearchLines, Smoothed
 from dovetail.inference.fitting.whiteness import assess_runs, has_size_of_noise, is_white
 from dovetail.problem import Problem
 from dovetail.problem.least_squares import Linearisation, SumOfSquares, minimise
@@ -163,13 +163,14 @@ def test_a_search_looks_at_few_lines_but_at_every_resonance():
     poles = np.array([200.0, 203.0, 640.0])
     values = resonances(frequency, *poles, loss=2e-4)
     observations = Observations((dovetail.Frf(frequency, values, "accelerance"),))
-    few = search_lines(observations, np.full(50_000, 1e-6))
+    lines = SearchLines(observations, np.full(50_000, 1e-6))
+    few = lines.few
     assert len(few) < 800
     assert (few[0], few[-1]) == (0, 49_999)
     assert np.diff(few).max() <= 49_999 / 299 + 1  # 300 lines at equal distances
     tops = [np.argmin(np.abs(frequency - pole)) for pole in poles]
     assert all(np.abs(few - top).min() <= 2 for top in tops)  # a resonance is ten lines wide
-    some = thinned_lines(observations, 1000, few)
+    some = lines.thinned(1000)
     assert np.isin(few, some).all()
     assert 1000 <= len(some) <= 1000 + len(few)
 
@@ -178,9 +179,10 @@ def test_a_resonance_without_a_counterpart_is_missed():
     frequency = np.linspace(50.0, 1000.0, 3000)
     observations = Observations((dovetail.Frf(frequency, resonances(frequency, 200.0, 640.0), "accelerance"),))
     variance = np.full(3000, 1e-6)
-    (missed,) = missed_resonances(observations, variance, resonances(frequency, 205.0, 800.0))
+    lines = SearchLines(observations, variance)
+    (missed,) = lines.missed_resonances(variance, resonances(frequency, 205.0, 800.0))
     assert missed == pytest.approx(640.0, rel=1e-3)
-    assert not missed_resonances(observations, variance, resonances(frequency, 205.0, 630.0)).size
+    assert not lines.missed_resonances(variance, resonances(frequency, 205.0, 630.0)).size
 
 
 class Curve(SumOfSquares):

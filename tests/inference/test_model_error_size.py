@@ -12,6 +12,7 @@ import pytest
 import dovetail
 from dovetail.errors import ParameterError
 from dovetail.frf.resonance_peaks import resonance_peaks
+from dovetail.inference.adequacy.error_effects import ErrorEffects
 from dovetail.inference.adequacy.model_error_size import (
     _improbability,
     _Linearised,
@@ -127,7 +128,7 @@ def told_of_moved_resonance(chain, theta, number, ratio, damping=1.0):
     measured = noisy(chain, moved, 1e-3, 1)
     target = Observations.of(chain.description, measured)
     fit = fit_at(Problem(chain, target), chain.to_unit(theta))
-    told = estimate_model_error(Problem(chain, target), fit).size
+    told = estimate_model_error(ErrorEffects(Problem(chain, target), fit)).size
     return told, abs(ratio - 1.0) / np.sqrt(len(resonances.poles)), resonance_peaks(measured)
 
 
@@ -193,7 +194,7 @@ def test_the_damping_error_is_estimated_from_heights_of_misplaced_peaks(chain):
         moved += near * (axis - pole) / (axis - 1.02 * complex(pole.real, 0.25 * pole.imag)) - near
     problem = Problem.of(chain, noisy(chain, moved, 1e-3, 1))
     fit = fit_at(problem, chain.to_unit(theta))
-    told = estimate_model_error(problem, fit).size
+    told = estimate_model_error(ErrorEffects(problem, fit)).size
     assert 0.7 < told.damping / np.log(4.0) < 1.5
 
 
@@ -212,7 +213,7 @@ def test_the_estimated_errors_explain_the_residuals(chain, mass, size, noise):
     measured = noisy(chain, load_chain(*masses).frf(TRUTH), noise, 1)
     problem = Problem.of(chain, measured)
     fit = refine(problem)
-    told = estimate_model_error(problem, fit)
+    told = estimate_model_error(ErrorEffects(problem, fit))
     assert told.chi_squared < 1.1
 
 
@@ -332,7 +333,7 @@ def test_errors_that_cancel_each_other_give_way_to_plausible_ones_that_leave_lit
     problem = Problem.of(chain, measured)
     fit = refine(problem)
     monkeypatch.setattr(_Linearised, "estimate", lambda _: ModelError(3e-4, damping=10.0, magnitude=8.0, phase=0.1))
-    told = estimate_model_error(problem, fit)
+    told = estimate_model_error(ErrorEffects(problem, fit))
     assert told.chi_squared == pytest.approx(1.0, abs=0.05)
     assert 0.02 < told.size.magnitude < 0.4
     assert word_for(told.size) != "does not fit"

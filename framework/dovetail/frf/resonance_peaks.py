@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -108,11 +109,6 @@ class PairedPeaks:
     measured: NDArray[np.float64]
     modelled: NDArray[np.float64]
 
-    @staticmethod
-    def from_frfs(measured: Frf, modelled: Frf) -> PairedPeaks:
-        """Return the peaks of two FRFs."""
-        return PairedPeaks(resonance_peaks(measured), resonance_peaks(modelled))
-
     def measured_for(self, peak: float) -> float | None:
         """Return the measured counterpart of a peak of the model, or None."""
         return counterpart(peak, self.modelled, self.measured)
@@ -122,6 +118,14 @@ class PairedPeaks:
         """The measured peaks [Hz] without a counterpart."""
         paired = {self.measured_for(peak) for peak in self.modelled.tolist()}
         return np.array([peak for peak in self.measured.tolist() if peak not in paired])
+
+    def without(self, taken: Sequence[float]) -> PairedPeaks:
+        """Return the peaks except some."""
+        measured, modelled = (
+            peaks[[not np.isclose(peak, taken, rtol=1e-9).any() for peak in peaks]] if len(peaks) else peaks
+            for peaks in (self.measured, self.modelled)
+        )
+        return PairedPeaks(measured, modelled)
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from dovetail.assembly import Theta
 from dovetail.errors import Fault, Importance, MeasurementError, Note, PluginError, listing
-from dovetail.frf import Frf
 from dovetail.identification.measured_lines import MeasuredLines
 from dovetail.identification.measured_modes import MeasuredModes
 from dovetail.identification.parameters import ROUNDING
@@ -36,7 +35,6 @@ from dovetail.interfaces import (
 from dovetail.interfaces.component import check_contract, component_label
 from dovetail.network.bundle import TrainedNetwork
 from dovetail.network.pipeline import FEWEST_DRAWS
-from dovetail.network.preprocessing import accelerance_amplitudes
 from dovetail.problem import Problem
 from dovetail.problem.definition import fractions_within
 from dovetail.provenance import provenance, source_of
@@ -196,9 +194,8 @@ class Application:
     def _without_fit(self, measured: MeasuredLines) -> Identification:
         """Return the estimate of a network, with its own judgement of the measurement."""
         trained = self.trained
-        resampled = () if trained is None else measured.resampled(trained.assembly)
-        network = None if trained is None else partial(_network_estimate, trained, resampled)
-        problem, began = replace(measured.problem, network=network), time.monotonic()
+        problem = replace(measured.problem, network=_network_of(trained, measured))
+        began = time.monotonic()
         estimate = self._identified(problem)
         posterior = None
         if estimate.samples is not None:
@@ -209,9 +206,9 @@ class Application:
         if trained is not None:
             if trained.novelty is not None:
                 amplitude = trained.assembly.accelerance_amplitude(estimate.theta).astype(np.float64)
-                verdict, unsure = trained.novelty.check(resampled[0], amplitude), ()
+                verdict, unsure = trained.novelty.check(measured.resampled(trained.assembly)[0], amplitude), ()
             if posterior is not None and (known := trained.known_noise) is not None:
-                unsure += known.warnings(resampled, theta, posterior.theta)
+                unsure += known.warnings(measured.amplitudes_on(trained.assembly), theta, posterior.theta)
         result = self._result(measured, theta, provenance=self._origin(measured), adequacy=verdict)
         warnings = (*result.warnings, *measured.warnings_of_features, *unsure)
         return replace(result, posterior=posterior, warnings=warnings, is_fitted=False)
@@ -260,12 +257,13 @@ class Application:
         return (Note(message, Importance.DECISIVE),)
 
 
-def _network_estimate(trained: TrainedNetwork, resampled: Sequence[Frf]) -> Estimate:
-    """Return a network's estimate for a measurement on the network's frequencies, with samples if it has them."""
-    return Estimate(_network_theta(trained, resampled), trained.predict_samples(accelerance_amplitudes(resampled)[0]))
+def _network_estimate(trained: TrainedNetwork, measured: MeasuredLines) -> Estimate:
+    """Return a network's estimate for a measurement, with samples if it has them."""
+    amplitude = measured.amplitudes_on(trained.assembly)[0]
+    return Estimate(_network_theta(trained, measured), trained.predict_samples(amplitude))
 
 
-def _network_theta(trained: TrainedNetwork, resampled: Sequence[Frf]) -> NDArray[np.float64]:
+def _network_theta(trained: TrainedNetwork, measured: MeasuredLines) -> NDArray[np.float64]:
     """Return the parameters (n_params,) [SI] that a network estimates.
 
     Raises
@@ -273,11 +271,11 @@ def _network_theta(trained: TrainedNetwork, resampled: Sequence[Frf]) -> NDArray
     MeasurementError
         They are not finite.
     """
-    theta: NDArray[np.float64] = trained.predict_parameters(accelerance_amplitudes(resampled))[0]
+    theta: NDArray[np.float64] = trained.predict_parameters(measured.amplitudes_on(trained.assembly))[0]
     parameters = trained.assembly.parameters
     if lost := [p.name for p, value in zip(parameters, theta, strict=True) if not np.isfinite(value)]:
         problem = f"this FRF is far from all that the network was trained on: {listing(lost)} has no finite estimate."
-        raise MeasurementError(Fault(resampled[0].label, problem, remedy="Check its quantity and units."))
+        raise MeasurementError(Fault(measured.whole[0].label, problem, remedy="Check its quantity and units."))
     return theta
 
 
@@ -288,16 +286,14 @@ def _network_start(
     if trained is None:
         return None, ()
     try:
-        return _network_theta(trained, measured.resampled(trained.assembly)), ()
+        return _network_theta(trained, measured), ()
     except MeasurementError as error:
         return None, (Note(f"The network is not used: {error.faults[0].problem}", Importance.DETAIL),)
 
 
 def _network_of(trained: TrainedNetwork | None, measured: MeasuredLines) -> Callable[[], Estimate] | None:
     """Return a function that returns the network's estimate; None without a network."""
-    if trained is None:
-        return None
-    return lambda: _network_estimate(trained, measured.resampled(trained.assembly))
+    return None if trained is None else partial(_network_estimate, trained, measured)
 
 
 def checked_posterior(problem: Problem, posterior: object, method: IdentificationMethod[Problem]) -> Posterior:

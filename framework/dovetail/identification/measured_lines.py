@@ -143,7 +143,7 @@ class MeasuredLines:
         return float(frequency.min()), float(frequency.max())
 
     def resampled(self, assembly: Assembly) -> tuple[Frf, ...]:
-        """Interpolate the measurements to the frequencies of an assembly, as the features of a network need them.
+        """Interpolate the measurements to the frequencies of an assembly.
 
         Raises
         ------
@@ -151,6 +151,10 @@ class MeasuredLines:
             Names all that do not cover these frequencies, or whose lines are too far apart.
         """
         return _each(on_grid, one_per_response(assembly.description, self.whole), _axes(assembly))
+
+    def amplitudes_on(self, assembly: Assembly) -> NDArray[np.float64]:
+        """Return the accelerance's amplitudes of all resampled responses, in one row (1, n_responses n_freq)."""
+        return np.concatenate([frf.to("accelerance").amplitude for frf in self.resampled(assembly)])[np.newaxis]
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly, VibrationMode
 from dovetail.description import Tie, resolve
 from dovetail.errors import DovetailError, Importance, Note, PluginError, by_importance
-from dovetail.frf import LOW_COHERENCE, Frf
-from dovetail.frf.resonance_peaks import PairedPeaks, counterpart, resonance_peaks
+from dovetail.frf import LOW_COHERENCE
+from dovetail.frf.resonance_peaks import counterpart
 from dovetail.identification.parameters import IdentifiedParameter, TiedParameter, is_in_range
 from dovetail.identification.result import Identification, Mode
 from dovetail.inference.adequacy import Adequacy
@@ -86,7 +86,6 @@ def reconstruct(
     assembly, at_points = problem.assembly, _at_points(problem, theta, f"{problem.assembly.name}, {method}")
     first = at_points[0]
     band = (float(assembly.frequency[0]), float(assembly.frequency[-1])) if band is None else band
-    paired = [PairedPeaks.from_frfs(at_point.measured, at_point.frf) for at_point in at_points]
     modes, without_modes = _modes(assembly, theta, band, first)
     result = Identification(
         method=method,
@@ -100,9 +99,9 @@ def reconstruct(
         fit=fit,
         point=first.point,
         further=at_points[1:],
-        adequacy=adequacy and _with_agreement(adequacy, at_points, paired),
+        adequacy=adequacy and _with_agreement(adequacy, at_points),
         band=band,
-        peaks_without_mode=unpaired_peaks(first.frf, first.measured, modes),
+        peaks_without_mode=unpaired_peaks(first, modes),
     )
     counts = fitted_lines or [len(at_point.frf.frequency) for at_point in at_points]
     return replace(result, warnings=_warnings(result, without_modes, counts))
@@ -122,13 +121,12 @@ def _at_points(problem: Problem, theta: NDArray[np.float64], label: str) -> tupl
     return tuple(at_points)
 
 
-def _with_agreement(adequacy: Adequacy, at_points: Sequence[AtPoint], paired: Sequence[PairedPeaks]) -> Adequacy:
+def _with_agreement(adequacy: Adequacy, at_points: Sequence[AtPoint]) -> Adequacy:
     """Add to a judgement the resonances of the reconstructed FRFs that the model lacks."""
     if adequacy.size is None:
         return adequacy
-    measured, modelled = [at_point.measured for at_point in at_points], [at_point.frf for at_point in at_points]
-    lacking = lacking_resonances(paired, measured, modelled, adequacy.size.natural_frequency)
-    notes = describe_lacking(lacking, measured)
+    lacking = lacking_resonances(at_points, adequacy.size.natural_frequency)
+    notes = describe_lacking(lacking, [at_point.measured for at_point in at_points])
     return replace(adequacy, reasons=by_importance((*notes, *adequacy.reasons)))
 
 
@@ -188,7 +186,7 @@ def _modes(
     if not inside:
         return (), "The identified model has no natural frequency within the assembly's frequencies."
     response = assembly.description.response
-    return paired_modes(inside, (response.point, response.force_point), at_point.frf, at_point.measured), ""
+    return paired_modes(inside, (response.point, response.force_point), at_point), ""
 
 
 def _warnings(result: Identification, without_modes: str, fitted_lines: Sequence[int]) -> tuple[str, ...]:
@@ -259,9 +257,7 @@ def _warnings_of_lines(fit: Fit, where: str) -> list[str]:
     return [Note(message, Importance.DETAIL)]
 
 
-def paired_modes(
-    modes: Sequence[VibrationMode], points: tuple[Point, Point], reconstructed: Frf, measured: Frf
-) -> tuple[Mode, ...]:
+def paired_modes(modes: Sequence[VibrationMode], points: tuple[Point, Point], at_point: AtPoint) -> tuple[Mode, ...]:
     """Pair each mode with its peak in the reconstructed FRF, and that with its peak in the measured one.
 
     Parameters
@@ -270,7 +266,7 @@ def paired_modes(
         Of the identified model, by frequency.
     points : (Point, Point)
         Where the motion is measured and where the force acts.
-    reconstructed, measured : Frf
+    at_point : AtPoint
 
     Returns
     -------
@@ -283,8 +279,7 @@ def paired_modes(
     mode the nearer one is taken. Peaks of the two FRFs are counterparts if each is the other's nearest and they are
     close.
     """
-    paired = PairedPeaks.from_frfs(measured, reconstructed)
-    receptance = reconstructed.to("receptance")
+    paired, receptance = at_point.peaks, at_point.frf.to("receptance")
     peak_of: dict[int, float] = {}
     for peak in paired.modelled.tolist():
         near = [i for i, mode in enumerate(modes) if abs(mode.natural_frequency - peak) <= _CLOSENESS * peak]
@@ -305,13 +300,9 @@ def paired_modes(
     )
 
 
-def unpaired_peaks(reconstructed: Frf, measured: Frf, modes: Sequence[Mode]) -> tuple[Mode, ...]:
+def unpaired_peaks(at_point: AtPoint, modes: Sequence[Mode]) -> tuple[Mode, ...]:
     """Return the measured peaks that belong to no mode, with the reconstructed ones near by that belong to none."""
     taken = [peak for mode in modes for peak in (mode.reconstructed_peak, mode.measured_peak) if peak is not None]
-
-    def free(frf: Frf) -> NDArray[np.float64]:
-        peaks = resonance_peaks(frf)
-        return peaks[[not np.isclose(peak, taken, rtol=1e-9).any() for peak in peaks]] if len(peaks) else peaks
-
-    others, peaks = free(reconstructed), free(measured)
-    return tuple(Mode(np.nan, counterpart(peak, peaks, others), peak) for peak in peaks.tolist())
+    free = at_point.peaks.without(taken)
+    pairs = [(counterpart(peak, free.measured, free.modelled), peak) for peak in free.measured.tolist()]
+    return tuple(Mode(np.nan, modelled, measured) for modelled, measured in pairs)

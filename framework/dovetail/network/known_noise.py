@@ -16,9 +16,8 @@ from scipy.ndimage import convolve1d, uniform_filter1d
 
 from dovetail.assembly import Assembly
 from dovetail.dataset import complex_accelerance, latin_hypercube
-from dovetail.frf import Frf
 from dovetail.network.augmentation import Augmentation, NoisyFeatures, with_noise
-from dovetail.network.preprocessing import accelerance_amplitudes, accelerances, log10p1
+from dovetail.network.preprocessing import accelerances, log10p1
 from dovetail.problem.random_error import FOURTH_DIFFERENCE
 
 
@@ -88,14 +87,14 @@ class KnownNoise:
         )
 
     def warnings(
-        self, measured: Sequence[Frf], answer: NDArray[np.float64], draws: NDArray[np.float64]
+        self, measured: NDArray[np.float64], answer: NDArray[np.float64], draws: NDArray[np.float64]
     ) -> tuple[str, ...]:
-        """Return a warning if the noise of the measurements differs from that of the training.
+        """Return a warning if the noise of a measurement differs from that of the training.
 
         Parameters
         ----------
-        measured : sequence of Frf
-            One for each response, on the assembly's frequencies.
+        measured : (1, n_responses n_freq) array
+            Amplitudes of the accelerance on the assembly's frequencies.
         answer : (n_params,) array
             SI.
         draws : (n, n_params) array
@@ -105,12 +104,12 @@ class KnownNoise:
             return ()
         rows = np.arange(_SETTINGS.draws) % len(draws)
         known = self._features(self._noisy(draws[rows]))
-        features = self._features(accelerance_amplitudes(measured))
+        features = self._features(measured)
         expected = self._features(self.assembly.accelerance_amplitude(answer[np.newaxis]))
         rougher = _ratios(_roughness(known), _roughness(features))
         if rougher.max() > _SETTINGS.excess:
             response, band = divmod(int(np.argmax(rougher)), rougher.shape[1])
-            return (self._too_noisy(float(rougher.max()), measured[response], band, rougher.shape[1]),)
+            return (self._too_noisy(float(rougher.max()), response, band, rougher.shape[1]),)
         farther = float(_ratios(_distances(known - expected), _distances(features - expected)).max())
         return (_TOO_FAR.format(farther),) if farther > _SETTINGS.excess else ()
 
@@ -126,8 +125,9 @@ class KnownNoise:
         rows = log10p1(amplitude).astype(np.float64)
         return rows.reshape(len(rows), len(self.assembly.description.responses), -1)
 
-    def _too_noisy(self, ratio: float, measured: Frf, band: int, bands: int) -> str:
-        low, high = np.array_split(measured.frequency, bands)[band][[0, -1]]
+    def _too_noisy(self, ratio: float, response: int, band: int, bands: int) -> str:
+        frequency = self.assembly.each_response[response].frequency
+        low, high = np.array_split(frequency, bands)[band][[0, -1]]
         known = f"{ratio:.1f} times the largest in the training" if self.augmentations else "the training had none"
         return (
             f"The noise differs from that of the network's training (from {low:.6g} to {high:.6g} Hz: {known}): the "

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly
 from dovetail.dataset import Dataset, complex_accelerance
 from dovetail.errors import DatasetError, Fault
-from dovetail.frf import Frf
 from dovetail.interfaces import Parameter, Progress
 
 _SPLIT_STREAM = 1
@@ -33,11 +32,6 @@ def blocks(rows: int) -> Iterator[slice]:
     """Cut `rows` rows into slices small enough to work on."""
     for start in range(0, rows, BLOCK_ROWS):
         yield slice(start, min(start + BLOCK_ROWS, rows))
-
-
-def accelerance_amplitudes(measured: Sequence[Frf]) -> NDArray[np.float64]:
-    """Return the accelerance's amplitudes of all responses, concatenated to one row (1, n_responses n_freq)."""
-    return np.concatenate([frf.to("accelerance").amplitude for frf in measured])[np.newaxis]
 
 
 def accelerances(assembly: Assembly, theta: NDArray[np.float64], *, phase: bool) -> NDArray[np.number]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly, FrfModel, ParameterScales
 from dovetail.frf import Frf
 from dovetail.interfaces import NO_LIMIT, Estimate, IdentificationProblem, Parameter, Scale, TimeLimit
+from dovetail.measurement.roles import power_balance
 from dovetail.problem.least_squares import Linearisation
 from dovetail.problem.observations import Observations
 from dovetail.problem.residuals import FrfResiduals, ModelFrfs, Residual
@@ -119,6 +120,28 @@ class Problem(IdentificationProblem):
     def variance(self) -> NDArray[np.float64]:
         """(n_lines,) E|error|^2 of each measured value, known or estimated from the scatter from line to line."""
         return self.observations.variance()
+
+    def power_delivered(self, variance: NDArray[np.float64]) -> float:
+        """Return the share of the power at drive points that the structure delivers; a passive one only takes power up.
+
+        Parameters
+        ----------
+        variance : (n_lines,) array
+            Of all measured values.
+
+        Returns
+        -------
+        float
+            From 0 to 1, by the values that clearly exceed the random error. 0 if none does, and without drive points or
+            phases, or where unknowns of the measurement chain turn the phase.
+        """
+        target, description = self.observations, self.assembly.description
+        if description.calibrations:
+            return 0.0
+        responses = zip(target.frfs, description.responses, target.split(variance), strict=True)
+        balances = [power_balance(frf, errors) for frf, response, errors in responses if response.is_drive_point]
+        delivered, total = np.sum(balances, axis=0) if balances else (0.0, 0.0)
+        return float(delivered / total) if total else 0.0
 
     def freedom(self, fraction: NDArray[np.float64], _there: Linearisation) -> float:
         """Return the degrees of freedom of a fit (p,), with its residuals linearised."""

@@ -13,7 +13,6 @@ from dovetail.identification.identify import lines_to_fit
 from dovetail.identification.measured_lines import MeasuredLines
 from dovetail.inference.adequacy.assess import JudgedFit, JudgementOptions, judge
 from dovetail.inference.fitting import refine
-from dovetail.inference.fitting.fit import allow_for_unknown_noise
 from dovetail.inference.posterior.likelihood import Likelihood
 from dovetail.inference.posterior.mode_search import likelihood_at_mode
 from dovetail.interfaces import Progress, silent
@@ -55,7 +54,7 @@ class FittedTest:
 
     def likelihood(self) -> Likelihood:
         """Return the likelihood with the random error and the model error of this test's own identification."""
-        fit = allow_for_unknown_noise(self.problem.observations, self.judged.fit)
+        fit = self.judged.fit.allowing_for_unknown_noise(self.problem.observations)
         return likelihood_at_mode(self.problem, fit, self.judged.adequacy.error_in_intervals)[0]
 
     def misfit(self) -> SumOfSquares:

@@ -29,7 +29,7 @@ class PosteriorMethod(Refined):
         draw = dovetail.laplace_posterior if self.config.form == "laplace" else dovetail.sample_posterior
         return (draw if judged.is_trustworthy else dovetail.laplace_posterior)(
             problem,
-            dovetail.allow_for_unknown_noise(problem.observations, judged.fit),
+            judged.fit.allowing_for_unknown_noise(problem.observations),
             samples=self.config.samples,
             model_error=judged.adequacy.error_in_intervals,
             seed=seed,

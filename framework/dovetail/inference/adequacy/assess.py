@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 
 from dovetail.errors import Fault, Importance, Note, ParameterError, listing
 from dovetail.inference.adequacy.causes import CAUSE_SECONDS, find_causes
+from dovetail.inference.adequacy.error_effects import ErrorEffects
 from dovetail.inference.adequacy.found_errors import find_errors
 from dovetail.inference.adequacy.modal_errors import assess_modes
 from dovetail.inference.adequacy.model_error_size import (
     FitWithError,
     fit_with_error,
 )
-from dovetail.inference.adequacy.quick_fits import MOST_DELIVERED, share_of_power_delivered
+from dovetail.inference.adequacy.quick_fits import MOST_DELIVERED
 from dovetail.inference.adequacy.verdict import (
     NO_TIME,
     NOTHING_LEFT,
@@ -158,7 +159,7 @@ def assess(
         allowed = None if model_error is None else typical_model_error(model_error)
         used = None if errors is None else errors.fit
         if allowed is not None:
-            used = fit_with_error(problem, fit, allowed)
+            used = fit_with_error(ErrorEffects(problem, fit), allowed)
     assert used is not None
     at_bounds = bounds_reached(problem.parameters, used.fraction)
     theta = problem.from_unit(used.fraction)
@@ -167,7 +168,7 @@ def assess(
         return Adequacy("to the noise", allowed=model_error, reasons=remarks), refitted
     estimated, shown = errors.fit, replace(errors.fit, size=errors.size)
     remarks = tuple(_remarks(problem, refitted, errors.in_intervals if errors.phases else None))
-    delivered = share_of_power_delivered(problem, fit.variance)
+    delivered = problem.power_delivered(fit.variance)
     adequacy = Adequacy(
         "does not fit" if delivered > MOST_DELIVERED else errors.word,
         errors.size,

@@ -25,7 +25,7 @@ from dovetail.errors import DovetailError
 from dovetail.frf import conversion
 from dovetail.frf.resonances import Resonances, fit_resonances
 from dovetail.inference.adequacy.quick_fits import QuickFit, QuickFits
-from dovetail.inference.fitting.search_lines import missed_resonances
+from dovetail.inference.fitting.search_lines import SearchLines
 from dovetail.interfaces import Parameter
 from dovetail.units import format_quantity
 
@@ -190,7 +190,8 @@ def try_missing_resonances(fits: QuickFits) -> Iterator[Candidate]:
     values, measured = fits.values(theta), fits.target.values
     if len(fits.target.frfs) > 1 or not fits.target.frfs[0].has_phase:
         return
-    missed = missed_resonances(fits.target, fits.relative * np.abs(measured) ** 2, values)
+    variance = fits.relative * np.abs(measured) ** 2
+    missed = SearchLines(fits.target, variance).missed_resonances(variance, values)
     for frequency in np.sort(missed)[: _SETTINGS.most_resonances].tolist():
         added = _added_resonance(fits.target.frequency, measured, values, frequency)
         if added is not None:

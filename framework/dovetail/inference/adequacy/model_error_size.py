@@ -6,7 +6,7 @@ once parameters and errors are marginalised (empirical Bayes with a prior). Resi
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -14,18 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize
 
-from dovetail.frf.resonance_peaks import PeakPair, pair_peaks
-from dovetail.frf.resonances import fit_resonances
+from dovetail.inference.adequacy.error_effects import ErrorEffects
 from dovetail.inference.adequacy.evidence import marginalised_products, misfit_and_moments, removed_variance
 from dovetail.inference.adequacy.verdict import word_for
-from dovetail.inference.fitting import Fit
-from dovetail.inference.posterior.frequency_average import needs_average, unshaped_deviation, weigh, with_deviation
-from dovetail.inference.posterior.likelihood import PRIOR_PRECISION, MarginalisedResiduals, marginalised_squares
-from dovetail.inference.posterior.model_error import KINDS, MODEL_ERROR, ModelError, error_shapes, typical_model_error
+from dovetail.inference.posterior.frequency_average import needs_average, unshaped_deviation, with_deviation
+from dovetail.inference.posterior.likelihood import PRIOR_PRECISION, marginalised_squares
+from dovetail.inference.posterior.model_error import KINDS, MODEL_ERROR, ModelError, typical_model_error
 from dovetail.interfaces import Progress, silent
-from dovetail.problem import Problem
-from dovetail.problem.least_squares import minimise
-from dovetail.problem.residuals import FrfResiduals, Residual, WithPrior
+from dovetail.problem.residuals import Residual
 
 
 @dataclass(frozen=True)
@@ -55,17 +51,10 @@ class Settings:
     """Smallest size of an error that has a shape."""
     most: float = 10.0
     """Largest size of errors; above it, the FRF is not informative."""
-    fewest_peaks: int = 2
-    """Peaks needed to limit the error of natural frequencies; the parameters can move a single one into place."""
-    dense: float = 2.0
-    """Lines within the half-power width of a peak from which its height is reliable."""
     fewest_values: float = 3.0
     """Independent values from which a size is known: within a factor of two with a probability of 90 %."""
     alternations: int = 6
     """Largest number of alternations between errors that have a shape and others."""
-    tolerance: float = 0.05
-    """Decrease of the sum of squares in one step that ends a fit."""
-    steps: int = 60
 
 
 _SETTINGS = Settings()
@@ -99,100 +88,33 @@ class FitWithError:
     unknown: tuple[str, ...] = ()
 
 
-class _ErrorEffects:
-    """A measurement, its residuals, and the effects of errors of the model on them."""
-
-    def __init__(self, problem: Problem, fit: Fit) -> None:
-        self.problem, self.model, self.target, self._fit = problem, problem.model, problem.observations, fit
-        self.fraction = problem.to_unit(fit.theta)
-        self.axes = [frf.frequency for frf in self.target.frfs]
-
-    @property
-    def values(self) -> NDArray[np.complex128]:
-        """The model's FRFs at the fit (n_lines,)."""
-        return self.problem.frf_at(self.problem.from_unit(self.fraction))
-
-    def residual(self, values: NDArray[np.complex128], size: ModelError) -> tuple[NDArray[np.intp], Residual]:
-        """Return the lines that residuals need, and the residuals; other errors are added to their random error."""
-        return weigh(self.target, self._fit.variance, self._fit.used, values, size)
-
-    def shapes(self, values: NDArray[np.complex128], size: ModelError) -> dict[str, NDArray[np.complex128]]:
-        """Return the changes of the model's FRFs by its errors, by kind."""
-        return error_shapes(self.target.frfs, self.target.split(values), size)
-
-    def peaks_apart(self) -> tuple[float, float, float]:
-        """Return limits of the relative error of natural frequencies, and the error of heights, from the peaks (rms).
-
-        The lower limit is the distance between corresponding peaks of measurement and model, less the spacing of lines.
-        The upper limit is twice their distance if each measured peak has a counterpart, and each resonance of the model
-        a peak; strongly damped ones have none. The error of heights is the logarithm of the ratio of corresponding
-        peaks, where lines are dense enough: residuals do not show it for a peak that is off by more than its width.
-        """
-        values = self.target.split(self.values)
-        pairs, unmatched = list[PeakPair](), 0
-        for frf, modelled in zip(self.target.frfs, values, strict=True):
-            of_response, others = pair_peaks(frf, replace(frf, values=modelled))
-            pairs, unmatched = pairs + of_response, unmatched + others
-        poles = fit_resonances(self.target.frfs, values).poles
-        with_pole = pairs if len(poles) else []
-        nearest = [int(np.argmin(np.abs(poles.real - pair.modelled))) for pair in with_pole]
-        low, high = min(axis[0] for axis in self.axes), max(axis[-1] for axis in self.axes)
-        inside = int(np.count_nonzero((poles.real > low) & (poles.real < high)))
-        unmatched += max(0, inside - len(set(nearest)))
-        most = _SETTINGS.consistent * max(_SETTINGS.narrowest, _rms([pair.distance for pair in pairs]))
-        if unmatched > 0 or len(pairs) < _SETTINGS.fewest_peaks:
-            most = _SETTINGS.most
-        heights = [
-            pair.log_ratio
-            for pair, pole in zip(with_pole, poles[nearest], strict=True)
-            if 2.0 * pole.imag >= _SETTINGS.dense * pair.line_spacing
-        ]
-        return _rms([pair.clear_distance for pair in pairs]), most, _rms(heights)
-
-    def refit(self, size: ModelError) -> NDArray[np.float64]:
-        """Return the fractions (p,) that fit best when errors of this size are allowed, starting from the fit."""
-        values = self.values
-        lines, residual = self.residual(values, size)
-        shapes = np.concatenate(list(self.shapes(values, size).values()))
-        errors = residual.jacobian(values[np.newaxis, lines], shapes[np.newaxis, :, lines])[0]
-        model = self.model if len(lines) == len(values) else self.model.at(lines)
-        misfit = MarginalisedResiduals(FrfResiduals(model, residual), errors)
-        problem = WithPrior(misfit, self.problem.parameters)
-        minima = minimise(problem, self.fraction[np.newaxis], tolerance=_SETTINGS.tolerance, most_steps=_SETTINGS.steps)
-        return np.asarray(minima.position[0])
-
-
-def fit_with_error(problem: Problem, fit: Fit, size: ModelError) -> FitWithError:
+def fit_with_error(effects: ErrorEffects, size: ModelError) -> FitWithError:
     """Refit the parameters, starting from a fit, with errors of the model of a given size allowed."""
-    effects = _ErrorEffects(problem, fit)
     return _Linearised(effects, effects.refit(size), size).result(size)
 
 
-def judge_with_error(problem: Problem, fit: Fit, size: ModelError) -> FitWithError:
+def judge_with_error(effects: ErrorEffects, size: ModelError) -> FitWithError:
     """Return what errors of given sizes, and others that make chi-squared 1, make of a fit with its parameters."""
-    effects = _ErrorEffects(problem, fit)
     linearised = _Linearised(effects, effects.fraction, size)
     return linearised.result(linearised.with_other(size))
 
 
-def estimate_model_error(problem: Problem, fit: Fit, progress: Progress = silent) -> FitWithError:
+def estimate_model_error(effects: ErrorEffects, progress: Progress = silent) -> FitWithError:
     """Estimate the sizes of the model's errors around a fit.
 
     Parameters
     ----------
-    problem : Problem
-    fit : Fit
-        Its parameters are not changed. If a model has many errors, a fit that allows for all of them would give up the
-        clear features, such as the peaks, for unclear ones.
+    effects : ErrorEffects
+        The parameters of its fit are not changed. If a model has many errors, a fit that allows for all of them would
+        give up the clear features, such as the peaks, for unclear ones.
     progress : Progress
     """
-    effects = _ErrorEffects(problem, fit)
     size = _most_plausible(_estimates(effects, progress))
     linearised = _Linearised(effects, effects.fraction, size)
     return replace(linearised.result(size), unknown=_unknown(effects, linearised, size))
 
 
-def _unknown(effects: _ErrorEffects, linearised: _Linearised, size: ModelError) -> tuple[str, ...]:
+def _unknown(effects: ErrorEffects, linearised: _Linearised, size: ModelError) -> tuple[str, ...]:
     """Return the kinds of errors whose size neither the residuals nor the peaks determine.
 
     A standard deviation that is estimated from n values has a relative error of 1 / sqrt(2 n).
@@ -206,10 +128,11 @@ def _unknown(effects: _ErrorEffects, linearised: _Linearised, size: ModelError) 
     )
 
 
-def _estimates(effects: _ErrorEffects, progress: Progress) -> Iterator[tuple[float, ModelError]]:
+def _estimates(effects: ErrorEffects, progress: Progress) -> Iterator[tuple[float, ModelError]]:
     """Yield the widths of averages, as errors of natural frequencies, and the sizes estimated with them."""
     fraction = effects.fraction
-    least, most, heights = effects.peaks_apart()
+    least, distance, heights = effects.peaks_apart()
+    most = _SETTINGS.most if distance is None else _SETTINGS.consistent * max(_SETTINGS.narrowest, distance)
     widths, width = [], max(least, _SETTINGS.narrowest)
     while width <= min(most, _SETTINGS.widest):
         widths.append(width)
@@ -249,11 +172,10 @@ class _Linearised:
     """A fit with residuals that are linearised in the parameters and in the errors of the model."""
 
     def __init__(
-        self, effects: _ErrorEffects, fraction: NDArray[np.float64], size: ModelError, most: float = _SETTINGS.most
+        self, effects: ErrorEffects, fraction: NDArray[np.float64], size: ModelError, most: float = _SETTINGS.most
     ) -> None:
         self._effects, self.fraction, self._size, self._most = effects, fraction, size, most
-        model = effects.model
-        frf, jacobian = model.linearise(model.assemblies[0].from_unit(fraction[np.newaxis]))
+        frf, jacobian = effects.model.linearise(effects.problem.from_unit(fraction[np.newaxis]))
         self._frf, self._jacobian = frf, jacobian
         self._shapes = effects.shapes(frf[0], size)
 
@@ -377,10 +299,6 @@ def _improbability(size: ModelError) -> tuple[float, NDArray[np.float64]]:
     off, far = np.log(typical / actual), float(np.log(size.natural_frequency / MODEL_ERROR))
     along = frequency * far + ratio * off @ (doubled > typical)  # up to a limit, typical sizes grow
     return frequency * far**2 + ratio * float(off @ off), 2.0 * np.array([along, *(-ratio * off)])
-
-
-def _rms(values: Sequence[float]) -> float:
-    return float(np.sqrt(np.mean(np.square(values)))) if values else 0.0
 
 
 def _change(size: ModelError, before: ModelError) -> float:

@@ -15,9 +15,8 @@ from dovetail.assembly import Assembly, FrfModel
 from dovetail.frf import Frf, coherence_spectrum
 from dovetail.inference.adequacy.perturbations import Perturbation, PerturbedResiduals, list_perturbations
 from dovetail.inference.fitting import Fit
-from dovetail.inference.fitting.search_lines import lines_represented, search_lines
+from dovetail.inference.fitting.search_lines import SearchLines, lines_represented
 from dovetail.inference.posterior.likelihood import MarginalisedResiduals
-from dovetail.measurement.roles import power_balance
 from dovetail.problem import Problem
 from dovetail.problem.least_squares import SumOfSquares, minimise
 from dovetail.problem.observations import Observations
@@ -104,8 +103,8 @@ class QuickFits:
 
     def __init__(self, problem: Problem, fit: Fit) -> None:
         target = problem.observations
-        self.is_active = share_of_power_delivered(problem, fit.variance) > MOST_DELIVERED
-        lines = search_lines(target, fit.variance)
+        self.is_active = problem.power_delivered(fit.variance) > MOST_DELIVERED
+        lines = SearchLines(target, fit.variance).few
         lines = lines[fit.used[lines] & (target.amplitude[lines] > 0.0)]  # an exact zero has no logarithm
         self.best = fit.theta
         self.problem = problem.at(lines)
@@ -324,31 +323,6 @@ class QuickFits:
             pair = [np.abs(part).astype(complex) for part in pair]
         coherence = float(np.average(coherence_spectrum(*pair), weights=self._represented))
         return QuickFit(theta, misfit, coherence, residual, values)
-
-
-def share_of_power_delivered(problem: Problem, variance: NDArray[np.float64]) -> float:
-    """Return the share of the power at drive points that the structure delivers; a passive one only takes power up.
-
-    Parameters
-    ----------
-    problem : Problem
-    variance : (n_lines,) array
-        Of all their values.
-
-    Returns
-    -------
-    float
-        Sum of the negative real parts over that of all, in magnitude, among those that clearly exceed the random error.
-        0 if none does, and without drive points or phases, or where unknowns of the measurement chain turn the phase.
-    """
-    delivered = total = 0.0
-    target, description = problem.observations, problem.assembly.description
-    of_responses = zip(target.frfs, description.responses, target.split(variance), strict=True)
-    for frf, response, errors in of_responses:
-        if response.is_drive_point and frf.has_phase and not description.calibrations:
-            balance = power_balance(frf, errors)
-            delivered, total = delivered + balance[0], total + balance[1]
-    return delivered / total if total else 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from dovetail.errors import Importance, Note
 from dovetail.frf import Frf
-from dovetail.frf.resonance_peaks import PairedPeaks
 from dovetail.frf.resonances import fit_resonances
+from dovetail.inference.adequacy.verdict import AtPoint
 
 
 @dataclass(frozen=True)
@@ -40,9 +40,7 @@ class Settings:
 _SETTINGS = Settings()
 
 
-def lacking_resonances(
-    paired: Sequence[PairedPeaks], measured: Sequence[Frf], modelled: Sequence[Frf], natural_frequency_error: float
-) -> NDArray[np.float64]:
+def lacking_resonances(responses: Sequence[AtPoint], natural_frequency_error: float) -> NDArray[np.float64]:
     """Return the resonances of a measurement [Hz] that a model lacks, increasing.
 
     They are the measured peaks without a counterpart among the model's. A peak near a resonance of the model that makes
@@ -50,17 +48,16 @@ def lacking_resonances(
 
     Parameters
     ----------
-    paired : sequence of PairedPeaks
-        Of each response.
-    measured, modelled : sequences of Frf
-        The measured FRF and the model's at each response.
+    responses : sequence of AtPoint
     natural_frequency_error : float
         Relative error of the model's natural frequencies; NaN if it is unknown.
     """
-    pairs = zip(paired, measured, strict=True)
-    unpaired = np.unique([at for peaks, frf in pairs for at in peaks.unpaired.tolist() if _is_resonance(frf, at)])
+    unpaired = np.unique(
+        [at for each in responses for at in each.peaks.unpaired.tolist() if _is_resonance(each.measured, at)]
+    )
     if not unpaired.size:
         return unpaired
+    modelled = [response.frf for response in responses]
     poles = fit_resonances(modelled, [frf.values for frf in modelled]).poles.real
     near = np.clip(_SETTINGS.displaced * np.nan_to_num(natural_frequency_error), *_SETTINGS.near)
     lacking = unpaired[np.all(np.abs(poles[:, np.newaxis] - unpaired) > near * unpaired, axis=0)]

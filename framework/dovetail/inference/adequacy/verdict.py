@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from typing import Any, Final, Literal, TypeAlias
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from dovetail.errors import listing
 from dovetail.frf import Frf, coherence_with_model, poor_bands
+from dovetail.frf.resonance_peaks import PairedPeaks, resonance_peaks
 from dovetail.inference.posterior.model_error import TYPICAL, ModelError, typical_model_error
 from dovetail.interfaces import Parameter
 from dovetail.units import format_quantity
@@ -261,6 +263,11 @@ class AtPoint:
     def mean_coherence(self) -> float:
         """Mean of `coherence` over the frequencies."""
         return float(self.coherence.mean())
+
+    @cached_property
+    def peaks(self) -> PairedPeaks:
+        """The resonance peaks of the two FRFs."""
+        return PairedPeaks(resonance_peaks(self.measured), resonance_peaks(self.frf))
 
     @property
     def poor_bands(self) -> tuple[tuple[float, float], ...]:

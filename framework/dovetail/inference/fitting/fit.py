@@ -115,6 +115,18 @@ class Fit(Estimate):
             ignored=np.split(self.ignored, ignored)[index],
         )
 
+    def allowing_for_unknown_noise(self, target: Observations) -> Fit:
+        """Return the fit with the random error that intervals allow for where too few lines show it.
+
+        The largest usual error counts as one more degree of freedom in addition to those of the residuals.
+        """
+        if not self.variance_assumed:
+            return self
+        freedom = max(target.residual_count(self.used) - len(self.theta), 0)
+        shown = freedom * min(self.chi_squared, _LARGEST_NOISE**2 / ASSUMED_NOISE**2)
+        factor = max(1.0, (shown + (_LARGEST_NOISE / ASSUMED_NOISE) ** 2) / (freedom + 1))
+        return replace(self, variance=np.where(target.assumed(self.variance), factor, 1.0) * self.variance)
+
     def to_dict(self) -> dict[str, Any]:
         """Return how good the fit is as plain values for JSON."""
         return {
@@ -175,19 +187,6 @@ def fit_at(
         steps=steps,
         seconds=seconds,
     )
-
-
-def allow_for_unknown_noise(target: Observations, fit: Fit) -> Fit:
-    """Return a fit with the random error that intervals allow for where too few lines show it.
-
-    The largest usual error counts as one more degree of freedom beside those of the residuals.
-    """
-    if not fit.variance_assumed:
-        return fit
-    freedom = target.residual_count(fit.used) - len(fit.theta)
-    shown = max(freedom, 0) * min(fit.chi_squared, _LARGEST_NOISE**2 / ASSUMED_NOISE**2)
-    factor = max(1.0, (shown + (_LARGEST_NOISE / ASSUMED_NOISE) ** 2) / (max(freedom, 0) + 1))
-    return replace(fit, variance=np.where(target.assumed(fit.variance), factor, 1.0) * fit.variance)
 
 
 def multistart(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dovetail.inference.fitting.fit import SEARCH_SHARE, UNFINISHED, Fit, count_agreeing, highest_agreeing
 from dovetail.inference.fitting.modal_fit import fit_to_modes
-from dovetail.inference.fitting.search_lines import Smoothed, missed_resonances, search_lines, thinned_lines
+from dovetail.inference.fitting.search_lines import SearchLines
 from dovetail.inference.fitting.whiteness import NOISE_ALARM, has_size_of_noise, is_of_few_lines, is_white
 from dovetail.interfaces import FIT_OPTIONS, FitOptions, Progress, logged, silent
 from dovetail.problem import Problem
@@ -135,8 +135,8 @@ class _Refinement:
         self._variance = target.variance()
         self._model_variance = np.zeros_like(self._variance)
         self._used = np.ones(len(target.frequency), dtype=np.bool_)
-        self._few = search_lines(target, self._variance)
-        self._some = thinned_lines(target, _SETTINGS.fit_lines, self._few)
+        self._lines = SearchLines(target, self._variance)
+        self._few, self._some = self._lines.few, self._lines.thinned(_SETTINGS.fit_lines)
         self._on_few, self._on_some = self._on_lines(self._few), self._on_lines(self._some)
         self._steps = self._starts = self._searches = 0
         self._expected = options.first_starts + _SETTINGS.first_carried + 1
@@ -246,9 +246,8 @@ class _Refinement:
         of the right minimum is narrow, but in a wrong minimum nearly all of the FRF is right, and it stays so along the
         profile. Smoothed residuals sense such a resonance from further away.
         """
-        target = self._on_few.observations
         residual = self._target.weighted(self._variance, self._used).at(self._few)
-        smoothed = (Smoothed.over(target, residual, width) for width in _SETTINGS.widths)
+        smoothed = (self._lines.smoothed(residual, width) for width in _SETTINGS.widths)
         problems = [self._on_few.residuals(each) for each in smoothed]
         position, steps = minima.position[0], _SETTINGS.profile_steps
         along = profiles(problems[0], position, self._grid(), steps)
@@ -340,7 +339,7 @@ class _Refinement:
         return best
 
     def _missed_resonances(self, best: Minima) -> NDArray[np.float64]:
-        return missed_resonances(self._target, self._variance, self._values(best))
+        return self._lines.missed_resonances(self._variance, self._values(best))
 
     def _with_discrepancy(self, best: Minima, minima: Minima) -> tuple[Minima, tuple[float, float]]:
         """Estimate the errors of the model and fit with them, from several minima: another may then be the best."""

@@ -40,8 +40,8 @@ class Settings:
 _SETTINGS = Settings()
 
 
-def search_lines(observations: Observations, variance: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Return the lines for a search: evenly spaced ones, and those around each resonance and antiresonance.
+class SearchLines:
+    """The lines on which a measurement is searched: evenly spaced ones, and those around each (anti)resonance.
 
     Parameters
     ----------
@@ -49,15 +49,38 @@ def search_lines(observations: Observations, variance: NDArray[np.float64]) -> N
     variance : (n_lines,) array
         E|error|^2 of each line.
 
-    Returns
-    -------
-    (n,) array
+    Attributes
+    ----------
+    few : (n,) array
         Increasing indices of the concatenated lines of all responses.
     """
-    responses = zip(observations.firsts, observations.frfs, observations.split(variance), strict=True)
-    return np.concatenate(
-        [first + _of_response(_level(frf.amplitude, of_response)) for first, frf, of_response in responses]
-    )
+
+    def __init__(self, observations: Observations, variance: NDArray[np.float64]) -> None:
+        self._observations = observations
+        responses = zip(observations.firsts, observations.frfs, observations.split(variance), strict=True)
+        self.few: NDArray[np.intp] = np.concatenate(
+            [first + _of_response(_level(frf.amplitude, of_response)) for first, frf, of_response in responses]
+        )
+
+    def thinned(self, most: int) -> NDArray[np.intp]:
+        """Return every n-th line, about `most` of each response at most, and in addition the few lines."""
+        responses = zip(self._observations.firsts, self._observations.counts, strict=True)
+        thinned = [np.arange(first, first + count, max(1, round(count / most))) for first, count in responses]
+        return np.union1d(np.concatenate(thinned), self.few)
+
+    def smoothed(self, residual: Residual, width: float) -> Smoothed:
+        """Smooth residuals of the few lines with a Gaussian of a given relative width."""
+        return Smoothed.over(self._observations.at(self.few), residual, width)
+
+    def missed_resonances(self, variance: NDArray[np.float64], values: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return the frequencies [Hz] of clear resonances that a model's FRFs (n_lines,) do not have."""
+        missed: list[float] = []
+        target = self._observations
+        for frf, of_response, fitted in zip(target.frfs, target.split(variance), target.split(values), strict=True):
+            measured = frf.frequency[_peaks(_level(frf.amplitude, of_response))]
+            modelled = frf.frequency[_peaks(_level(np.abs(fitted), of_response))]
+            missed += [at for at in measured.tolist() if not np.any(abs(modelled - at) <= _SETTINGS.closeness * at)]
+        return np.array(missed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,13 +129,6 @@ def _neighbours(position: NDArray[np.float64], width: float) -> scipy.sparse.csr
     return scipy.sparse.csr_array(weight / np.linalg.norm(weight, axis=1, keepdims=True))
 
 
-def thinned_lines(observations: Observations, most: int, always: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return every n-th line, about `most` of each response at most, and in addition the lines `always`."""
-    responses = zip(observations.firsts, observations.counts, strict=True)
-    thinned = [np.arange(first, first + count, max(1, round(count / most))) for first, count in responses]
-    return np.union1d(np.concatenate(thinned), always)
-
-
 def lines_represented(observations: Observations, lines: NDArray[np.intp]) -> NDArray[np.float64]:
     """Return for chosen lines (n,) how many of all lines of their response are nearest to each.
 
@@ -125,19 +141,6 @@ def lines_represented(observations: Observations, lines: NDArray[np.intp]) -> ND
             nearest = np.searchsorted((chosen[1:] + chosen[:-1]) / 2.0, np.arange(count))
             counts.append(np.bincount(nearest, minlength=chosen.size).astype(np.float64))
     return np.concatenate(counts)
-
-
-def missed_resonances(
-    observations: Observations, variance: NDArray[np.float64], values: NDArray[np.complex128]
-) -> NDArray[np.float64]:
-    """Return the frequencies [Hz] of clear resonances of the measurement that a model's FRFs (n_lines,) do not have."""
-    missed: list[float] = []
-    responses = zip(observations.frfs, observations.split(variance), observations.split(values), strict=True)
-    for frf, of_response, fitted in responses:
-        measured = frf.frequency[_peaks(_level(frf.amplitude, of_response))]
-        modelled = frf.frequency[_peaks(_level(np.abs(fitted), of_response))]
-        missed += [at for at in measured.tolist() if not np.any(abs(modelled - at) <= _SETTINGS.closeness * at)]
-    return np.array(missed)
 
 
 def _level(amplitude: NDArray[np.float64], variance: NDArray[np.float64]) -> NDArray[np.float64]:
