@@ -10,6 +10,7 @@ import scipy
 from numpy.typing import NDArray
 
 from dovetail.inference.fitting import Fit
+from dovetail.inference.posterior.alternating import Alternating
 from dovetail.inference.posterior.distribution import Posterior, check_options
 from dovetail.inference.posterior.likelihood import PosteriorResiduals, build_likelihood, unit_from_normal
 from dovetail.inference.posterior.mode_search import likelihood_at_mode, maximise_posterior, starts_near
@@ -157,7 +158,7 @@ def half_about_the_fit(
     weight: NDArray[np.float64],
     seed: int,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Replace every other sample by one of the posterior given the FRFs of the best fit; both halves weigh the same.
+    """Replace half of the samples by those of the posterior given the FRFs of the best fit; both weigh the same.
 
     If a model has errors, they determine the posterior, and their shapes are known only roughly. Best fit and posterior
     then give two different answers, and neither is generally nearer to the truth. The second half are samples of the
@@ -175,7 +176,7 @@ def half_about_the_fit(
     -------
     z : (n, p) array
     weight : (n,) array
-        Sums to 1.
+        Sums to 1. The two halves are `Alternating`.
     """
     target, values = problem.observations, problem.frf_at(fit.theta)
     pairs = zip(target.frfs, target.split(values), strict=True)
@@ -183,9 +184,9 @@ def half_about_the_fit(
     residuals = build_likelihood(problem.with_frfs(of_fit), fit, model_error).posterior
     starts = starts_near(problem.to_unit(fit.theta))
     mode = maximise_posterior(residuals, starts, tolerance=_SETTINGS.tolerance)[0]
-    both, halves, second = z.copy(), weight / weight.sum(), slice(1, None, 2)
-    both[second] = LaplaceApproximation.at(residuals, mode).draw(len(z[second]), seed)
-    halves[second] = 1.0
-    for half in (slice(None, None, 2), second):
+    both, halves, order = z.copy(), weight / weight.sum(), Alternating(len(z))
+    both[order.about_fit] = LaplaceApproximation.at(residuals, mode).draw(int(order.about_fit.sum()), seed)
+    halves[order.about_fit] = 1.0
+    for half in (order.given_measurement, order.about_fit):
         halves[half] /= max(float(halves[half].sum()), np.finfo(float).tiny)
     return both, halves / halves.sum()

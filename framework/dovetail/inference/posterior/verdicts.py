@@ -9,6 +9,8 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.inference.posterior.alternating import Alternating
+
 LEVEL = 0.9
 """Probability that an interval holds the true value."""
 
@@ -244,8 +246,7 @@ def separate_groups(values: NDArray[np.float64], weight: NDArray[np.float64]) ->
 
 def _gap(values: NDArray[np.float64], weight: NDArray[np.float64], rows: NDArray[np.bool_]) -> float | None:
     """Return the middle of the largest gap between samples, or None if it is small for the interval of these."""
-    counted = rows.copy()
-    counted[1::2] = False  # every other sample may be about the best fit, which is no group of its own
+    counted = rows & Alternating(len(rows)).given_measurement  # those about the best fit are no group of their own
     chosen, share = values[counted], weight[counted]
     if not share.sum() or weight[rows].sum() ** 2 < LIMITS.effective_samples * np.sum(weight[rows] ** 2):
         return None
