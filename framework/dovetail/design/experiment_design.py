@@ -245,7 +245,7 @@ def _information_of_each(
 
 def _information(assembly: Assembly, theta: NDArray[np.float64], deviation: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the Fisher information (n, p, p) of each parameter vector, in fractions of the ranges."""
-    _, jacobian = ModelFrfs.of(assembly).linearise(theta)
+    _, jacobian = ModelFrfs.of(assembly).frf_by_fractions(theta)
     weighted = jacobian * np.sqrt(2.0) / deviation[:, np.newaxis, np.newaxis]
     return np.asarray(np.real(weighted @ np.conj(weighted).transpose(0, 2, 1)))
 

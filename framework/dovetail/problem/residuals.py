@@ -81,7 +81,7 @@ class ModelFrfs:
         frfs, jacobians = zip(*(assembly.frf_jacobian(theta) for assembly in self.assemblies), strict=True)
         return _joined(frfs, axis=1), _joined(jacobians, axis=1)
 
-    def linearise(self, theta: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    def frf_by_fractions(self, theta: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         """Return FRFs (n, n_lines) and their derivatives (n, n_params, n_lines) by fractions of the ranges."""
         frf, jacobian = self.frf_jacobian(theta)
         return frf, np.swapaxes(jacobian, 1, 2) * self.slopes(theta)[:, :, np.newaxis]

@@ -341,7 +341,7 @@ def _parts(fits: QuickFits) -> Iterator[Candidate]:
 def _alignment(fits: QuickFits, perturbation: Perturbation) -> float:
     """Return |cos| of the angle between residuals and a perturbation's effect, both without what the joint can do."""
     theta, residual = fits.unchanged.theta[np.newaxis], fits.residual()
-    frf, jacobian = fits.problem.model.linearise(theta)
+    frf, jacobian = fits.problem.model.frf_by_fractions(theta)
     changed = fits.problem.with_model(perturbation.apply(_SETTINGS.step))
     ahead = residual.of(changed.frf_at(theta[0])[np.newaxis])[0]
     residuals = residual.of(frf)[0]

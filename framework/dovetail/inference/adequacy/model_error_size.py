@@ -175,7 +175,7 @@ class _Linearised:
         self, effects: ErrorEffects, fraction: NDArray[np.float64], size: ModelError, most: float = _SETTINGS.most
     ) -> None:
         self._effects, self.fraction, self._size, self._most = effects, fraction, size, most
-        frf, jacobian = effects.model.linearise(effects.problem.from_unit(fraction[np.newaxis]))
+        frf, jacobian = effects.model.frf_by_fractions(effects.problem.from_unit(fraction[np.newaxis]))
         self._frf, self._jacobian = frf, jacobian
         self._shapes = effects.shapes(frf[0], size)
 

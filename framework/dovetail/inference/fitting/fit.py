@@ -277,7 +277,7 @@ def is_noise(problem: Problem, fit: Fit) -> bool:
     if fit.discrepancy:
         return False
     target = problem.observations
-    frf, jacobian = problem.model.linearise(fit.theta[np.newaxis])
+    frf, jacobian = problem.model.frf_by_fractions(fit.theta[np.newaxis])
     weighted = target.weighted(fit.variance, fit.used)
     residuals = weighted.of(frf)[0]
     of_responses = target.by_line(without(residuals, weighted.jacobian(frf, jacobian)[0]))

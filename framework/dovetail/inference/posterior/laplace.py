@@ -69,17 +69,17 @@ class LaplaceApproximation:
         the part of r'' in the tangent space, z'' = -K^+ r'': the parameter-effects curvature of Bates and Watts
         (Relative curvature measures of nonlinearity, 1980), which bends the valley.
         """
-        residuals, jacobian = posterior.linearise(mode[np.newaxis])
-        tangent, triangle = np.linalg.qr(jacobian[0].T)
+        there = posterior.linearise(mode[np.newaxis])
+        tangent, triangle = np.linalg.qr(there.jacobian[0].T)
         _, sizes, directions = np.linalg.svd(triangle)
         axes = directions / sizes[:, np.newaxis]
         deviation = np.sqrt(np.sum(axes**2, axis=0))
         step = _SETTINGS.difference_step
         ahead, behind = (posterior.residuals(mode + sign * step * axes) for sign in (1.0, -1.0))
-        second = (ahead + behind - 2.0 * residuals) / step**2
+        second = (ahead + behind - 2.0 * there.residuals) / step**2
         bends = np.linalg.solve(triangle, (second @ tangent).T).T / 2.0
         bend = np.sqrt(np.sum(bends**2, axis=0)) / deviation
-        return LaplaceApproximation(mode, axes, bend, float(np.linalg.norm(residuals[0] @ tangent)))
+        return LaplaceApproximation(mode, axes, bend, float(np.linalg.norm(there.residuals[0] @ tangent)))
 
     def draw(self, count: int, seed: int) -> NDArray[np.float64]:
         """Return samples (count, d) of z, spread evenly (scrambled Halton points)."""

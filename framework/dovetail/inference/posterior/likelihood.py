@@ -370,13 +370,13 @@ class PosteriorResiduals:
         """Return residuals (n, p + m) at z (n, p)."""
         return np.concatenate([z, self.misfit.residuals(unit_from_normal(z))], axis=1)
 
-    def linearise(self, z: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return residuals (n, p + m) and their derivatives (n, p, p + m)."""
+    def linearise(self, z: NDArray[np.float64]) -> Linearisation:
+        """Return residuals (n, p + m) and their derivatives (n, p, p + m) at z (n, p)."""
         misfit = self.misfit.linearise(unit_from_normal(z))
         density = normal_density(z)
         of_prior = np.broadcast_to(np.eye(z.shape[1]), (len(z), z.shape[1], z.shape[1]))
         jacobian = np.concatenate([of_prior, misfit.jacobian * density[:, :, np.newaxis]], axis=2)
-        return np.concatenate([z, misfit.residuals], axis=1), jacobian
+        return Linearisation(np.concatenate([z, misfit.residuals], axis=1), jacobian)
 
 
 def normal_from_unit(fraction: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -255,6 +255,5 @@ class CubeResiduals(SumOfSquares):
 
     def linearise(self, position: NDArray[np.float64]) -> Linearisation:
         """Return residuals and derivatives at positions (n, p)."""
-        residuals, jacobian = self._posterior.linearise(self.to_normal(position))
-        jacobian *= 2.0 * Z_LIMIT
-        return Linearisation(residuals, jacobian)
+        there = self._posterior.linearise(self.to_normal(position))
+        return Linearisation(there.residuals, 2.0 * Z_LIMIT * there.jacobian)

@@ -67,7 +67,8 @@ class LinearisedPoints:
     @staticmethod
     def at(posterior: PosteriorResiduals, z: NDArray[np.float64]) -> LinearisedPoints:
         """Linearise the residuals at points z (n, d)."""
-        return LinearisedPoints(z, *posterior.linearise(z))
+        there = posterior.linearise(z)
+        return LinearisedPoints(z, there.residuals, there.jacobian)
 
     @staticmethod
     def joined(parts: Sequence[LinearisedPoints]) -> LinearisedPoints:
