@@ -34,7 +34,7 @@ def test_every_test_has_a_file_and_a_truth_and_the_whole_is_small(campaign, trut
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_file_reads_and_says_that_it_is_synthetic(name, campaign):
+def test_a_synthetic_file_is_read_with_a_note_that_it_is_synthetic(name, campaign):
     file = campaign / "measurements" / f"{name}.uff"
     assert b"SYNTHETIC" in file.read_bytes()[:400]
     frf = dovetail.read_frf(file)

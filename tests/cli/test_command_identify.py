@@ -401,7 +401,7 @@ def test_a_model_folder_may_be_moved(run, bench, tmp_path):
     assert printed == run("identify", bench.model, bench.measured, "--method", "network").stdout
 
 
-def test_the_shipped_measurement_is_said_to_be_synthetic_by_its_own_file(run, bench, assemblies, tmp_path):
+def test_the_shipped_measurement_is_marked_as_synthetic_in_its_file(run, bench, assemblies, tmp_path):
     shipped = dovetail.read_frf(assemblies / "measurements" / "h0_j_t0_60Nm.uff")
     assert shipped.note == "SYNTHETIC H0-J-T0 60 N m, 1 % noise"
     noted = dataclasses.replace(dovetail.read_frf(bench.measured), note="SYNTHETIC mass on a spring")

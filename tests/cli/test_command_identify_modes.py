@@ -74,7 +74,7 @@ def test_a_written_result_is_read_back_and_used_for_prediction(run, modes, tmp_p
     assert "frequency" in run("predict", OSCILLATOR, tmp_path / "result", code=1).stderr
 
 
-def test_a_table_that_the_model_cannot_follow_ends_with_three(run, modes):
+def test_a_table_that_the_model_does_not_fit_exits_with_code_three(run, modes):
     modes.write_text(TABLE.replace("212.1", "21.21"))
     output = run("identify", OSCILLATOR, modes, "--form", "laplace", "--json", code=3).output
     assert '"is_trustworthy": false' in output

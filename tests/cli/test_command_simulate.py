@@ -26,7 +26,7 @@ def test_it_prints_parameters_and_natural_frequencies(run, assemblies):
     assert printed[-1] == f"damping ratio {100 * 250 / np.sqrt(3e6):.3g} %"
 
 
-def test_an_end_of_a_range_is_in_it_whatever_its_unit_is(run, assemblies):
+def test_the_ends_of_a_range_belong_to_it_in_every_unit(run, assemblies):
     """26 mm, times a thousandth, is larger than 0.026 m by rounding."""
     assert "outside" not in run("simulate", assemblies / "bt40_er32.yaml", "--set", "Dc=0.026").stdout
 

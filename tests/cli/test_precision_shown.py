@@ -162,7 +162,7 @@ def test_a_tied_parameter_has_the_same_precision_and_groups(shown, ratio):
         assert other.interval_low < other.estimate < other.interval_high
 
 
-def test_a_result_of_an_earlier_version_is_read_with_what_follows_from_its_samples(shown, tmp_path):
+def test_a_result_of_an_earlier_version_gets_the_figures_that_its_samples_determine(shown, tmp_path):
     """It had neither precision nor groups, and gave the mean of separate groups as the estimate."""
     earlier = json.loads(json.dumps(shown.plain))
     del earlier["table"], earlier["poor_bands_Hz"]

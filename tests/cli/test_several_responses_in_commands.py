@@ -101,7 +101,7 @@ def test_a_wrong_number_of_files_is_refused_at_once(run, two, measured, tmp_path
     assert "2 times for 3 FRFs" in usage
 
 
-def test_a_response_that_is_not_there(run, two):
+def test_an_unknown_response_is_refused(run, two):
     assert "there is no response 3" in run("simulate", two, "--point", 3, code=2).stderr
 
 

@@ -32,7 +32,7 @@ def test_a_pipe_gets_results_without_control_characters(capfd, bench, tmp_path):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals are of POSIX")
-def test_a_terminal_gets_a_bar_a_stage_and_the_time_left(command, on_a_terminal, bench, tmp_path):
+def test_a_terminal_shows_a_bar_the_stage_and_the_remaining_time(command, on_a_terminal, bench, tmp_path):
     shown = on_a_terminal(command, "train", bench.description, "-o", tmp_path / "model")
     assert shown.code == 0, shown.written
     plain = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", shown.written)

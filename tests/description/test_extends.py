@@ -86,7 +86,7 @@ def test_a_number_of_lines_displaces_the_step(read, sound):
     assert len(read("extends: base.yaml\nfrequency: {lines: 11}", base=sound).frequency) == 11
 
 
-def test_positions_are_those_of_the_file_that_says_it(message, sound):
+def test_faults_are_reported_at_the_lines_of_the_file_that_holds_them(message, sound):
     over = (
         "extends: middle.yaml\n"
         "frequency:\n"
@@ -230,7 +230,7 @@ def test_one_response_and_a_list_displace_each_other(read, sound, base, over, co
 
 
 @pytest.mark.parametrize(("first", "second"), [("response:", "responses: "), ("responses: null", "response: ")])
-def test_an_empty_response_is_none_without_a_base_too(read, sound, first, second):
+def test_an_empty_response_counts_as_missing_without_a_base(read, sound, first, second):
     stated = {"responses: ": LIST, "response: ": RESPONSE}[second]
     plain = sound.replace("response: {at: tool, position: 10 mm}", f"{first}\n{second}{stated}")
     assert read(plain).responses

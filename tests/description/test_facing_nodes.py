@@ -288,7 +288,7 @@ def test_two_joints_that_place_a_part_differently_are_doubted():
 
 
 @pytest.mark.parametrize("reverse", [False, True])
-def test_an_unknown_length_that_moves_facing_nodes_apart_is_doubted(reverse):
+def test_an_unknown_length_that_separates_facing_nodes_is_reported(reverse):
     outside = {"length": {"range": ["150 mm", "170 mm"]}, "outer": "20 mm", "elements": 8}
     inside = {"length": "40 mm", "outer": "20 mm", "elements": 4}
     unknown = {**inside, "length": {"range": ["38 mm", "42 mm"]}}

@@ -190,7 +190,7 @@ PIECES += [
     )
 )
 @example(edits=[(0.5, 0, "? [")])
-def test_whatever_happens_to_a_file_it_is_read_or_explained(edits, registry, sound, tmp_path):
+def test_a_damaged_file_is_read_or_refused_with_an_explanation(edits, registry, sound, tmp_path):
     text = sound
     for place, removed, inserted in edits:
         start = int(place * len(text))

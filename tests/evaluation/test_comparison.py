@@ -156,7 +156,7 @@ def test_amplitudes_are_compared_with_amplitudes(cases):
         assert row.mean_coherence > 0.98
 
 
-def test_a_comparison_of_methods_that_identify_nothing_has_a_page_too(cases):
+def test_a_comparison_in_which_every_method_fails_still_writes_a_page(cases):
     """As the rigid joint by itself."""
     done = compare(read_cases(cases / "cases.yaml"), ("refined",))
     nothing = replace(done, rows=tuple(replace(row, identification=None) for row in done.rows))

@@ -88,7 +88,7 @@ def test_another_reducer_takes_the_number_of_components(sdof):
         variant(sdof, "tsne", components())
 
 
-def test_a_variant_says_in_its_text_what_it_is(sdof):
+def test_the_text_of_a_variant_describes_its_changes(sdof):
     plain, robust = variant(sdof, "pca", components()), variant(sdof, "pca+robust", components())
     assert json.loads(plain.description.text)["identification"]["reducer"]["model"] == "pca"
     assert plain.description.identification.augmentation is None

@@ -59,7 +59,7 @@ def collet(assemblies):
     ],
     ids=["from 95 Hz", "2.5 Hz", "1.5625 Hz", "4 Hz", "lines deleted"],
 )
-def test_a_genuine_measurement_fits_whatever_its_lines(collet, frequency, tmp_path):
+def test_a_genuine_measurement_fits_with_any_number_of_lines(collet, frequency, tmp_path):
     theta, (frf,) = genuine(collet, [frequency], len(frequency))
     dovetail.write_frf(frf, tmp_path / "measured.csv")
     measured = dovetail.read_frf(tmp_path / "measured.csv")
@@ -144,7 +144,7 @@ def test_a_natural_frequency_outside_the_measured_lines_is_compared_with_the_tru
     assert f"{natural:.1f}" in page
 
 
-def test_a_gap_is_said_and_never_filled_but_for_the_network(sdof, model):
+def test_a_gap_in_the_band_is_reported_and_filled_for_the_network_only(sdof, model):
     lines = np.arange(1.0, 601.0)
     theta, (frf,) = genuine(sdof, [lines[(lines <= 200.0) | (lines >= 230.0)]], 3)
     result = dovetail.identify(sdof, frf, "refined")

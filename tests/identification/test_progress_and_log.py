@@ -140,7 +140,7 @@ def test_causes_are_tried_as_long_as_is_wanted(run, sdof, wrong):
     for seconds, said in ((1e-9, True), (0.0, False), (200.0, False)):
         adequacy = dovetail.identify(sdof, wrong, "refined", cause_seconds=seconds).adequacy
         assert any(reason.startswith(late) for reason in adequacy.reasons) == said
-    with pytest.raises(dovetail.ParameterError, match="-1 s is no time"):
+    with pytest.raises(dovetail.ParameterError, match="-1 s is not a time"):
         dovetail.identify(sdof, wrong, cause_seconds=-1)
 
 

@@ -88,7 +88,7 @@ def stacked_shapes(frfs, values):
 
 
 @pytest.mark.parametrize("method", ["refined", "multistart", "posterior"])
-def test_fits_find_the_joint_from_both(chain, frfs, method):
+def test_fits_find_the_joint_from_two_responses(chain, frfs, method):
     options = {"multistart": {"starts": 8, "objective": "weighted"}, "posterior": {"samples": 100, "model_error": 0.0}}
     result = dovetail.identify(chain, frfs, method, **options.get(method, {}))
     assert result.fit.chi_squared == pytest.approx(1.0, abs=0.1)

@@ -139,7 +139,7 @@ def test_inference_data(result, sdof):
 
 
 @pytest.mark.filterwarnings("ignore::FutureWarning")
-def test_inference_data_says_where_it_comes_from(result):
+def test_inference_data_holds_its_provenance(result):
     data = result.to_inferencedata(draws=10)
     assert (data.attrs["warning"], data.attrs["measurement"]) == (result.warning, result.measured.label)
 

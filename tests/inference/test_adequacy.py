@@ -87,7 +87,7 @@ def test_it_is_kept_with_the_result(good, tmp_path):
 
 @pytest.mark.parametrize("key", ["misspecification", "foreign"])
 @pytest.mark.parametrize(("flagged", "word"), [(True, "does not fit"), (False, "not judged")])
-def test_a_file_of_an_earlier_version_says_yes_or_no(good, tmp_path, key, flagged, word):
+def test_the_verdict_of_an_earlier_version_is_read_as_yes_or_no(good, tmp_path, key, flagged, word):
     stored = {name: value for name, value in good.to_dict().items() if name != "adequacy"}
     stored[key] = {"flagged": flagged, "statistic": 3.0, "looks_like": "", "reasons": ["Why."], "bands_Hz": [[1, 2]]}
     (tmp_path / "result.json").write_text(json.dumps(stored))
@@ -259,7 +259,7 @@ def test_bands_are_where_residuals_are_large():
     assert high == pytest.approx(4500, abs=40)
 
 
-def test_a_named_change_is_said_to_move_parameters_beyond_their_intervals():
+def test_a_cause_that_moves_parameters_beyond_their_intervals_says_so():
     cause = Cause("part", "the mass at 150 g", (0.99, 1.0), 3.5)
     named, unnamed = (Adequacy("good", ModelError(0.001), causes=causes) for causes in ((cause,), ()))
     assert named.meaning.startswith(unnamed.meaning)
@@ -376,7 +376,7 @@ def test_a_fit_with_as_many_values_as_unknowns_is_not_judged(sdof):
     adequacy = dovetail.identify(line, noisy(line, line.frf(), 1e-3, 1), "refined").adequacy
     assert adequacy.word == "not judged"
     assert adequacy.reasons == (
-        "The measurement has no more values than there are unknowns: nothing is left to judge the fit by.",
+        "The measurement has no more values than there are unknowns: the fit cannot be judged.",
         "So few lines show no resonance: intervals allow for no error of natural frequencies or damping.",
     )
 

@@ -555,7 +555,7 @@ def test_lines_that_are_exactly_zero_side_by_side_have_no_logarithm(sdof, has_ph
     assert np.isfinite([cause.residual_factor for cause in adequacy.causes]).all()
 
 
-def test_a_structure_that_gives_out_power_does_not_fit_whatever_the_size_of_the_errors():
+def test_a_structure_that_delivers_power_does_not_fit_even_with_small_errors():
     """Two resonances with little damping: the model follows the amplitudes, and half of the phases."""
     model = chain(MASSES, ["upper"])
     adequacy = dovetail.identify(model, noisy(model, model.frf(TRUTH).conj(), 0.05, 0), "refined").adequacy

@@ -29,7 +29,7 @@ def white(frequency, seed, size=1.0):
 
 @pytest.mark.parametrize("noise", [0.01, 0.05])
 @pytest.mark.parametrize("lines", [1, 2, pytest.param(5, marks=pytest.mark.slow)])
-def test_intervals_from_few_lines_hold_the_truth_whatever_the_noise(sdof, lines, noise):
+def test_intervals_from_few_lines_contain_the_truth_at_any_noise(sdof, lines, noise):
     """Of 25 measurements that say nothing of their noise; with 5 % of it, 6 held both parameters before."""
     held = np.zeros(2)
     for case in range(CASES):

@@ -260,7 +260,7 @@ def test_an_amplitude_far_below_the_model_is_compared(sdof):
 
 
 @pytest.mark.parametrize("lines", [1, 2, 4])
-def test_as_few_residuals_as_parameters_do_not_tell_the_noise(sdof, lines):
+def test_the_noise_is_unknown_with_as_few_residuals_as_parameters(sdof, lines):
     """Two or four parameters that reach every value would leave none: the error of a short FRF stands, 1 %."""
     near = slice(*np.argmax(np.abs(sdof.frf())) + np.array([-lines, 0]))
     frf = noisy(sdof.on(sdof.frequency[near]), sdof.frf()[near], 0.01, 1)

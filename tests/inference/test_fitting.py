@@ -52,7 +52,7 @@ class Rosenbrock(SumOfSquares):
         return Linearisation(residuals, jacobian)
 
 
-def test_the_valley_is_followed_to_its_end():
+def test_searches_follow_the_valley_to_the_minimum():
     starts = np.random.default_rng(0).random((20, 2))
     found = minimise(Rosenbrock(), starts, tolerance=1e-12, most_steps=200)
     np.testing.assert_allclose(found.position, 0.75, atol=1e-6)
@@ -216,7 +216,7 @@ def test_the_ranges_hold(sdof):
     assert "In the best fit k is at the upper end of its range." in result.warnings
 
 
-def test_a_start_that_reaches_the_noise_is_enough_and_others_follow_one_that_does_not(collet, torque_100, monkeypatch):
+def test_no_further_searches_begin_once_a_start_reaches_the_noise(collet, torque_100, monkeypatch):
     few_steps, options = refinement.Settings(search_steps=3), dovetail.FitOptions(steps=3, batches=1)
     monkeypatch.setattr(refinement, "_SETTINGS", few_steps)
     frf = measured_of(collet, torque_100, 0.01)
@@ -226,7 +226,7 @@ def test_a_start_that_reaches_the_noise_is_enough_and_others_follow_one_that_doe
 
 
 @pytest.mark.parametrize("objective", ["frf", "weighted"])
-def test_many_local_searches_find_it_too(collet, torque_100, objective):
+def test_multistart_finds_the_same_parameters(collet, torque_100, objective):
     frf = noisy(collet, collet.frf(torque_100), 0.01, 3)
     result = dovetail.identify(collet, frf, "multistart", starts=8, objective=objective)
     assert result.fit.starts == 8
@@ -256,8 +256,8 @@ def test_the_same_seed_gives_the_same_fit(sdof):
         ({"method": "multistart", "seconds": -1.0}, "must be greater than 0"),
         ({"method": "multistart", "objective": "sum"}, "not one of the choices"),
         ({"method": "network"}, "needs a trained model"),
-        ({"model_error": "1 %"}, "'1 %' is no relative error"),
-        ({"cause_seconds": "20 s"}, "'20 s' s is no time"),
+        ({"model_error": "1 %"}, "'1 %' is not a relative error"),
+        ({"cause_seconds": "20 s"}, "'20 s' s is not a time"),
         ({"samples": "many"}, "'many' is not accepted"),
         ({"samples": 1}, "1 must be at least 20"),
         ({"tolerance": 0.0}, "must be greater than 0"),

@@ -74,7 +74,7 @@ def test_large_residuals_of_either_sign_are_not_taken_for_noise():
 
 
 @pytest.mark.parametrize(("error", "starts"), [("ripple", 4 + 2 * 9 + 4), ("resonance", 4 + 4 * 9 + 2)])
-def test_a_model_is_said_not_to_fit_after_three_batches_or_five_where_it_lacks_a_resonance(sdof, error, starts):
+def test_a_misfit_is_reported_after_three_batches_or_five_if_a_resonance_is_missing(sdof, error, starts):
     """Each batch has eight random starts, and here one place along one of the two parameters beside them.
 
     Low points of the two profiles are tried once, in the second batch: four or two.
@@ -106,7 +106,7 @@ def test_smoothed_noise_is_as_large_as_before_and_no_line_counts_twice_where_lin
 
 @pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
 @pytest.mark.parametrize(("floor", "share"), [(1e-2, 0.0), (0.0, 1e-4), (1e-3, 1e-4)])
-def test_all_residuals_tell_floor_and_share_of_the_noise_in_any_unit(floor, share, unit):
+def test_floor_and_share_of_the_noise_are_estimated_from_all_residuals_in_any_unit(floor, share, unit):
     frequency = np.linspace(50.0, 1000.0, 2000)
     model = resonances(frequency, 200.0, 550.0)
     truth = floor + share * np.abs(model) ** 2
@@ -223,7 +223,7 @@ def test_wide_ranges_lose_no_resonance(assemblies):
 
 
 @pytest.mark.parametrize("decimals", [2, 3, 4])
-def test_a_coherence_that_the_file_rounds_to_one_does_not_tell_the_noise(sdof, decimals):
+def test_a_coherence_rounded_to_one_does_not_determine_the_noise(sdof, decimals):
     """A variance of zero on many lines would leave a chi-squared of any size."""
     assembly = sdof.on(np.arange(1.0, 601.0))
     exact = averaged(assembly.frf(), 10, 1, level=0.02 * np.abs(assembly.frf()).max() ** 0.5)

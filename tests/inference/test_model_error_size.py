@@ -139,7 +139,7 @@ def test_a_damped_resonance_that_makes_no_peak_may_be_farther_away_than_all_peak
     assert 0.5 * left < told.natural_frequency < 4.0 * left
 
 
-def test_natural_frequencies_are_off_at_least_as_far_as_peaks_are_apart(chain):
+def test_the_error_of_natural_frequencies_is_at_least_the_distance_of_peaks(chain):
     """One of five by 6 %: averages wide enough for it explained the residuals with half as much."""
     told, left, peaks = told_of_moved_resonance(chain, np.array([2e6, 30.0, 1e6, 30.0]), 3, 0.94)
     assert len(peaks) == 5
@@ -217,7 +217,7 @@ def test_the_estimated_errors_explain_the_residuals(chain, mass, size, noise):
     assert told.chi_squared < 1.1
 
 
-def test_noise_has_no_size_whatever_its_lines(sdof, collet, torque_100):
+def test_a_fit_to_the_noise_reports_no_model_error_on_any_lines(sdof, collet, torque_100):
     for assembly, theta, step in ((sdof, None, 0.37), (collet, torque_100, 12.7)):
         there = assembly.on(np.arange(assembly.frequency[0] + step, assembly.frequency[-1], step))
         for known in (True, False):
@@ -291,7 +291,7 @@ def test_many_searches_are_judged_by_the_allowed_error_and_keep_their_estimate(c
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("model_error", [-1.0, np.nan, 2.0])
 def test_an_impossible_model_error_is_one_clear_error(sdof, method, model_error):
-    with pytest.raises(ParameterError, match="is no relative error") as raised:
+    with pytest.raises(ParameterError, match="is not a relative error") as raised:
         dovetail.identify(sdof, noisy(sdof, sdof.frf()), method, model_error=model_error)
     assert len(raised.value.faults) == 1
 

@@ -125,7 +125,7 @@ def test_intervals_are_the_same_in_every_quantity(sdof):
     np.testing.assert_allclose(widths[1:], widths[:1] * 2, rtol=0.05)
 
 
-def test_sizes_are_compared_and_said_in_words():
+def test_sizes_of_errors_are_compared_and_described_in_words():
     size, limit = ModelError(0.012, 0.2, 1.5, 0.1, 0.03), ModelError(0.02, 0.3, 0.3, 0.3, 0.3)
     assert not size.within(limit)
     assert ModelError(0.012, 0.2, 0.2, 0.1, 0.03).within(limit)
@@ -136,7 +136,7 @@ def test_sizes_are_compared_and_said_in_words():
     )
 
 
-def test_damping_that_a_table_of_modes_does_not_state_is_not_said_to_be_right():
+def test_a_table_of_modes_without_damping_does_not_confirm_the_damping():
     assert ModelError(0.01).describe() == "natural frequencies are off by 1 %"
 
 

@@ -196,7 +196,7 @@ class Bow:
         return self.residuals(z), jacobian
 
 
-def test_moves_along_a_bent_valley_lead_to_its_distribution_from_one_end_of_it():
+def test_metropolis_steps_from_one_end_of_a_bent_valley_sample_its_distribution():
     problem, random = Bow(), np.random.default_rng(0)
     places = LinearisedPoints.at(problem, np.tile([[1.6, 1.56]], (1500, 1)))
     places, taken = metropolis_steps(partial(TangentMap, problem), places, random, 40)

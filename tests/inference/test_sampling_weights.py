@@ -100,7 +100,7 @@ def sampled_about(problem, modes, count):
 
 
 @pytest.mark.parametrize("order", [1, -1])
-def test_samples_about_separate_modes_weigh_what_the_posterior_has_there(order):
+def test_samples_about_separate_modes_have_the_weights_of_the_posterior(order):
     z = np.linspace(-3.0, 4.0, 700_001)
     density = np.exp(-np.sum(Parabola().residuals(z[:, np.newaxis]) ** 2, axis=1) / 2.0)
     samples, weight = sampled_about(Parabola(), np.array([[2.0], [-1.0]])[::order], 4000)

@@ -28,7 +28,7 @@ def test_a_labview_file_may_be_called_txt(tmp_path: Path) -> None:
     check(read_frf(path))
 
 
-def test_several_abscissas_of_one_channel_are_one(tmp_path: Path) -> None:
+def test_a_single_channel_is_read_with_a_shared_or_an_own_abscissa(tmp_path: Path) -> None:
     """Of one channel LabVIEW writes the same, whether each has an abscissa of its own or all have one."""
     one = "\n".join(
         "\t".join(line.split("\t")[:2]) for line in SEGMENT.replace("Channels\t2", "Channels\t1").splitlines()

@@ -31,7 +31,7 @@ def test_two_complex_columns(tmp_path: Path, transposed: bool) -> None:
     assert frf.quantity == "receptance"
 
 
-def test_columns_that_are_named(tmp_path: Path) -> None:
+def test_columns_are_found_by_their_names(tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", np.column_stack([[0, 1, 2], FREQUENCY / 1e3, VALUES.real, VALUES.imag]))
     columns = ("skip", "frequency [kHz]", "real", "imag")
     frf = read_frf(tmp_path / "a.npy", quantity="mobility", columns=columns)

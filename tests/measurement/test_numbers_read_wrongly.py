@@ -108,7 +108,7 @@ def test_cutpro_with_decimal_commas(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read_frf(tmp_path / "a.frf", quantity="receptance").values, [1 + 2j, 3 + 4j])
 
 
-def test_a_table_says_its_rows_and_what_its_columns_were_taken_for(tmp_path: Path) -> None:
+def test_reading_a_table_reports_its_rows_and_the_meaning_of_its_columns(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("Freq,Re,Im,Coh\nHz,g/N,g/N,\n0,1,2,1\n1,2,5,1\n2,3,4,1\n")
     taken = "'Freq' [Hz] is frequency, 'Re' [g/N] is real, 'Im' [g/N] is imag, 'Coh' is coherence."
     assert read_frf(tmp_path / "a.csv").origin == f"3 rows, of which that at 0 Hz is left out; {taken}"
@@ -123,7 +123,7 @@ def test_a_table_says_its_rows_and_what_its_columns_were_taken_for(tmp_path: Pat
 
 
 @pytest.mark.parametrize("name", ["a.npz", "a.h5"])
-def test_an_archive_says_what_its_arrays_were_taken_for(tmp_path: Path, name: str) -> None:
+def test_reading_an_archive_reports_the_meaning_of_its_arrays(tmp_path: Path, name: str) -> None:
     arrays = {"junk": np.eye(3), "f": [1.0, 2.0], "h1": [1j, 2j]}
     if name == "a.npz":
         np.savez(tmp_path / name, **arrays)

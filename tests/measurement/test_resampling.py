@@ -165,7 +165,7 @@ def test_the_variance_is_the_scatter_of_interpolated_values() -> None:
         assert np.mean((ratio[near] > 0.7) & (ratio[near] < 1.4)) > 0.85
 
 
-def test_coherence_and_averages_tell_the_variance_on_the_grid(measured: Frf) -> None:
+def test_the_variance_on_the_grid_is_that_of_coherence_and_averages(measured: Frf) -> None:
     known = replace(measured, averages=10, coherence=np.full(measured.frequency.size, 0.9))
     resampled = on_grid(known, measured.frequency[10:20])
     np.testing.assert_allclose(resampled.variance, known.random_variance[10:20], rtol=1e-9)
@@ -177,7 +177,7 @@ def test_coherence_and_averages_tell_the_variance_on_the_grid(measured: Frf) -> 
 
 
 @pytest.mark.parametrize(("has_phase", "unit"), [(True, 1.0), (True, 1e-12), (True, 1e12), (False, 1.0)])
-def test_lines_too_far_apart_are_refused_in_any_unit(has_phase: bool, unit: float) -> None:
+def test_lines_with_too_wide_gaps_are_refused_in_any_unit(has_phase: bool, unit: float) -> None:
     modes = [(400.3 + 130.0 * n, 0.004, 0.5 * unit) for n in range(12)]
     grid = np.arange(300.0, 2000.0, 2.0)
     for spacing, told in ((1.5625, True), (3.125, True), (60.0, False), (100.0, False)):
@@ -197,7 +197,7 @@ def test_lines_too_far_apart_are_refused_in_any_unit(has_phase: bool, unit: floa
 
 
 @pytest.mark.parametrize("count", [4, 7, 12, 15])
-def test_a_few_lines_too_far_apart_are_refused_like_many(count: int) -> None:
+def test_a_short_gap_between_lines_is_refused_like_a_long_one(count: int) -> None:
     lines = np.linspace(300.0, 2000.0, count)
     frf = Frf(lines, accelerance(lines, *[(400.3 + 130.0 * n, 0.004, 0.5) for n in range(12)]), "accelerance")
     with pytest.raises(MeasurementError, match="too far to determine the FRF between them"):

@@ -121,7 +121,7 @@ def test_an_argument_that_contradicts_the_file(refused) -> None:
     )
 
 
-def test_names_that_are_not_there(refused) -> None:
+def test_unknown_names_are_refused(refused) -> None:
     text = "f,Real X,Imag X\n1,2,3\n"
     assert refused("a.csv", text, names={"real": "Real Y", "imag": "Imag X"}) == (
         "a.csv:1\n  there is no 'Real Y' in the file; it holds:\n"

@@ -39,7 +39,7 @@ def test_the_unit_in_the_name_of_chosen_values_is_used(tmp_path: Path, name: str
     np.testing.assert_allclose(frf.values, VALUES, rtol=1e-9)
 
 
-def test_a_unit_in_a_name_that_contradicts_the_stated_one_is_refused(tmp_path: Path):
+def test_a_unit_in_a_name_that_contradicts_the_given_unit_is_refused(tmp_path: Path):
     file = written(tmp_path / "frf.npz", {"frequency": FREQUENCY, "H_um_N": VALUES, "unit": np.array("m/N")})
     with pytest.raises(dovetail.MeasurementError, match="contradicts itself"):
         dovetail.read_frf(file, names={"values": "H_um_N"})

@@ -245,7 +245,7 @@ def test_a_table_is_finite_numbers_of_the_wanted_width(values, fault):
         checked_rows(values, "someone", width=3)
 
 
-def test_a_table_of_whole_numbers_is_one():
+def test_rows_of_integers_are_accepted_as_numbers():
     assert checked_rows([[1, 2, 3]], "someone").tolist() == [[1, 2, 3]]
     assert checked_rows(np.ones((2, 2), dtype=np.uint8), "someone", width=2).shape == (2, 2)
 

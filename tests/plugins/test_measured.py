@@ -193,7 +193,7 @@ def test_damaged_files_are_refused_with_their_name(content, tmp_path):
     assert str(file) in str(caught.value)
 
 
-def test_lines_beyond_the_measured_ones_are_one_clear_error(tmp_path):
+def test_lines_beyond_the_measured_ones_are_refused_in_one_error(tmp_path):
     part = written(tmp_path, receptance()[20:], FREQUENCY[20:])
     with pytest.raises(
         dovetail.DovetailError, match="the measurement covers 250 to 3000 Hz, and 50 to 3000 Hz are wanted"

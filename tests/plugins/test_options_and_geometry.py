@@ -22,7 +22,7 @@ def beam(*sections):
 
 
 @pytest.mark.parametrize(("kind", "name"), [(kind, name) for kind in KINDS for name in components().names(kind)])
-def test_every_example_of_a_component_is_one(kind, name, tmp_path):
+def test_every_example_that_a_component_offers_can_be_built(kind, name, tmp_path):
     model = components().find(kind, name).component
     made = [model(model.Config(**options)) for options in model.examples(tmp_path)]
     assert made

@@ -66,14 +66,14 @@ def test_the_density_is_rices(clear):
 
 
 @pytest.mark.parametrize("clear", [0.0, 0.5, 2.0, 8.0])
-def test_scatter_and_mean_square_tell_the_noise(clear):
+def test_the_noise_is_estimated_from_scatter_and_mean_square(clear):
     scatter = rice.var(np.sqrt(2.0) * clear, scale=3.0 * np.sqrt(0.5))
     (noise,) = noise_in_scatter(np.array([scatter]), np.array([9.0 * (clear**2 + 1.0)]))
     assert noise == pytest.approx(9.0, rel=0.02)
 
 
 @pytest.mark.parametrize(("floor", "share"), [(1.0, 0.0), (0.0, 0.04), (1.0, 0.04)])
-def test_amplitudes_tell_floor_and_share_of_the_noise_of_complex_values(floor, share):
+def test_floor_and_share_of_the_noise_are_estimated_from_amplitudes(floor, share):
     """Most of the FRF lies below the floor; the rest is ten times above it."""
     frequency = np.arange(1.0, 20_001.0)
     model = 20.0 / np.hypot(1.0, (frequency - 1e4) / 300.0)

@@ -29,7 +29,7 @@ from dovetail.report.content import (
 from dovetail.report.html_report import evaluation_rows, write_report
 
 
-def test_where_the_curves_agree_least_is_said_unless_they_agree_everywhere(result: Identification) -> None:
+def test_the_band_of_least_agreement_is_reported_unless_the_curves_agree_everywhere(result: Identification) -> None:
     said = misfit_sentence(result)
     assert said.startswith("The agreement is least from ")
     low, high = (float(word) for word in said.split("from ")[1].split(" Hz")[0].split(" to "))
@@ -104,7 +104,7 @@ def test_a_parameter_whose_r2_is_undefined_has_none(result: Identification) -> N
     assert [row.r2 for row in evaluation_rows(undefined)] == [ABSENT]
 
 
-def test_a_warning_that_already_says_synthetic_is_not_doubled(result: Identification) -> None:
+def test_the_warning_of_synthetic_data_appears_once(result: Identification) -> None:
     warned = replace(result, warnings=("This measurement is synthetic.",))
     assert is_synthetic(warned, Truth(synthetic=True))
     assert warnings_of(warned, Truth(synthetic=True)) == ["This measurement is synthetic."]
@@ -172,14 +172,14 @@ def test_more_missed_truths_than_chance_explains_are_called_so(missed, by_chance
     assert ("more than the one of ten that is expected" in sentence) is not by_chance
 
 
-def test_the_report_says_how_to_do_it_again_with_the_options_that_were_given(sdof, tmp_path):
+def test_the_report_gives_the_command_with_the_options_that_were_used(sdof, tmp_path):
     frf = dovetail.Frf(sdof.frequency, sdof.frf(), "accelerance", label="m.csv")
     result = dovetail.identify(sdof, frf, "multistart", starts=3, weights="amplitude", phase=False, cause_seconds=0)
     page = unescape(write_report(result, tmp_path / "report.html", assembly=sdof).read_text(encoding="utf-8"))
     assert "\"multistart\", weights='amplitude', phase=False, starts=3, cause_seconds=0, seed=0)" in page
 
 
-def test_the_form_of_a_result_that_an_earlier_version_wrote_is_said_again(sdof, tmp_path):
+def test_the_form_of_a_result_of_an_earlier_version_is_kept(sdof, tmp_path):
     frf = dovetail.Frf(sdof.frequency, sdof.frf(), "accelerance", label="m.csv")
     result = dovetail.identify(sdof, frf, form="laplace")
     earlier = {name: value for name, value in result.provenance.items() if name != "options"}

@@ -156,7 +156,7 @@ def test_warnings_stand_above_the_parameters(result: Identification, tmp_path: P
 
 
 @pytest.mark.parametrize("says", ["truth", "label", "provenance", "measurement"])
-def test_a_synthetic_measurement_is_said_to_be_one(result: Identification, tmp_path: Path, says: str) -> None:
+def test_a_synthetic_measurement_is_reported_as_synthetic(result: Identification, tmp_path: Path, says: str) -> None:
     truth = Truth(synthetic=True) if says == "truth" else None
     if says == "label":
         result = replace(result, measured=replace(result.measured, label="SYNTHETIC H0-J-T0"))

@@ -84,6 +84,6 @@ def test_all_faults_are_reported_at_once(tmp_path: Path) -> None:
     assert len(caught.value.faults) == 4
 
 
-def test_a_missing_file_is_said_to_be_missing(tmp_path: Path) -> None:
+def test_a_missing_file_is_reported_as_missing(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="there is no such file"):
         read_truth(tmp_path / "none.json", PARAMETERS)

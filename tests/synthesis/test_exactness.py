@@ -148,7 +148,7 @@ def test_a_hundred_vectors_equal_the_direct_solve_with_resonances_and_dips(name)
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in shipped() if load(name).graph.size > LARGE])
-def test_a_hundred_vectors_of_the_large_ones_too(name):
+def test_frfs_of_a_hundred_vectors_of_large_assemblies_are_exact(name):
     assembly, generator = load(name), np.random.default_rng(1)
     theta = latin_hypercube(assembly, 100, seed=11)
     assert largest_error(assembly, theta, lambda vector, found: spread(found, generator, lines=3, extremes=4)) < 1e-8

@@ -37,15 +37,15 @@ class Profiles:
     position: NDArray[np.float64]
 
     def low_points(self, start: NDArray[np.float64], most: int) -> NDArray[np.float64]:
-        """Return the lowest minima (k, p) of the profiles, apart from the one at their start."""
+        """Return the lowest minima (k, p) of the profiles, without the one at their start."""
         rise = self.cost.min() * _RISE + 1.0
         padded = -np.pad(self.cost, ((0, 0), (1, 1)), constant_values=np.inf)
         tops_of = (scipy.signal.find_peaks(row, prominence=rise)[0] - 1 for row in padded)
         tops = [(axis, top) for axis, tops in enumerate(tops_of) for top in tops]
         spacing = 1.0 / len(self.values)
-        apart = [(axis, top) for axis, top in tops if abs(self.values[top] - start[axis]) > spacing]
-        apart.sort(key=lambda entry: float(self.cost[entry]))
-        return np.array([self.position[entry] for entry in apart[:most]]).reshape(-1, len(start))
+        distant = [(axis, top) for axis, top in tops if abs(self.values[top] - start[axis]) > spacing]
+        distant.sort(key=lambda entry: float(self.cost[entry]))
+        return np.array([self.position[entry] for entry in distant[:most]]).reshape(-1, len(start))
 
 
 def cuts(problem: SumOfSquares, start: NDArray[np.float64], values: NDArray[np.float64]) -> Profiles:

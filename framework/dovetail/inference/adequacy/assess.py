@@ -22,8 +22,8 @@ from dovetail.inference.adequacy.model_error_size import (
 from dovetail.inference.adequacy.quick_fits import MOST_DELIVERED
 from dovetail.inference.adequacy.verdict import (
     NO_TIME,
-    NOTHING_LEFT,
     NOTHING_SHOWN,
+    TOO_FEW_VALUES,
     Adequacy,
 )
 from dovetail.inference.fitting import Fit, refine
@@ -44,9 +44,9 @@ class Settings:
 
     fewest_lines: int = 3
     """Of one FRF, in which a resonance shows."""
-    follows: float = 0.5
+    compensates: float = 0.5
     """Relative change of a parameter, over that of a gain that it makes up for, above which it is named."""
-    not_followed: float = 1e-3
+    uncompensated: float = 1e-3
     """Part of a gain that parameters leave as a residual above which they do not make up for it."""
     independent: float = 1e-6
     """Ratio of singular values below which parameters have the same effect."""
@@ -69,9 +69,9 @@ def check_limits(model_error: float | None, cause_seconds: float = 0.0) -> None:
     ParameterError
     """
     if model_error is not None and not (isinstance(model_error, Real) and 0.0 <= model_error < 1.0):
-        raise ParameterError(Fault("model_error", f"{model_error!r:.40} is no relative error.", "from 0 to 1"))
+        raise ParameterError(Fault("model_error", f"{model_error!r:.40} is not a relative error.", "from 0 to 1"))
     if not (isinstance(cause_seconds, Real) and cause_seconds >= 0.0):
-        raise ParameterError(Fault("cause_seconds", f"{cause_seconds!r:.40} s is no time.", "0, for none, or more"))
+        raise ParameterError(Fault("cause_seconds", f"{cause_seconds!r:.40} s is not a time.", "0, for none, or more"))
 
 
 class JudgedFit(NamedTuple):
@@ -148,7 +148,7 @@ def assess(
     if not shows_structure(target, fit, fits=noise):
         return Adequacy("does not fit", allowed=model_error, reasons=(NOTHING_SHOWN,)), fit
     if noise and target.residual_count(fit.used) <= len(fit.theta):
-        return Adequacy("not judged", allowed=model_error, reasons=(NOTHING_LEFT, *remarks)), fit
+        return Adequacy("not judged", allowed=model_error, reasons=(TOO_FEW_VALUES, *remarks)), fit
     if noise and not model_error:
         return Adequacy("to the noise", allowed=model_error, reasons=remarks), fit
     if problem.limit.is_over:
@@ -281,18 +281,18 @@ def _remarks(problem: Problem, fit: Fit, in_intervals: ModelError | None) -> Ite
             "So few lines do not show their random error: intervals allow for up to 10 % of the largest value. "
             "Give the variance of the measurement, or its coherence and averages."
         )
-    followers = _followers_of_gain(problem, fit.theta) if target.residual_count(fit.used) > len(fit.theta) else []
-    if followers:
+    compensating = _compensating_gain(problem, fit.theta) if target.residual_count(fit.used) > len(fit.theta) else []
+    if compensating:
         shown = "no interval shows it"
         if in_intervals is not None:
             shown = f"the intervals allow for {100.0 * in_intervals.magnitude:.2g} % of it (a standard deviation)"
         yield (
-            f"The measurement does not reveal its own gain: if that is wrong, {listing(followers)} are wrong by as "
+            f"The measurement does not reveal its own gain: if that is wrong, {listing(compensating)} are wrong by as "
             f"much, and {shown}. State a mass or a stiffness that is known, or measure with a known mass added."
         )
 
 
-def _followers_of_gain(problem: Problem, theta: NDArray[np.float64]) -> list[str]:
+def _compensating_gain(problem: Problem, theta: NDArray[np.float64]) -> list[str]:
     """Return the parameters that compensate for a wrong gain, as where all masses are unknown; none if a gain is."""
     values, derivatives = (array[0] for array in problem.model.frf_jacobian(theta[np.newaxis]))
     size = np.maximum(np.abs(values), np.finfo(float).tiny)
@@ -301,10 +301,10 @@ def _followers_of_gain(problem: Problem, theta: NDArray[np.float64]) -> list[str
     )
     share = np.linalg.lstsq(columns, gain, rcond=_SETTINGS.independent)[0]
     parameters, gains = zip(problem.parameters, share, strict=True), problem.assembly.description.unknown_gains
-    followers = [parameter for parameter, part in parameters if abs(part) > _SETTINGS.follows]
-    is_known = any(parameter.prior == "normal" or parameter.name in gains for parameter in followers)
+    compensating = [parameter for parameter, part in parameters if abs(part) > _SETTINGS.compensates]
+    is_known = any(parameter.prior == "normal" or parameter.name in gains for parameter in compensating)
     remainder = np.linalg.norm(columns @ share - gain) / np.linalg.norm(gain)
-    return [] if is_known or remainder > _SETTINGS.not_followed else [parameter.name for parameter in followers]
+    return [] if is_known or remainder > _SETTINGS.uncompensated else [parameter.name for parameter in compensating]
 
 
 def _reasons(fit: Fit, estimated: FitWithError, allowed: float | None, delivered: float) -> Iterator[str]:

@@ -52,7 +52,7 @@ class Settings:
     equal causes the one tried first is named first."""
     narrow: float = 1.5
     """Ratio of the highest to the lowest frequency below which a reversed sign is compared with a delay."""
-    beside_best: float = 0.5
+    share_of_best: float = 0.5
     """Share of the best improvement that each further cause must reach."""
     explained: float = 0.05
     """Misfit beyond noise at which the search ends, if the cause is one that is named. On 300 lines, usually the
@@ -186,7 +186,7 @@ def _named(improvements: list[tuple[float, Cause]], excess: float, lines: int, i
     enough.sort(key=lambda item: -min(item[0], best - _SETTINGS.tie / lines))
     named: dict[str, Cause] = {}
     for improvement, cause in enough:
-        if improvement >= best - _SETTINGS.beside_best * abs(best):
+        if improvement >= best - _SETTINGS.share_of_best * abs(best):
             named.setdefault(cause.name, cause)
     return tuple(list(named.values())[: _SETTINGS.most])
 
@@ -345,8 +345,10 @@ def _alignment(fits: QuickFits, perturbation: Perturbation) -> float:
     changed = fits.problem.with_model(perturbation.apply(_SETTINGS.step))
     ahead = residual.of(changed.frf_at(theta[0])[np.newaxis])[0]
     residuals = residual.of(frf)[0]
-    change, left = without(np.stack([ahead - residuals, residuals]), residual.jacobian(frf, jacobian)[0])
-    return float(abs(change @ left) / max(np.linalg.norm(change) * np.linalg.norm(left), np.finfo(float).tiny))
+    change, remainder = without(np.stack([ahead - residuals, residuals]), residual.jacobian(frf, jacobian)[0])
+    return float(
+        abs(change @ remainder) / max(np.linalg.norm(change) * np.linalg.norm(remainder), np.finfo(float).tiny)
+    )
 
 
 def _perturbed(fits: QuickFits, perturbation: Perturbation, amounts: tuple[float, ...]) -> Iterator[Candidate]:

@@ -9,7 +9,7 @@ import scipy
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from dovetail.inference.adequacy.verdict import NOTHING_LEFT, Adequacy, word_for
+from dovetail.inference.adequacy.verdict import TOO_FEW_VALUES, Adequacy, word_for
 from dovetail.inference.fitting import Fit
 from dovetail.inference.fitting.modal_fit import fit_with_errors
 from dovetail.inference.posterior import LEVEL, TYPICAL, ModelError, typical_model_error
@@ -64,7 +64,7 @@ def _adequacy(
         "to the noise" if plain else word_for(shown), None if plain else shown, allowed, in_intervals=used
     )
     if adequacy.fits and freedom < 1.0:  # not one value more than unknowns
-        return Adequacy("not judged", allowed=allowed, reasons=(NOTHING_LEFT,), in_intervals=used)
+        return Adequacy("not judged", allowed=allowed, reasons=(TOO_FEW_VALUES,), in_intervals=used)
     return adequacy
 
 

@@ -206,7 +206,7 @@ def _added_resonance(
     near = np.abs(frequency - at) < _SETTINGS.reach * at
     if np.count_nonzero(near) < _SETTINGS.fewest_lines:
         return None
-    left, size = (measured - values)[near], np.abs(measured[near])
+    missing, size = (measured - values)[near], np.abs(measured[near])
 
     def shape(logarithms: NDArray[np.float64], axis: NDArray[np.float64]) -> NDArray[np.complex128]:
         natural, loss = np.exp(logarithms)
@@ -214,8 +214,8 @@ def _added_resonance(
 
     def added(logarithms: NDArray[np.float64]) -> tuple[complex, NDArray[np.complex128]]:
         column = shape(logarithms, frequency[near]) / size
-        residue = complex(np.vdot(column, left / size) / np.vdot(column, column))
-        return residue, left / size - residue * column
+        residue = complex(np.vdot(column, missing / size) / np.vdot(column, column))
+        return residue, missing / size - residue * column
 
     def residuals(logarithms: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.asarray(added(logarithms)[1].view(np.float64))

@@ -143,12 +143,12 @@ def _estimates(effects: ErrorEffects, progress: Progress) -> Iterator[tuple[floa
         if width > _SETTINGS.narrowest:  # what is far below the width of an average is hidden in it
             size = replace(size, natural_frequency=max(size.natural_frequency, width / _SETTINGS.consistent))
         damping = np.sqrt(max(size.damping**2, heights**2 - size.magnitude**2))
-        apart = replace(size, natural_frequency=max(size.natural_frequency, least), damping=float(damping))
-        if word_for(apart) != "does not fit":  # peaks may have been taken for each other
-            size = apart
+        by_peaks = replace(size, natural_frequency=max(size.natural_frequency, least), damping=float(damping))
+        if word_for(by_peaks) != "does not fit":  # peaks may have been taken for each other
+            size = by_peaks
         estimate = _Linearised(effects, fraction, size).with_other(size)  # by the averages that intervals will use
         if word_for(estimate) == "does not fit":
-            size = _Linearised(effects, fraction, typical_model_error(width), most).estimate_beside_others()
+            size = _Linearised(effects, fraction, typical_model_error(width), most).estimate_with_other_errors()
             moderate = _Linearised(effects, fraction, size).with_other(size)
             estimate = estimate if word_for(moderate) == "does not fit" else moderate
         yield width, estimate
@@ -240,7 +240,7 @@ class _Linearised:
         bounds = [(least, end) if count else (at, at) for count, at, end in zip(counts, start, ends, strict=True)]
         return sizes(minimize(improbability, start, jac=True, method="L-BFGS-B", bounds=bounds).x)
 
-    def estimate_beside_others(self) -> ModelError:
+    def estimate_with_other_errors(self) -> ModelError:
         """Return the most probable sizes with other errors of 5 %, without which huge ones may cancel each other."""
         return self._estimate_shaped(replace(self._size, other=_SETTINGS.unexplained))
 

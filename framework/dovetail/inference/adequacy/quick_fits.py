@@ -243,8 +243,8 @@ class QuickFits:
             position = self._lowest(problem, position)[np.newaxis]
             theta = self.assembly.from_unit(position[0])
             frf = self.values(theta)[np.newaxis]
-            left = residual.of(frf)[0]
-            step = -float(left @ direction[0] / (direction[0] @ direction[0]))
+            remaining = residual.of(frf)[0]
+            step = -float(remaining @ direction[0] / (direction[0] @ direction[0]))
             amount += step
             changed = zip(target.frfs, target.split(target.values * np.exp(-step * change)), strict=True)
             target = Observations(tuple(replace(measured, values=values) for measured, values in changed))

@@ -219,7 +219,7 @@ def _separated(
     theta: NDArray[np.float64],
     measured: Sequence[SingleMode],
     phases: NDArray[np.float64],
-    beside_parameters: ModelError,
+    determined: ModelError,
 ) -> SeparatedErrors:
     """Return what is known of each error, and what intervals allow for."""
     turned, turned_error = _rms(phases), _error_of_phases(measured)
@@ -229,7 +229,7 @@ def _separated(
     added = _rms([_rms(np.abs(mode.background)) / level for mode, level in pairs])
     added_error = _rms([mode.background_error / level for mode, level in pairs])
     size = replace(
-        beside_parameters,
+        determined,
         phase=phase,
         background=_if_certain(added, added_error),
         other=_rms([mode.misfit for mode in measured]),

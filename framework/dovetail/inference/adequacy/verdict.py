@@ -19,7 +19,7 @@ from dovetail.units import format_quantity
 
 AdequacyWord: TypeAlias = Literal["to the noise", "good", "rough", "does not fit", "not judged"]
 """From best to worst; "not judged" if a method does not judge the model."""
-NOTHING_LEFT = "The measurement has no more values than there are unknowns: nothing is left to judge the fit by."
+TOO_FEW_VALUES = "The measurement has no more values than there are unknowns: the fit cannot be judged."
 """Why a fit is not judged that any model with as many unknowns would reach."""
 
 NOTHING_SHOWN = (

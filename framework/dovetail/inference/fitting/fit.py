@@ -250,9 +250,9 @@ def multistart(
 
 def _check(starts: int, seconds: float | None, objective: str) -> None:
     if starts < 1:
-        raise ParameterError(Fault("starts", f"{starts} searches are no search.", "1 or more"))
+        raise ParameterError(Fault("starts", f"{starts} searches are too few.", "1 or more"))
     if seconds is not None and not seconds > 0:
-        raise ParameterError(Fault("seconds", f"{seconds:g} s is no time.", "more than 0"))
+        raise ParameterError(Fault("seconds", f"{seconds:g} s is not a time.", "more than 0"))
     if objective not in get_args(Objective):
         raise ParameterError(Fault("objective", f"'{objective}' is not an objective.", listing(get_args(Objective))))
 

@@ -49,7 +49,7 @@ def check_options(samples: int, form: str = "samples") -> None:
     ParameterError
     """
     if form not in get_args(Form):
-        problem = f"'{form}' is no form of the posterior."
+        problem = f"'{form}' is not a form of the posterior."
         raise ParameterError(Fault("form", problem, listing(get_args(Form)), did_you_mean(form, get_args(Form))))
     if not (isinstance(samples, Integral) and samples >= _FEWEST_SAMPLES):
         problem = f"{samples!r:.40} samples were asked for."
