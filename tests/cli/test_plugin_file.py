@@ -136,6 +136,12 @@ def test_a_bad_plugin_file(run, tmp_path, description, text, found):
         assert done.stdout == ""
 
 
+def test_the_failing_line_is_named_for_a_relative_path(run, tmp_path, monkeypatch):
+    (tmp_path / "bad.py").write_text("import dovetail\n\ndovetail.no_such_name\n")
+    monkeypatch.chdir(tmp_path)
+    assert run("--plugin", "bad.py", "plugins", code=1).stderr.startswith("bad.py:3\n  AttributeError: ")
+
+
 def test_a_missing_plugin_file(run, tmp_path):
     file = tmp_path / "gone.py"
     assert run("--plugin", file, "plugins", code=1).stderr == f"{file}\n  there is no such plugin file.\n"

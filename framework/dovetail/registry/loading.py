@@ -144,7 +144,7 @@ def _failing_line(error: BaseException, file: Path) -> str:
         return f"{file}:{error.lineno}"
     line, trace = 0, error.__traceback__
     while trace:
-        if Path(trace.tb_frame.f_code.co_filename) == file:
+        if Path(trace.tb_frame.f_code.co_filename).resolve() == file.resolve():
             line = trace.tb_lineno
         trace = trace.tb_next
     return f"{file}:{line}" if line else str(file)
