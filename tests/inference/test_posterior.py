@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -37,9 +36,9 @@ from dovetail.inference.posterior.likelihood import (
     normal_from_unit,
     unit_from_normal,
 )
-from dovetail.inference.posterior.metropolis import metropolis_steps
 from dovetail.inference.posterior.mode_search import _promising, search_modes
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap
+from dovetail.inference.posterior.tangent_steps import Density, tangent_steps
 from dovetail.problem import Problem
 from dovetail.problem.observations import Observations
 from dovetail.problem.residuals import FrfResiduals, ModelFrfs, Weighted
@@ -199,7 +198,7 @@ class Bow:
 def test_metropolis_steps_from_one_end_of_a_bent_valley_sample_its_distribution():
     problem, random = Bow(), np.random.default_rng(0)
     places = LinearisedPoints.at(problem, np.tile([[1.6, 1.56]], (1500, 1)))
-    places, taken = metropolis_steps(partial(TangentMap, problem), places, random, 40)
+    places, taken, _ = tangent_steps(Density.of(problem), places, random, 40)
     assert taken > 0.3
     along = np.linspace(-4, 4, 4001)
     density = np.exp(-(along**2 + (along**2 - 1.0) ** 2) / 2)  # the narrow direction is integrated out

@@ -12,6 +12,8 @@ from dovetail.problem.least_squares import SumOfSquares
 
 _RISE = 1e-3
 """Rise of a profile on both sides of a minimum: 1 and this fraction of the lowest sum of squares."""
+_SETTLED = 0.1
+"""Decrease of the sum of squares in one step, over such a rise, at which a profile is low enough."""
 _FIRST_DAMPING, _DAMPING_FACTOR = 1e-2, 10.0
 """Levenberg-Marquardt damping along a profile, relative to the curvature, and its change after each step."""
 
@@ -70,7 +72,7 @@ def profiles(problem: SumOfSquares, start: NDArray[np.float64], values: NDArray[
     values : (n,) array
         Increasing.
     steps : int
-        Levenberg-Marquardt steps at each value.
+        Largest number of Levenberg-Marquardt steps at each value.
     """
     size, count = len(start), len(values)
     lowest = Profiles(values, np.full((size, count), np.inf), np.empty((size, count, size)))
@@ -97,16 +99,23 @@ def _stepped(
     damping = np.full(len(position), _FIRST_DAMPING)
     here = problem.linearise(position)
     gradient, curvature, cost = here.gradient.copy(), here.curvature.copy(), here.cost.copy()
+    active = np.arange(len(position))
     for _ in range(steps):
-        moving = free & ~((position <= 0.0) & (gradient > 0.0)) & ~((position >= 1.0) & (gradient < 0.0))
-        matrix = curvature * (moving[:, :, np.newaxis] & moving[:, np.newaxis])
+        place, slope = position[active], gradient[active]
+        moving = free[active] & ~((place <= 0.0) & (slope > 0.0)) & ~((place >= 1.0) & (slope < 0.0))
+        matrix = curvature[active] * (moving[:, :, np.newaxis] & moving[:, np.newaxis])
         diagonal = np.einsum("nii->ni", matrix)
-        diagonal += damping[:, np.newaxis] * diagonal + np.where(moving, np.finfo(float).tiny, 1.0)
-        step = np.linalg.solve(matrix, np.where(moving, -gradient, 0.0)[:, :, np.newaxis])[:, :, 0]
-        tried = np.clip(position + step, 0.0, 1.0)
+        diagonal += damping[active, np.newaxis] * diagonal + np.where(moving, np.finfo(float).tiny, 1.0)
+        step = np.linalg.solve(matrix, np.where(moving, -slope, 0.0)[:, :, np.newaxis])[:, :, 0]
+        tried = np.clip(place + step, 0.0, 1.0)
         there = problem.linearise(tried)
-        lower = there.cost < cost
-        position[lower], cost[lower] = tried[lower], there.cost[lower]
-        gradient[lower], curvature[lower] = there.gradient[lower], there.curvature[lower]
-        damping *= np.where(lower, 1.0 / _DAMPING_FACTOR, _DAMPING_FACTOR)
+        decrease = cost[active] - there.cost
+        lower = decrease > 0.0
+        moved = active[lower]
+        position[moved], cost[moved] = tried[lower], there.cost[lower]
+        gradient[moved], curvature[moved] = there.gradient[lower], there.curvature[lower]
+        damping[active] *= np.where(lower, 1.0 / _DAMPING_FACTOR, _DAMPING_FACTOR)
+        active = active[~lower | (decrease > _SETTLED * (_RISE * cost[active] + 1.0))]
+        if not len(active):
+            break
     return position, cost

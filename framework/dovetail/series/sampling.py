@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from dovetail.inference.posterior import ModelError, Posterior
 from dovetail.inference.posterior.likelihood import ReducedResiduals, squared_norms, unit_from_normal
-from dovetail.inference.posterior.metropolis import decorrelate
+from dovetail.inference.posterior.metropolis import Chains, decorrelate
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints
+from dovetail.inference.posterior.tangent_steps import Density
 from dovetail.inference.posterior.verdicts import drawn_by_weight, effective_sample_size
 from dovetail.interfaces import Progress, logged, silent
 from dovetail.series.fitted_tests import FittedTest
@@ -147,15 +148,15 @@ def sample_series(
         points, log_weight = sampler.search(samples)
         evidence = _evidence(log_weight, samples, sampler.log_constant)
         effective = effective_sample_size(log_weight)
-        efficiency = effective / samples
+        z, efficiency = points.z, effective / samples
         if efficiency < _SETTINGS.even_weights:
-            points, log_weight, moved = sampler.move(points, log_weight, samples)
-            effective = min(moved, effective_sample_size(log_weight))
+            chains, log_weight, moved = sampler.move(points, log_weight, samples)
+            z, effective = chains.z, min(moved, effective_sample_size(log_weight))
         weight = np.exp(log_weight - log_weight.max())
         weight /= weight.sum()
         seconds = time.perf_counter() - began
-        parts = sampler.posteriors(points.z, weight, samples, seconds)
-    return SeriesPosterior(points.z, weight, *parts, *evidence, effective, efficiency, samples, seconds)
+        parts = sampler.posteriors(z, weight, samples, seconds)
+    return SeriesPosterior(z, weight, *parts, *evidence, effective, efficiency, samples, seconds)
 
 
 class _Sampler:
@@ -244,12 +245,12 @@ class _Sampler:
         self._progress("samples", count, count)
         return LinearisedPoints.joined(batches), np.concatenate(weights)
 
-    def move(self, points: LinearisedPoints, log_weight: Array, count: int) -> tuple[LinearisedPoints, Array, float]:
+    def move(self, points: LinearisedPoints, log_weight: Array, count: int) -> tuple[Chains, Array, float]:
         """Move samples drawn by weight by Metropolis steps.
 
         Returns
         -------
-        LinearisedPoints
+        Chains
         (n,) array
             Logarithms of the new weights.
         float
@@ -257,8 +258,10 @@ class _Sampler:
         """
         clipped = np.minimum(log_weight, np.quantile(log_weight, _SETTINGS.clipped))
         chosen = drawn_by_weight(np.exp(clipped - clipped.max()), count, self._random)
-        map_at = partial(ArrowTangentMap, self.residuals)
-        ends, correlation = decorrelate(map_at, points.at_rows(chosen), self._random, self._progress)
+        residuals = self.residuals
+        density = Density(residuals.residuals, residuals.linearise, partial(ArrowTangentMap, residuals))
+        ends = decorrelate(density, points.at_rows(chosen), self._random, self._progress)
+        correlation = ends.correlation
         size = 1.0 / (correlation**2 / effective_sample_size(clipped) + (1.0 - correlation**2) / count)
         return ends, self._log_posterior(ends.z) - ends.log_posterior + sum(self._outside) / 2.0, size
 

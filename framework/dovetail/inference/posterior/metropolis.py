@@ -1,190 +1,187 @@
-"""Metropolis steps by tangent maps: they correct samples where a single map folds over.
+"""Metropolis steps of several kinds, until samples are independent of their starts.
 
-In the tangent map anchored at a point, the posterior is nearly standard normal, however curved its valley is. The
-proposal from there has the components ``0.6 u + 0.8 n``, with those of the point, u, and a standard normal draw n. The
-Metropolis-Hastings rule makes the step exact: the density of a proposal is that of its components times the map's
-determinant. A proposal whose reverse does not return, because the map folds over, is rejected.
+Each kind of step leaves the posterior invariant, and each is good at something else. Tangent steps follow curved
+valleys. Difference steps move along the directions in which the samples differ, which they do not need to compute.
+Prior steps draw single parameters anew, which moves those that the measurement hardly determines. How far each kind
+moves each coordinate is measured, and the kind that moves the slowest coordinate farthest for its cost goes on.
+
+References
+----------
+C. J. F. ter Braak, A Markov chain Monte Carlo version of the genetic algorithm Differential Evolution: easy Bayesian
+computing for real parameter spaces, Statistics and Computing 16 (2006) 239-249.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeAlias
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.inference.posterior.likelihood import squared_norms
-from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, TangentSearches
+from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints
+from dovetail.inference.posterior.tangent_steps import Density, tangent_steps
 from dovetail.interfaces import NO_LIMIT, Progress, TimeLimit, silent
 
 
 @dataclass(frozen=True)
 class Settings:
-    """How far a step goes, and how many are needed."""
+    """How far samples move from their starts, and by how many steps."""
 
-    correlation: float = 0.6
-    """Correlation of the components before and after a step; the larger, the more steps are accepted."""
-    iterations: int = 40
-    """Iterations after which a search is given up; most converge after ten to thirty."""
-    return_distance: float = 1e-2
-    """Largest difference of coordinates at which a reversed step counts as back at its start."""
-    remaining_correlation: float = 0.1
-    """Correlation of moved samples with the original ones below which they count as independent."""
-    steps: tuple[int, int] = (5, 10)
-    """Fewest and most steps of each sample. With five that are all accepted, samples are independent."""
+    remaining_correlation: float = 0.2
+    """Correlation of moved samples with their starts, in each coordinate, below which they count as independent."""
+    most_cost: float = 1500.0
+    """Computations of the residuals of each sample, those for derivatives included, after which no step begins."""
+    tangent: int = 2
+    """Tangent steps at a time."""
+    iteration_cost: float = 3.5
+    """Cost of an iteration of a tangent step over that of computing the residuals."""
+    differences: int = 10
+    """Difference steps at a time."""
+    least_points: int = 4
+    """Points from which there are differences to step by."""
+    whole_difference: float = 0.1
+    """Probability that a sample moves by a whole difference of two others, from one group of samples to another."""
+    shorter: float = 0.2
+    """Smallest step, over the one that is best for a normal distribution."""
+    scatter: float = 1e-4
+    """Standard deviation added to a difference, so that all places can be reached."""
+    largest_jump: float = 0.9
+    """Largest mean square of the steps, over that of two independent points, that is counted."""
 
 
 _SETTINGS = Settings()
 
-MapAt: TypeAlias = Callable[[LinearisedPoints], TangentMap]
-"""Makes the tangent map of a posterior that is anchored at points, one for each."""
+
+class Chains:
+    """Points that move by steps of several kinds.
+
+    Parameters
+    ----------
+    density : Density
+    points : LinearisedPoints
+        Their starts.
+    random : numpy.random.Generator
+    limit : TimeLimit
+
+    Attributes
+    ----------
+    z : (n, d) array
+    log_posterior : (n,) array
+    correlation : float
+        With the starts, of the coordinate that has moved least; 1 before `decorrelate`.
+    """
+
+    correlation = 1.0
+
+    def __init__(
+        self, density: Density, points: LinearisedPoints, random: np.random.Generator, limit: TimeLimit
+    ) -> None:
+        self._density, self._random, self._limit = density, random, limit
+        self.z, self.log_posterior = points.z.copy(), points.log_posterior
+
+    def tangent_steps(self) -> float:
+        """Move along the valley of the posterior; return the cost, in computations of the residuals of each point."""
+        start = self._density.points_at(self.z)
+        points, _, iterations = tangent_steps(self._density, start, self._random, _SETTINGS.tangent, self._limit)
+        self.z, self.log_posterior = points.z.copy(), points.log_posterior
+        return _SETTINGS.iteration_cost * iterations / len(self.z)
+
+    def difference_steps(self) -> float:
+        """Move each half of the points by differences of points of the other half; return the cost."""
+        count, width = self.z.shape
+        for _ in range(_SETTINGS.differences):
+            order = self._random.permutation(count)
+            for moved, others in (
+                (order[: count // 2], order[count // 2 :]),
+                (order[count // 2 :], order[: count // 2]),
+            ):
+                first, second = self._random.integers(0, len(others), (2, len(moved)))
+                shorter = _SETTINGS.shorter ** self._random.random(len(moved))
+                whole = self._random.random(len(moved)) < _SETTINGS.whole_difference
+                length = np.where(whole, 1.0, 2.38 / np.sqrt(2.0 * width) * shorter)
+                step = length[:, np.newaxis] * (self.z[others[first]] - self.z[others[second]])
+                step += _SETTINGS.scatter * self._random.standard_normal(step.shape)
+                self._propose(moved, self.z[moved] + step, 0.0)
+        return float(_SETTINGS.differences)
+
+    def prior_steps(self) -> float:
+        """Draw each coordinate of all points anew from the prior, one after the other; return the cost."""
+        for column in self._random.permutation(self.z.shape[1]):
+            proposed = self.z.copy()
+            proposed[:, column] = self._random.standard_normal(len(proposed))
+            prior_ratio = (proposed[:, column] ** 2 - self.z[:, column] ** 2) / 2.0
+            self._propose(np.arange(len(proposed)), proposed, prior_ratio)
+        return float(self.z.shape[1])
+
+    def _propose(
+        self, rows: NDArray[np.intp], proposed: NDArray[np.float64], log_ratio: NDArray[np.float64] | float
+    ) -> None:
+        """Move points to proposals (k, d) where the rule of Metropolis and Hastings accepts them.
+
+        `log_ratio` is the log density of the steps back, less that of the steps to the proposals.
+        """
+        log_posterior = self._density.log(proposed)
+        levels = np.log(self._random.random(len(rows)))
+        accepted = levels < log_posterior - self.log_posterior[rows] + log_ratio
+        self.z[rows[accepted]], self.log_posterior[rows[accepted]] = proposed[accepted], log_posterior[accepted]
+
+
+class _Kind:
+    """A kind of step, with how far it has moved each coordinate.
+
+    Parameters
+    ----------
+    chains : Chains
+    steps : callable
+        Takes some steps and returns their cost.
+    """
+
+    def __init__(self, chains: Chains, steps: Callable[[], float]) -> None:
+        self._chains, self._steps = chains, steps
+        self._decays, self._costs = list[NDArray[np.float64]](), list[float]()
+
+    def take(self) -> tuple[NDArray[np.float64], float]:
+        """Take steps; return the decay of the logarithm of each coordinate's correlation (d,), and the cost."""
+        before = self._chains.z.copy()
+        cost = self._steps()
+        jumps = np.mean((self._chains.z - before) ** 2, axis=0)
+        variance = np.maximum(np.maximum(before.var(axis=0), self._chains.z.var(axis=0)), np.finfo(float).tiny)
+        decay = -np.log1p(-np.minimum(jumps / (2.0 * variance), _SETTINGS.largest_jump))
+        self._decays.append(decay)
+        self._costs.append(cost)
+        return decay, cost
+
+    def rate(self, column: int) -> float:
+        """Return the mean decay of a coordinate's correlation for the cost."""
+        return float(np.sum(self._decays, axis=0)[column] / np.sum(self._costs))
 
 
 def decorrelate(
-    map_at: MapAt,
+    density: Density,
     points: LinearisedPoints,
     random: np.random.Generator,
     progress: Progress = silent,
     limit: TimeLimit = NO_LIMIT,
-) -> tuple[LinearisedPoints, float]:
-    """Move points by Metropolis steps until they are independent of their starts, or time is over.
-
-    Returns
-    -------
-    LinearisedPoints
-    float
-        Correlation with their starts that remains, from the fraction of the steps that were accepted.
-    """
-    fewest, most = _SETTINGS.steps
-    progress("independence", 0, most)
-    points, acceptance = metropolis_steps(map_at, points, random, fewest, limit)
-    of_one = 1.0 - (1.0 - _SETTINGS.correlation) * acceptance
-    needed = np.log(_SETTINGS.remaining_correlation) / np.log(min(of_one, 1.0 - 1e-6))
-    further = int(min(np.ceil(needed), most)) - fewest
-    if limit.is_over:
-        limit.leave_out("steps that make samples independent")
-    elif further > 0:
-        progress("independence", fewest, fewest + further)
-        points, _ = metropolis_steps(map_at, points, random, further, limit)
-        return points, float(of_one ** (fewest + further))
-    return points, float(of_one**fewest)
-
-
-def metropolis_steps(
-    map_at: MapAt,
-    points: LinearisedPoints,
-    random: np.random.Generator,
-    steps: int,
-    limit: TimeLimit = NO_LIMIT,
-) -> tuple[LinearisedPoints, float]:
-    """Move each point by steps that leave the posterior invariant.
-
-    Parameters
-    ----------
-    map_at : callable
-    points : LinearisedPoints
-    random : numpy.random.Generator
-    steps : int
-        Of each point.
-    limit : TimeLimit
-        After which each point stays where its steps have led so far.
-
-    Returns
-    -------
-    LinearisedPoints
-    float
-        Fraction of the steps that were accepted.
-    """
-    walk = _Walk(map_at, points, random, steps)
-    walk.run(limit)
-    return walk.points, walk.accepted / (steps * len(points.z))
-
-
-class _Walk:
-    """Chains of Metropolis steps, one from each point.
-
-    A step is a search for the proposal and, if that is accepted, one back to the start. Chains do not wait for one
-    another: the searches of all chains advance together, whichever step they belong to.
-
-    Parameters
-    ----------
-    map_at, points, random, steps
-        As in `metropolis_steps`.
-
-    Attributes
-    ----------
-    points : LinearisedPoints
-        Where the chains are.
-    accepted : int
-        Number of accepted steps.
-    """
-
-    def __init__(self, map_at: MapAt, points: LinearisedPoints, random: np.random.Generator, steps: int) -> None:
-        shape = (steps, *points.z.shape)
-        self._drawn, self._levels = random.standard_normal(shape), np.log(random.random(shape[:2]))
-        self._map_at, self._steps = map_at, steps
-        self.points, self._proposed, self.accepted = points.copy(), points.copy(), 0
-        self._maps = map_at(points)  # anchored at the points
-        rows = np.arange(len(points.z))
-        self._taken, self._returning = np.zeros(len(rows), dtype=np.int64), np.zeros(len(rows), dtype=np.bool_)
-        self._searches = TangentSearches(self._maps.at_rows(rows), self._targets(rows), points, _SETTINGS.iterations)
-
-    def run(self, limit: TimeLimit = NO_LIMIT) -> None:
-        """Take all steps of all chains."""
-        while len(walking := np.flatnonzero(self._taken < self._steps)) and not limit.is_over:
-            active = self._searches.active(walking)
-            self._searches.advance(active)
-            self._go_on(np.setdiff1d(walking, self._searches.active(active), assume_unique=True))
-
-    def _targets(self, rows: NDArray[np.intp]) -> NDArray[np.float64]:
-        """Return the components (k, d) of the proposals of some of the chains."""
-        components = self._maps.along(self.points.residuals[rows], rows)
-        drawn = self._drawn[self._taken[rows], rows]
-        return np.asarray(_SETTINGS.correlation * components + np.sqrt(1.0 - _SETTINGS.correlation**2) * drawn)
-
-    def _go_on(self, rows: NDArray[np.intp]) -> None:
-        """Continue the chains whose searches have ended: reverse an accepted proposal, or begin the next step."""
-        returning = self._returning[rows]
-        self._arrive(rows[returning])
-        reversing = self._judge(rows[~returning])
-        done = np.setdiff1d(rows, reversing, assume_unique=True)
-        self._taken[done] += 1
-        self._returning[done] = False
-        next_step = done[self._taken[done] < self._steps]
-        if len(next_step):
-            maps, start = self._maps.at_rows(next_step), self.points.at_rows(next_step)
-            self._searches.restart(next_step, maps, self._targets(next_step), start)
-
-    def _judge(self, rows: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Accept or reject the proposals that were found; return the chains whose step has to be reversed."""
-        rows = rows[self._searches.converged[rows]]
-        if not len(rows):
-            return rows
-        start, end, forth = self.points.at_rows(rows), self._searches.ends.at_rows(rows), self._maps.at_rows(rows)
-        back = self._map_at(end)
-        log_ratio = end.log_posterior - start.log_posterior
-        log_ratio += _log_proposal(back, end, start) - _log_proposal(forth, start, end)
-        accepted = np.flatnonzero(self._levels[self._taken[rows], rows] < log_ratio)
-        rows, end, back = rows[accepted], end.at_rows(accepted), back.at_rows(accepted)
-        self._proposed.overwrite(rows, end)
-        self._returning[rows] = True
-        self._searches.restart(rows, back, back.components(start.residuals[accepted]), end)
-        return rows
-
-    def _arrive(self, rows: NDArray[np.intp]) -> None:
-        """Move the chains whose reversed steps lead back to their starts."""
-        distance = np.abs(self._searches.ends.z[rows] - self.points.z[rows]).max(axis=1, initial=0.0)
-        moved = rows[self._searches.converged[rows] & (distance < _SETTINGS.return_distance)]
-        if len(moved):
-            self.points.overwrite(moved, self._proposed.at_rows(moved))
-            self._maps.overwrite(moved, self._map_at(self.points.at_rows(moved)))
-            self.accepted += len(moved)
-
-
-def _log_proposal(tangent_map: TangentMap, start: LinearisedPoints, end: LinearisedPoints) -> NDArray[np.float64]:
-    """Return the log density of proposals `end` from `start`, the map's anchors."""
-    kept = _SETTINGS.correlation * tangent_map.components(start.residuals)
-    squares = squared_norms(tangent_map.components(end.residuals) - kept)
-    return np.asarray(tangent_map.log_determinant(end) - squares / (2.0 * (1.0 - _SETTINGS.correlation**2)))
+) -> Chains:
+    """Move points by Metropolis steps until they are independent of their starts, or time is over."""
+    chains = Chains(density, points, random, limit)
+    steps = [chains.tangent_steps, chains.prior_steps]
+    if len(points.z) >= _SETTINGS.least_points:
+        steps.append(chains.difference_steps)
+    kinds = [_Kind(chains, one) for one in steps]
+    goal, spent = -np.log(_SETTINGS.remaining_correlation), 0.0
+    decayed, untried = np.zeros(points.z.shape[1]), list(kinds)
+    progress("independence", 0, 100)
+    while decayed.min() < goal and spent < _SETTINGS.most_cost:
+        slowest = int(np.argmin(decayed))
+        if limit.is_over:
+            limit.leave_out("steps that make samples independent")
+            break
+        kind = untried.pop(0) if untried else max(kinds, key=partial(_Kind.rate, column=slowest))
+        decay, cost = kind.take()
+        decayed, spent = decayed + decay, spent + cost
+        chains.correlation = float(np.exp(-decayed.min()))
+        progress("independence", int(100 * min(1.0, max(decayed.min() / goal, spent / _SETTINGS.most_cost))), 100)
+    return chains

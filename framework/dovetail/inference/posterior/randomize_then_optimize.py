@@ -32,7 +32,7 @@ class Settings:
     """First damping, relative to the diagonal of the normal matrix; starts are near, so little is needed."""
     damping_factors: tuple[float, float] = (1 / 5, 3.0)
     """Change of the damping after a step that comes nearer to the target, and after one that does not."""
-    longest_step: float = 2.0
+    longest_step: float = 0.7
     """Largest change of a coordinate in one step: the prior's standard deviation is 1."""
     probe: float = 0.1
     """Fraction of a step after which the curvature of the residuals along it is measured."""

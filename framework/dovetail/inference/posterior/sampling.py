@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,11 +23,12 @@ from dovetail.inference.posterior.likelihood import (
     squared_norms,
     unit_from_normal,
 )
-from dovetail.inference.posterior.metropolis import decorrelate
+from dovetail.inference.posterior.metropolis import Chains, decorrelate
 from dovetail.inference.posterior.mode_search import likelihood_at_mode, maximise_posterior, search_modes
 from dovetail.inference.posterior.model_error import TYPICAL, ModelError
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap
 from dovetail.inference.posterior.separate_modes import ends_about, mixed, nearest_modes, separate_modes, shares
+from dovetail.inference.posterior.tangent_steps import Density
 from dovetail.inference.posterior.unknown_chain import UnknownChain
 from dovetail.inference.posterior.verdicts import drawn_by_weight, effective_sample_size
 from dovetail.interfaces import Progress, logged, silent
@@ -141,12 +141,13 @@ def sample_posterior(
     with logged(__name__, f"{samples} samples of the posterior"):
         if isinstance(problem, ModalProblem):
             z, log_weight, converged = _draw(likelihood.posterior, modes, samples, seed)
-            log_likelihood, lines = None, len(likelihood.variance)
+            log_likelihood, lines, begun = None, len(likelihood.variance), samples
             samples = 0 if problem.limit.is_over else samples
         else:
             sampler = _Sampler(likelihood, modes, fit.information, np.random.default_rng([seed, 2]), progress)
             z, log_weight, log_likelihood = sampler.draw(samples)
-            converged, lines, samples = sampler.converged, sampler.lines, samples - sampler.missing
+            converged, begun, lines = sampler.converged, sampler.begun, sampler.lines
+            samples -= sampler.missing
     if samples < wanted:
         few = not len(z) or samples < min(_SETTINGS.fewest, wanted)
         finished = f"{samples} of {wanted} samples"
@@ -163,7 +164,7 @@ def sample_posterior(
         fraction,
         weight / weight.sum(),
         model_error=model_error,
-        searches=round(len(weight) * samples / max(converged, 1)),
+        searches=round(len(weight) * (begun or samples) / max(converged, 1)),
         lines=lines,
         seconds=time.perf_counter() - began,
         log_likelihood=likelihood.log(fraction) if log_likelihood is None else log_likelihood,
@@ -189,6 +190,8 @@ class _Sampler:
         Number of lines from which the reduced misfit is computed.
     converged : int
         Number of searches for samples that converged.
+    begun : int
+        Number of these searches that came to an end.
     missing : int
         Searches that the time limit left out; all of them if not all modes had their turn.
     """
@@ -225,7 +228,7 @@ class _Sampler:
             if self._limit.is_over:
                 break
             snapshots = np.concatenate([snapshots, frfs[near]])[-_SETTINGS.most_snapshots :]
-        self.lines, self.converged, self.missing = reduced.lines, 0, 0
+        self.lines, self.converged, self.begun, self.missing = reduced.lines, 0, 0, 0
         ample = self._limit.remaining > _SETTINGS.ample * (self._limit.elapsed - began)
         self._batch = _SETTINGS.batch if ample else _SETTINGS.limited_batch
 
@@ -265,10 +268,10 @@ class _Sampler:
         ends, log_density = self._search(count)
         z, log_weight = ends.z, ends.log_posterior - log_density
         self.converged = len(z)
-        if self._limit.is_over:
-            if effective_sample_size(log_weight) < _SETTINGS.even_weights * (count - self.missing):
-                self._limit.leave_out("steps that make the weights of samples even")
-        elif effective_sample_size(log_weight) < _SETTINGS.even_weights * count:
+        uneven = effective_sample_size(log_weight) < _SETTINGS.even_weights * max(self.begun, 1)
+        if uneven and self._limit.is_over:
+            self._limit.leave_out("steps that make the weights of samples even")
+        elif uneven:
             points = self._move(z, log_weight, count)
             z, log_density = points.z, points.log_posterior
         log_likelihood = self._likelihood.log(unit_from_normal(z))
@@ -283,7 +286,7 @@ class _Sampler:
         """
         modes = self._separate()
         ends, log_density = self._search_about(modes, count)
-        if len(modes.z) == 1 or len(ends.z) > _SETTINGS.least_ends * (count - self.missing):
+        if len(modes.z) == 1 or len(ends.z) > _SETTINGS.least_ends * self.begun:
             return ends, log_density
         return self._search_about(LinearisedPoints.at(self._posterior, self._mode), count)
 
@@ -291,8 +294,9 @@ class _Sampler:
         about_modes = list(shares(self._posterior, modes, count))
         batches = [(first, *about) for about in about_modes for first in range(0, about[1], self._batch)]
         batches.sort(key=lambda batch: batch[0])  # if time ends early, all modes have had their turn
-        of_modes, log_densities, finished = [], [], 0
-        done = np.zeros(len(about_modes), dtype=np.intp)
+        of_batches: list[tuple[int, LinearisedPoints, NDArray[np.float64]]] = []
+        done, finished = np.zeros(len(about_modes), dtype=np.intp), 0
+        self.missing = count
         for first, number, share, tangent_map in batches:
             self._progress("samples", finished, count)
             near = np.concatenate([modes.z[[number]], self._points[nearest_modes(modes, self._points) == number]])
@@ -301,16 +305,19 @@ class _Sampler:
             if self._limit.is_over:
                 break
             self._points, finished = np.concatenate([self._points, ends.z]), finished + len(ends.z)
-            of_modes.append((number, ends))
-            log_densities.append(log_density)
+            of_batches.append((number, ends, log_density))
             done[number] += len(target)
-        self.missing = count - int(done.sum()) if done.all() else count
+            if done.all() and _a_few_dominate(*_joined(of_batches, done)):
+                self.missing = 0
+                break
+        self.begun = int(done.sum())
         if not done.all():
             return modes.at_rows(np.empty(0, dtype=np.intp)), np.empty(0)
+        self.missing = min(self.missing, count - self.begun)
         self._progress("samples", count, count)
         order = mixed(finished, modes, self._random)
-        densities = [one + np.log(done[number]) for (number, _), one in zip(of_modes, log_densities, strict=True)]
-        return LinearisedPoints.joined([ends for _, ends in of_modes]).at_rows(order), np.concatenate(densities)[order]
+        ends, log_density = _joined(of_batches, done)
+        return ends.at_rows(order), log_density[order]
 
     def _separate(self) -> LinearisedPoints:
         """Return the separate modes of the reduced posterior; the highest alone if there are no others."""
@@ -320,13 +327,13 @@ class _Sampler:
         modes = separate_modes(ends.at_rows(np.flatnonzero(steps < _SETTINGS.still)))
         return modes if len(modes.z) > 1 else LinearisedPoints.at(self._posterior, self._mode)
 
-    def _move(self, z: NDArray[np.float64], log_weight: NDArray[np.float64], count: int) -> LinearisedPoints:
+    def _move(self, z: NDArray[np.float64], log_weight: NDArray[np.float64], count: int) -> Chains:
         """Return samples drawn by weight and moved by Metropolis steps."""
         if not len(z):
             z, log_weight = self._mode, np.zeros(1)
-        chosen = drawn_by_weight(_clipped(log_weight, count), count, self._random)
+        chosen = drawn_by_weight(_clipped(log_weight), count, self._random)
         start = LinearisedPoints.at(self._posterior, z[chosen])
-        return decorrelate(partial(TangentMap, self._posterior), start, self._random, self._progress, self._limit)[0]
+        return decorrelate(Density.of(self._posterior), start, self._random, self._progress, self._limit)
 
     def _log_posterior(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the log density (n,), up to a constant, of z (n, p), from all lines."""
@@ -360,17 +367,28 @@ def _draw(
     order = mixed(len(log_weight), separate, random)
     points, log_weight = points.at_rows(order), log_weight[order]
     if effective_sample_size(log_weight) < _SETTINGS.even_weights * count:
-        chosen = drawn_by_weight(_clipped(log_weight, count), count, random)
-        return (
-            decorrelate(partial(TangentMap, posterior), points.at_rows(chosen), random)[0].z,
-            np.zeros(count),
-            converged,
-        )
+        chosen = drawn_by_weight(_clipped(log_weight), count, random)
+        return decorrelate(Density.of(posterior), points.at_rows(chosen), random).z, np.zeros(count), converged
     return points.z, log_weight, converged
 
 
-def _clipped(log_weight: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+def _joined(
+    found: list[tuple[int, LinearisedPoints, NDArray[np.float64]]], done: NDArray[np.intp]
+) -> tuple[LinearisedPoints, NDArray[np.float64]]:
+    """Join ends of searches about several modes, given with their log density, by the number of searches about each."""
+    modes, ends, log_density = zip(*found, strict=True)
+    densities = [one + np.log(done[mode]) for mode, one in zip(modes, log_density, strict=True)]
+    return LinearisedPoints.joined(ends), np.concatenate(densities)
+
+
+def _a_few_dominate(ends: LinearisedPoints, log_density: NDArray[np.float64]) -> bool:
+    """Return whether the weights of samples are so uneven that further ones would not help."""
+    weight = ends.log_posterior - log_density
+    return not len(weight) or effective_sample_size(weight) < _SETTINGS.uneven_weights * len(weight)
+
+
+def _clipped(log_weight: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the weights of samples, the largest of them clipped if a few dominate."""
-    if effective_sample_size(log_weight) < _SETTINGS.uneven_weights * count:
+    if effective_sample_size(log_weight) < _SETTINGS.uneven_weights * len(log_weight):
         log_weight = np.minimum(log_weight, np.quantile(log_weight, _SETTINGS.weight_quantile))
     return np.asarray(np.exp(log_weight - log_weight.max()))
