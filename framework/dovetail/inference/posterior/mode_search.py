@@ -26,7 +26,7 @@ from dovetail.inference.posterior.likelihood import (
 from dovetail.inference.posterior.model_error import ModelError
 from dovetail.interfaces import Progress, silent
 from dovetail.problem import Problem
-from dovetail.problem.least_squares import Linearisation, SumOfSquares, minimise
+from dovetail.problem.least_squares import Linearisation, Minima, SumOfSquares, minimise
 from dovetail.problem.residuals import FrfResiduals
 
 
@@ -58,13 +58,14 @@ class Settings:
     """Largest number of modes on the chosen lines, the best ones, from which the search continues on all lines."""
     most_orders: int = 24
     """Largest number of orders of the values of like joints from which a search begins: all of four joints."""
-    same: float = 0.05
-    """Largest difference of coordinates, of which the prior's deviation is 1, at which two ends are the same mode."""
+    same: float = 1.0
+    """Largest distance of two ends, in standard deviations by the curvature there, at which they are the same mode. A
+    search comes within a third of that of a mode."""
     worth: float = 400.0
     """Chi-squared above the best one up to which a mode is of interest: twice as much as sampling accepts."""
     standard_errors: float = 5.0
     """Uncertainty of chi-squared from few lines, in standard errors, within which a mode may be of interest."""
-    tolerance: float = 1e-2
+    tolerance: float = 0.3
     steps: int = 100
     """Limits of the searches on all lines; sampling starts at the modes and does not need them more precisely."""
 
@@ -138,8 +139,7 @@ def search_modes(
         problem.limit.leave_out("the search for other groups of likely values")
         return maximise_posterior(likelihood.posterior, of_fit)
     ends = np.concatenate([direct, cooled, exchanged])
-    ends = maximise_posterior(tempered(1.0), ends, most_steps=_SETTINGS.rough_steps, **rough)
-    ends = ends[[bool((np.abs(ends[:row] - end) > _SETTINGS.same).any(axis=1).all()) for row, end in enumerate(ends)]]
+    ends = _different(_maxima(tempered(1.0), ends, most_steps=_SETTINGS.rough_steps, **rough))
     starts = _promising(tempered(1.0), np.concatenate([of_fit, ends[:refined]]), every)
     modes = maximise_posterior(likelihood.posterior, starts, callback=callback)
     if problem.limit.is_over:
@@ -190,9 +190,32 @@ def maximise_posterior(
     callback: Callable[[], None] = lambda: None,
 ) -> NDArray[np.float64]:
     """Search for a mode from each start z (n, p); return the ends of the searches (n, p), the highest first."""
+    maxima = _maxima(posterior, starts, tolerance=tolerance, most_steps=most_steps, callback=callback)
+    return CubeResiduals.to_normal(maxima.position)
+
+
+def _maxima(
+    posterior: PosteriorResiduals,
+    starts: NDArray[np.float64],
+    *,
+    tolerance: float,
+    most_steps: int,
+    callback: Callable[[], None],
+) -> Minima:
+    """Return where searches from z (n, p) end as minima in the unit cube, the highest modes first."""
     problem, cube = CubeResiduals(posterior), CubeResiduals.from_normal(starts)
-    minimum = minimise(problem, cube, tolerance=tolerance, most_steps=most_steps, callback=callback)
-    return CubeResiduals.to_normal(minimum.position[np.argsort(minimum.cost, kind="stable")])
+    return Minima.ranked(minimise(problem, cube, tolerance=tolerance, most_steps=most_steps, callback=callback))
+
+
+def _different(maxima: Minima) -> NDArray[np.float64]:
+    """Return the ends z (k, p) of searches that are not at the same mode as a higher one."""
+    kept: list[int] = []
+    for row, position in enumerate(maxima.position):
+        steps = maxima.position[kept] - position
+        squares = np.einsum("kp,kpq,kq->k", steps, maxima.curvature[kept], steps)
+        if (squares > _SETTINGS.same**2).all():
+            kept.append(row)
+    return CubeResiduals.to_normal(maxima.position[kept])
 
 
 def _exchanged(assembly: Assembly, best: NDArray[np.float64]) -> NDArray[np.float64]:
