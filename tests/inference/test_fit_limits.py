@@ -13,7 +13,7 @@ import dovetail
 from dovetail.inference.fitting import refine
 from dovetail.inference.fitting.fit import count_agreeing
 from dovetail.inference.fitting.refinement import _Refinement
-from dovetail.interfaces import silent
+from dovetail.interfaces import FitOptions, silent
 from dovetail.problem import Problem
 from dovetail.problem.definition import bounds_reached
 from dovetail.problem.least_squares import Linearisation, SumOfSquares, minimise
@@ -274,5 +274,7 @@ def test_starts_are_brought_to_the_ends_of_their_ranges_and_no_further(sdof, sta
     plain["response"]["calibration"] = {"delay": {"range": ["-1 ms", "1 ms"]}}
     assembly = dovetail.load(plain)
     target = Observations.of(assembly.description, [noisy(assembly, assembly.frf())])
-    (fraction,) = _Refinement(Problem(assembly, target), 0, silent)._first_batch([np.array([1e6, 50.0, start])])
+    (fraction,) = _Refinement(Problem(assembly, target), FitOptions(), 0, silent)._first_batch(
+        [np.array([1e6, 50.0, start])]
+    )
     np.testing.assert_allclose(assembly.from_unit(fraction), [1e6, 50.0, expected])

@@ -139,3 +139,25 @@ def test_a_search_that_begins_where_nothing_is_finite_ends_there_and_others_go_o
     found = minimise(Wall(), np.array([[0.1], [0.9], [0.3]]), tolerance=1e-6, most_steps=40)
     np.testing.assert_allclose(found.position[:, 0], [0.1, 0.7, 0.7], atol=1e-3)
     assert found.cost[0] == np.inf
+
+
+def test_searches_that_are_superfluous_end_and_the_others_go_on(lap, starts):
+    seen, reported = [], []
+
+    def superfluous(places, steps_left):
+        seen.append((len(places.cost), steps_left))
+        return np.arange(len(places.cost)) % 2 == (0 if len(seen) == 2 else 2)
+
+    ends = minimise(
+        lap,
+        starts[:6],
+        tolerance=1e-3,
+        most_steps=60,
+        superfluous=superfluous,
+        callback=lambda: reported.append(1),
+    )
+    full = minimise(lap, starts[:6], tolerance=1e-3, most_steps=60)
+    assert seen[:3] == [(6, 58), (6, 57), (6, 56)]
+    np.testing.assert_array_equal(ends.steps[::2], 3)
+    np.testing.assert_array_equal(ends.position[1::2], full.position[1::2])
+    assert len(reported) == 6

@@ -140,6 +140,9 @@ def minimise(
     *,
     tolerance: float,
     most_steps: int,
+    superfluous: Callable[[Minima, int], NDArray[np.bool_]] = lambda places, _: np.zeros(
+        len(places.cost), dtype=np.bool_
+    ),
     callback: Callable[[], None] = lambda: None,
 ) -> Minima:
     """Minimise sums of squares from several starts, which advance together, by a trust-region interior method.
@@ -153,6 +156,8 @@ def minimise(
         Decrease of the sum of m squares in one step that ends a search, if the sum is about m, as for noise; for other
         sums in proportion.
     most_steps : int
+    superfluous : callable
+        Called after each step with where all searches are and how many steps are left; returns which of them end.
     callback : callable
         Called when a search ends.
 
@@ -176,7 +181,7 @@ def minimise(
     """
     position = np.clip(start, _INSIDE, 1.0 - _INSIDE)
     groups = np.array_split(position, _groups(problem, position))
-    return Minima.joined([_minimised(problem, group, tolerance, most_steps, callback) for group in groups])
+    return Minima.joined([_minimised(problem, group, tolerance, most_steps, superfluous, callback) for group in groups])
 
 
 def _groups(problem: SumOfSquares, position: NDArray[np.float64]) -> int:
@@ -192,13 +197,15 @@ def _minimised(
     position: NDArray[np.float64],
     tolerance: float,
     most_steps: int,
+    superfluous: Callable[[Minima, int], NDArray[np.bool_]],
     callback: Callable[[], None],
 ) -> Minima:
     searches = _Searches(problem, position.copy(), tolerance)
-    for _ in range(most_steps - 1):
+    for steps_left in range(most_steps - 2, -1, -1):
         if not searches.active.size or problem.limit.is_over:
             break
-        for _ in range(searches.advance()):
+        ended = searches.advance()
+        for _ in range(ended + searches.stop(superfluous(searches.minima, steps_left)[searches.active])):
             callback()
     for _ in searches.active:
         callback()
@@ -224,9 +231,8 @@ class _Searches:
         scale = np.sqrt(self._distances(np.arange(len(position)))) / self._sizes
         first = np.linalg.norm(position / np.maximum(scale, _TINY), axis=1)
         self._radius = np.where(first > 0.0, first, 1.0)
-        self.active = np.flatnonzero(_are_finite(self._here))
-        if len(self.active) < len(position):
-            self._here = self._here.at_rows(self.active)
+        self.active = np.arange(len(position))
+        self.stop(~_are_finite(self._here))
 
     def _distances(self, rows: NDArray[np.intp]) -> NDArray[np.float64]:
         """Return the distances from the faces towards which the sum of squares falls."""
@@ -262,10 +268,19 @@ class _Searches:
         ended = better & trusted & (ratio > 0.25) & (decrease < self._tolerance / count * self._cost[rows])
         ended |= self._radius[rows] < _LEAST_RADIUS * np.linalg.norm(position * self._sizes[rows], axis=1)
         self._move(rows, np.flatnonzero(better), position + step, there)
-        self.active, kept = rows[~ended], np.flatnonzero(~ended)
-        if len(kept) < len(rows):
+        return self.stop(ended)
+
+    def stop(self, ended: NDArray[np.bool_]) -> int:
+        """Stop some of the active searches; return how many."""
+        self.active, kept = self.active[~ended], np.flatnonzero(~ended)
+        if len(kept) < len(ended):
             self._here = self._here.at_rows(kept)
-        return len(rows) - len(kept)
+        return len(ended) - len(kept)
+
+    @property
+    def minima(self) -> Minima:
+        """Where the searches are."""
+        return Minima(self._position, self._cost, self._curvature, self._steps)
 
     def _bend(self, position: NDArray[np.float64], step: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return J^T r'' (k, p) for the second derivatives r'' of the residuals along steps (k, p)."""
@@ -291,12 +306,10 @@ class _Searches:
         position, gradient = self._position, self._gradient
         onto = np.where((position < _AT_BOUND) & (gradient > 0.0), 0.0, position)
         onto = np.where((position > 1.0 - _AT_BOUND) & (gradient < 0.0), 1.0, onto)
-        moved = np.flatnonzero((onto != position).any(axis=1))
-        if moved.size:
+        if (moved := np.flatnonzero((onto != position).any(axis=1))).size:
             there = self._problem.linearise(onto[moved])
-            self._position[moved], self._cost[moved] = onto[moved], there.cost
-            self._curvature[moved] = there.curvature
-        return Minima(self._position, self._cost, self._curvature, self._steps)
+            self._position[moved], self._cost[moved], self._curvature[moved] = onto[moved], there.cost, there.curvature
+        return self.minima
 
 
 def _are_finite(linear: Linearisation) -> NDArray[np.bool_]:
@@ -385,10 +398,3 @@ class _ScaledModel:
         along = self._along(step)
         linear = np.sum(self.gradient * step, axis=1)
         return np.asarray(-2.0 * linear - np.sum(self.values * along**2, axis=1))
-
-
-def without(vectors: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return vectors (..., m) without their projection on the span of some directions (k, m)."""
-    lengths = np.maximum(np.linalg.norm(directions, axis=1), np.finfo(float).tiny)
-    basis = np.linalg.qr(directions.T / lengths)[0]
-    return np.asarray(vectors - (vectors @ basis) @ basis.T)

@@ -22,9 +22,9 @@ from dovetail.inference.adequacy.perturbations import Perturbation
 from dovetail.inference.adequacy.quick_fits import QuickFit, QuickFits
 from dovetail.inference.adequacy.verdict import Cause
 from dovetail.inference.fitting import Fit
+from dovetail.inference.fitting.fit import without
 from dovetail.interfaces import Progress, silent
 from dovetail.problem import Problem
-from dovetail.problem.least_squares import without
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from dovetail.inference.fitting.whiteness import NOISE_ALARM, has_size_of_noise,
 from dovetail.interfaces import Estimate, Progress, silent
 from dovetail.problem import Problem
 from dovetail.problem.definition import bounds_reached
-from dovetail.problem.least_squares import minimise, without
+from dovetail.problem.least_squares import minimise
 from dovetail.problem.observations import Observations
 from dovetail.problem.random_error import ASSUMED_NOISE, FOURTH_DIFFERENCE
 
@@ -333,3 +333,10 @@ def _scaled_to_scatter(residuals: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return residuals (n_freq, n), scaled down where their scatter from line to line exceeds the random error."""
     scatter = float(np.mean(np.diff(residuals, axis=0) ** 2)) / 2.0 if len(residuals) > 1 else 1.0
     return np.asarray(residuals / np.sqrt(max(1.0, scatter)))
+
+
+def without(vectors: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return vectors (..., m) without their projection on the span of some directions (k, m)."""
+    lengths = np.maximum(np.linalg.norm(directions, axis=1), np.finfo(float).tiny)
+    basis = np.linalg.qr(directions.T / lengths)[0]
+    return np.asarray(vectors - (vectors @ basis) @ basis.T)

@@ -29,7 +29,7 @@ from dovetail.interfaces import NO_LIMIT, Progress, TimeLimit, silent
 class Settings:
     """How far samples move from their starts, and by how many steps."""
 
-    remaining_correlation: float = 0.2
+    remaining_correlation: float = 0.25
     """Correlation of moved samples with their starts, in each coordinate, below which they count as independent."""
     most_cost: float = 1500.0
     """Computations of the residuals of each sample, those for derivatives included, after which no step begins."""

@@ -61,6 +61,8 @@ class Settings:
     same: float = 1.0
     """Largest distance of two ends, in standard deviations by the curvature there, at which they are the same mode. A
     search comes within a third of that of a mode."""
+    pace: int = 10
+    """Steps by which the pace of searches is measured, and after which those of no interest end."""
     worth: float = 400.0
     """Chi-squared above the best one up to which a mode is of interest: twice as much as sampling accepts."""
     standard_errors: float = 5.0
@@ -132,9 +134,12 @@ def search_modes(
     tolerance, most_steps = _SETTINGS.first_tolerance, _SETTINGS.first_steps
     near = minimise(logarithms, points, tolerance=tolerance, most_steps=most_steps, callback=callback).position
     direct = cooled = _within(near, _SETTINGS.margin)
-    rough: dict[str, Any] = {"tolerance": _SETTINGS.rough_tolerance, "callback": callback}
+    error = _SETTINGS.standard_errors * np.sqrt(2.0 * every * len(likelihood.variance))
+    rough: dict[str, Any] = {"tolerance": _SETTINGS.rough_tolerance, "worth": _SETTINGS.worth + error}
+    rough["callback"] = callback
     for weight in _SETTINGS.tempering:
-        cooled = maximise_posterior(tempered(weight), cooled, most_steps=_SETTINGS.tempering_steps, **rough)
+        maxima = _maxima(tempered(weight), cooled, most_steps=_SETTINGS.tempering_steps, **rough)
+        cooled = _different(maxima, rough["worth"])
     if problem.limit.is_over:
         problem.limit.leave_out("the search for other groups of likely values")
         return maximise_posterior(likelihood.posterior, of_fit)
@@ -201,20 +206,55 @@ def _maxima(
     tolerance: float,
     most_steps: int,
     callback: Callable[[], None],
+    worth: float = np.inf,
 ) -> Minima:
     """Return where searches from z (n, p) end as minima in the unit cube, the highest modes first."""
     problem, cube = CubeResiduals(posterior), CubeResiduals.from_normal(starts)
-    return Minima.ranked(minimise(problem, cube, tolerance=tolerance, most_steps=most_steps, callback=callback))
+    limits: dict[str, Any] = {"tolerance": tolerance, "most_steps": most_steps, "callback": callback}
+    if np.isfinite(worth):
+        limits["superfluous"] = _Race(worth)
+    return Minima.ranked(minimise(problem, cube, **limits))
 
 
-def _different(maxima: Minima) -> NDArray[np.float64]:
-    """Return the ends z (k, p) of searches that are not at the same mode as a higher one."""
-    kept: list[int] = []
-    for row, position in enumerate(maxima.position):
-        steps = maxima.position[kept] - position
-        squares = np.einsum("kp,kpq,kq->k", steps, maxima.curvature[kept], steps)
-        if (squares > _SETTINGS.same**2).all():
-            kept.append(row)
+class _Race:
+    """Ends searches where another is lower, and those that would not come near enough to the lowest at their pace.
+
+    Parameters
+    ----------
+    worth : float
+        Sum of squares above the lowest one from which an end is of no interest.
+    """
+
+    def __init__(self, worth: float) -> None:
+        self._worth, self._steps, self._earlier = worth, 0, np.empty(0)
+
+    def __call__(self, minima: Minima, steps_left: int) -> NDArray[np.bool_]:
+        self._steps = self._steps + 1 if len(self._earlier) == len(minima.cost) else 1
+        if self._steps == 1:
+            self._earlier = minima.cost.copy()
+        if self._steps % _SETTINGS.pace:
+            return np.zeros(len(minima.cost), dtype=np.bool_)
+        finite = np.isfinite(minima.cost)  # others have ended
+        lowest = minima.cost[finite].min()
+        above, before = np.where(finite, minima.cost - lowest, 0.0), self._earlier - lowest
+        self._earlier = minima.cost.copy()
+        pace = above / np.maximum(before, np.maximum(above, np.finfo(float).tiny))
+        return np.asarray((above * pace ** (steps_left / _SETTINGS.pace) > self._worth) | ~_are_different(minima))
+
+
+def _are_different(minima: Minima) -> NDArray[np.bool_]:
+    """Return which minima (n,) are not at the same place as a lower one, by the curvature there."""
+    different = np.zeros(len(minima.cost), dtype=np.bool_)
+    for row in np.argsort(minima.cost, kind="stable"):
+        steps = minima.position[different] - minima.position[row]
+        squares = np.einsum("kp,kpq,kq->k", steps, minima.curvature[different], steps)
+        different[row] = (squares > _SETTINGS.same**2).all()
+    return different
+
+
+def _different(maxima: Minima, worth: float = np.inf) -> NDArray[np.float64]:
+    """Return the ends z (k, p) of searches that are not at the same mode as a higher one, nor of no interest."""
+    kept = _are_different(maxima) & (maxima.cost - maxima.cost.min() <= worth)
     return CubeResiduals.to_normal(maxima.position[kept])
 
 

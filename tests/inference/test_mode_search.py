@@ -1,0 +1,58 @@
+"""The searches for modes: which of them end early, and which ends are different."""
+
+import numpy as np
+import pytest
+
+from dovetail.inference.posterior.mode_search import _SETTINGS, _are_different, _Race
+from dovetail.problem.least_squares import Minima
+
+PACE = _SETTINGS.pace
+
+
+def places(cost, position=None):
+    """Searches at 0, 1, 2 ... of one coordinate, ten standard deviations apart, or elsewhere."""
+    position = np.arange(len(cost)) if position is None else position
+    many = len(cost)
+    return Minima(
+        np.array(position, dtype=float)[:, np.newaxis], np.array(cost), np.full((many, 1, 1), 100.0), np.ones(many)
+    )
+
+
+def ended(course, worth, steps_left, position=None):
+    """Which searches end when the costs of several steps are shown one after the other."""
+    race = _Race(worth)
+    return [race(places(cost, position), steps_left).tolist() for cost in course]
+
+
+@pytest.mark.parametrize(
+    ("after", "steps_left", "ends"),
+    [
+        (9000.0, 10, True),  # at this pace 8100 after ten more
+        (9000.0, 300, False),  # 10,000 * 0.9^31 = 380
+        (9000.0, 200, True),  # 1,094
+        (4000.0, 40, False),  # 102
+        (4000.0, 10, True),  # 1,600
+        (11000.0, 1000, True),  # it does not come down
+    ],
+)
+def test_a_search_ends_if_it_would_not_come_near_enough_at_its_pace(after, steps_left, ends):
+    course = [[5.0, 10_005.0]] * (PACE - 1) + [[5.0, after + 5.0]]
+    shown = ended(course, 400.0, steps_left)
+    assert shown[:-1] == [[False, False]] * (PACE - 1)
+    assert shown[-1] == [False, ends]
+
+
+def test_a_search_that_is_at_the_place_of_a_lower_one_ends():
+    course = [[5.0, 6.0, 7.0]] * PACE
+    assert ended(course, 400.0, 50, [0.5, 0.59, 0.61])[-1] == [False, True, False]
+
+
+def test_costs_that_are_not_finite_do_not_hide_the_lowest():
+    course = [[np.nan, 5.0, 5000.0, np.inf]] * PACE
+    assert ended(course, 400.0, 50)[-1][1:3] == [False, True]
+
+
+def test_ends_are_compared_with_the_lowest_at_their_place():
+    minima = places([3.0, 1.0, 2.0, 9.0], [0.0, 0.09, 0.18, 0.5])
+    assert _are_different(minima).tolist() == [False, True, False, True]
+    assert _are_different(places([3.0, 1.0, 2.0], [0.0, 0.09, 0.2])).tolist() == [False, True, True]
