@@ -61,7 +61,7 @@ def test_ctrl_c_writes_the_finished_results(interruptible, bench, tmp_path):
         (["--noise", "0"], 1, "is not positive"),
         (["--finer-mesh", "4"], 1, "none of its parts has a mesh"),
         (["--model-error", "2"], 2, "'2' may mean 2 % or 200 %"),
-        (["--model-error", "200%"], 1, "no relative error"),
+        (["--model-error", "200%"], 1, "not a relative error"),
     ],
 )
 def test_wrong_options(run, bench, arguments, code, found):

@@ -151,7 +151,7 @@ def test_ctrl_c_before_any_case_is_done_ends_it(sdof):
         ({"finer_mesh": 0}, "not a number of elements"),
         ({"finer_mesh": 2}, "none of its parts has a mesh"),
         ({"samples": 0}, "0 must be at least 20"),
-        ({"model_error": -1.0}, "no relative error"),
+        ({"model_error": -1.0}, "not a relative error"),
         ({"method": "network", "samples": 10}, "'network' has no option samples in a calibration"),
     ],
 )

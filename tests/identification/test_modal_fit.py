@@ -225,7 +225,7 @@ def test_what_modal_parameters_cannot_have_is_one_error(chain, tmp_path):
         ({"weights": "amplitude"}, "take no network, no weights and no phase"),
         ({"cause_seconds": 1.0}, "has no option 'cause_seconds'"),
         ({"form": "laplac"}, "form"),
-        ({"model_error": -1.0}, "no relative error"),
+        ({"model_error": -1.0}, "not a relative error"),
     ):
         with pytest.raises(dovetail.ParameterError, match=problem):
             dovetail.identify(chain, two, **options)

@@ -8,6 +8,7 @@ from dovetail.inference.posterior.metropolis import Chains, decorrelate
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints
 from dovetail.inference.posterior.tangent_steps import Density
 from dovetail.interfaces import NO_LIMIT
+from dovetail.problem.least_squares import Linearisation
 
 GRID = np.linspace(-5.0, 5.0, 601)
 
@@ -24,7 +25,7 @@ class Threshold:
         jacobian[:, 0, 0] = jacobian[:, 1, 1] = 1.0
         slope = 4.0 / np.cosh(4.0 * (z[:, 0] - 0.4)) ** 2
         jacobian[:, 0, 2], jacobian[:, 0, 3], jacobian[:, 1, 3] = slope, -slope, 2.0
-        return self.residuals(z), jacobian
+        return Linearisation(self.residuals(z), jacobian)
 
 
 def exact(problem, count, random):

@@ -40,6 +40,7 @@ from dovetail.inference.posterior.mode_search import _promising, search_modes
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap
 from dovetail.inference.posterior.tangent_steps import Density, tangent_steps
 from dovetail.problem import Problem
+from dovetail.problem.least_squares import Linearisation
 from dovetail.problem.observations import Observations
 from dovetail.problem.residuals import FrfResiduals, ModelFrfs, Weighted
 from support.noisy_measurements import noisy
@@ -192,7 +193,7 @@ class Bow:
         jacobian = np.zeros((len(z), 2, 3))
         jacobian[:, 0, 0] = jacobian[:, 1, 1] = 1.0
         jacobian[:, 0, 2], jacobian[:, 1, 2] = -2.0 * z[:, 0] / 0.01, 1.0 / 0.01
-        return self.residuals(z), jacobian
+        return Linearisation(self.residuals(z), jacobian)
 
 
 def test_metropolis_steps_from_one_end_of_a_bent_valley_sample_its_distribution():
@@ -336,7 +337,10 @@ def test_no_band_without_a_posterior_and_no_samples_at_all(sdof):
     assert refined.interval is None
     with pytest.raises(ParameterError, match="does not say how sure it is"):
         dovetail.predict_band(sdof, refined)
-    for options, message in (({"samples": 0}, "0 must be at least 20"), ({"model_error": -1.0}, "no relative error")):
+    for options, message in (
+        ({"samples": 0}, "0 must be at least 20"),
+        ({"model_error": -1.0}, "not a relative error"),
+    ):
         with pytest.raises(ParameterError, match=message):
             dovetail.identify(sdof, frf, "posterior", **options)
 

@@ -11,6 +11,7 @@ from dovetail.inference.posterior.likelihood import normal_from_unit, unit_from_
 from dovetail.inference.posterior.mode_search import CubeResiduals
 from dovetail.inference.posterior.model_error import Settings, fit_resonances
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap
+from dovetail.problem.least_squares import Linearisation
 from support.noisy_measurements import frf_on
 
 FREQUENCY = np.linspace(100.0, 200.0, 501)
@@ -197,7 +198,7 @@ class Wave:
         jacobian = np.zeros((len(z), 2, 3))
         jacobian[:, 0, 0] = jacobian[:, 1, 1] = 1.0
         jacobian[:, 0, 2], jacobian[:, 1, 2] = -20.0 * np.cos(2.0 * z[:, 0]), 10.0
-        return self.residuals(z), jacobian
+        return Linearisation(self.residuals(z), jacobian)
 
 
 def test_coordinates_reach_the_ends_of_the_ranges_to_double_precision():
@@ -237,7 +238,7 @@ class Bent:
         return 4.0 * z + 8.0 * z**2
 
     def linearise(self, z):
-        return self.residuals(z), 4.0 + 16.0 * z[:, :, np.newaxis]
+        return Linearisation(self.residuals(z), 4.0 + 16.0 * z[:, :, np.newaxis])
 
 
 @pytest.mark.parametrize(("velocity", "taken"), [(1.4, True), (1.6, False)])

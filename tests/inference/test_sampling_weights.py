@@ -17,6 +17,7 @@ from dovetail.inference.posterior.likelihood import normal_from_unit, squared_no
 from dovetail.inference.posterior.separate_modes import ends_about, separate_modes, shares
 from dovetail.interfaces import NO_LIMIT
 from dovetail.problem import Problem
+from dovetail.problem.least_squares import Linearisation
 from support.noisy_measurements import noisy
 
 
@@ -83,7 +84,7 @@ class Parabola:
         return np.concatenate([z, (z - 2.0) * (z + 1.0) / self.error], axis=1)
 
     def linearise(self, z):
-        return self.residuals(z), np.stack([np.ones_like(z), (2.0 * z - 1.0) / self.error], axis=2)
+        return Linearisation(self.residuals(z), np.stack([np.ones_like(z), (2.0 * z - 1.0) / self.error], axis=2))
 
 
 def sampled_about(problem, modes, count):
