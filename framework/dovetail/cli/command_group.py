@@ -46,6 +46,7 @@ _PANELS = {
     },
     "Use the result": {
         "predict:predict": "Predict the FRF of another assembly.",
+        "watch:watch": "Watch a folder: identify each new measurement, and report changes.",
     },
     "Extend": {
         "components:plugins": "List the available models.",

@@ -1,0 +1,171 @@
+"""What a series says of the files to come: the model, how a file is read, the roles of the parameters, the laws."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.errors import Fault, MeasurementError, ParameterError, listing
+from dovetail.frf import Frf
+from dovetail.identification.identify import lines_to_fit
+from dovetail.inference.posterior.laplace import LaplaceApproximation
+from dovetail.inference.posterior.likelihood import normal_density, normal_from_unit
+from dovetail.interfaces import Parameter, Progress, silent
+from dovetail.measurement import read_frf
+from dovetail.monitoring.equivalent import LawCurve
+from dovetail.monitoring.estimate import FileModel
+from dovetail.monitoring.kalman import RandomWalk
+from dovetail.problem.observations import Observations
+from dovetail.registry import PluginPaths
+from dovetail.series.description import SeriesDescription
+from dovetail.series.fitted_tests import FittedTest, fit_tests
+
+Array = NDArray[np.float64]
+
+_MARGIN = 1e-4
+"""Distance of a start from the ends of the ranges."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """What is known before the first file.
+
+    Parameters
+    ----------
+    series : SeriesDescription
+    model : FileModel
+    start : (p,) array
+        Positions at the fit of the first test.
+    common : (p, p) array
+        Covariance of the positions by the error of the model, which all files have in common.
+    curves : tuple of LawCurve
+        Laws of the parameters over their covariates, as the tests of the series determine them.
+    plugins : path or iterable of paths
+    """
+
+    series: SeriesDescription
+    model: FileModel
+    start: Array
+    common: Array
+    curves: tuple[LawCurve, ...]
+    plugins: PluginPaths = ()
+
+    @staticmethod
+    def of(series: SeriesDescription, *, plugins: PluginPaths = (), progress: Progress = silent) -> Reference:
+        """Fit the tests of a series, and return what they say of files to come.
+
+        Raises
+        ------
+        ParameterError
+            The responses of the first test are in several files.
+        MeasurementError
+            A measurement of a test cannot be read, or does not fit its test.
+        """
+        _check_one_file(series)
+        tests = fit_tests(series, progress=progress)
+        first = tests[0]
+        if first.lines.all_lines is not None:
+            count = sum(len(frf.frequency) for frf in first.lines.all_lines.frfs)
+            problem = f"its measurement has {count:,} lines, more than a watch fits in each file."
+            remedy = "Use fewer: 'frequency: {step: ...}' of a narrower band in the assembly."
+            raise ParameterError(Fault(f"test {first.test.name}", problem, remedy=remedy))
+        curves = LawCurve.of_series(series, tests, progress)
+        fraction = np.clip(first.fraction, _MARGIN, 1.0 - _MARGIN)
+        return Reference(series, _file_model(series, first), fraction, _common_covariance(first), curves, plugins)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The unknown parameters of the first test's assembly."""
+        return self.model.problem.parameters
+
+    @property
+    def walk(self) -> RandomWalk:
+        """The random walk before its steps are learned: 0 for shared parameters, 1 for those that vary."""
+        roles = [self.series.role_of(parameter.name).name for parameter in self.parameters]
+        step = np.array([0.0 if role in ("shared", "free") else 1.0 for role in roles])
+        return RandomWalk(step, self.model.is_free)
+
+    @property
+    def fingerprint(self) -> str:
+        """Hash of all that decides how files are identified."""
+        test, series = self.series.tests[0], self.series
+        said = {
+            "assembly": test.assembly.description.fingerprint,
+            "options": test.measured[0][1],
+            "roles": {parameter.name: series.role_of(parameter.name).describe() for parameter in self.parameters},
+            "start": [round(value, 6) for value in self.start.tolist()],
+            "lines": len(self.model.random_variance),
+        }
+        return hashlib.sha256(json.dumps(said, sort_keys=True, default=str).encode()).hexdigest()
+
+    def read(self, path: Path) -> Observations:
+        """Return the observations in a file.
+
+        Raises
+        ------
+        DovetailError
+            It cannot be read as the first test was, does not fit its assembly, or has other lines.
+        """
+        test = self.series.tests[0]
+        frfs = tuple(read_frf(path, plugins=self.plugins, **options) for _, options in test.measured)
+        lines = lines_to_fit(test.assembly, frfs, None, silent, phase=True)
+        expected = self.model.problem.measured
+        for frf, known in zip(lines.frfs, expected, strict=True):
+            _check_lines(path, frf, known)
+        return lines.problem.observations
+
+    def offset(self, covariates: Mapping[str, float]) -> Array:
+        """Return by how much laws move the positions (p,) from those at the first test's covariates."""
+        offset, first = np.zeros(len(self.parameters)), self.series.tests[0].covariates
+        for curve in self.curves:
+            if curve.covariate in covariates and curve.covariate in first:
+                here, there = (curve.at(values[curve.covariate]) for values in (covariates, first))
+                offset[curve.columns] += here - there
+        return offset
+
+
+def _check_one_file(series: SeriesDescription) -> None:
+    test = series.tests[0]
+    files = {path for path, _ in test.measured}
+    if len(files) > 1:
+        problem = f"its responses are in {len(files)} files: {listing(sorted(path.name for path in files))}."
+        remedy = "Save all FRFs of a measurement in one file, and choose each with 'index' or 'response'."
+        raise ParameterError(Fault(f"test {test.name}", problem, "one file for each measurement to watch", remedy))
+
+
+def _check_lines(path: Path, frf: Frf, known: Frf) -> None:
+    if frf.has_phase != known.has_phase:
+        has, had = ("a phase" if one.has_phase else "no phase" for one in (frf, known))
+        raise MeasurementError(Fault(str(path), f"it has {has}, and the first test's measurement has {had}."))
+    if len(frf.frequency) == len(known.frequency) and np.allclose(frf.frequency, known.frequency, rtol=1e-6):
+        return
+    here, there = (
+        f"{len(one.frequency)} lines from {one.frequency[0]:g} to {one.frequency[-1]:g} Hz" for one in (frf, known)
+    )
+    remedy = "It may be incomplete: it is read again when it changes."
+    raise MeasurementError(Fault(str(path), f"it has {here} within the band.", f"{there}, as the first test", remedy))
+
+
+def _file_model(series: SeriesDescription, first: FittedTest) -> FileModel:
+    problem, fit = first.problem, first.judged.fit
+    values = problem.frf_at(fit.theta)
+    random = problem.observations.variance(values)
+    model = (fit.discrepancy * np.abs(values)) ** 2 + (fit.background * problem.observations.level) ** 2
+    is_free = np.array([series.role_of(parameter.name).name == "free" for parameter in problem.parameters])
+    return FileModel(problem, model, random, fit.used, is_free)
+
+
+def _common_covariance(first: FittedTest) -> Array:
+    """Return the covariance (p, p) of positions by the errors of the model that a single identification allows for."""
+    fraction = np.clip(first.fraction, _MARGIN, 1.0 - _MARGIN)
+    if first.is_noise:
+        return np.zeros((len(fraction), len(fraction)))
+    z = normal_from_unit(fraction)
+    axes = LaplaceApproximation.at(first.likelihood().posterior, z).axes * normal_density(z)
+    return np.asarray(axes.T @ axes)

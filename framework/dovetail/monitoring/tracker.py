@@ -1,0 +1,338 @@
+"""The state of a watch: it takes one file after the other, and follows the parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from dovetail.errors import Fault, ParameterError
+from dovetail.monitoring.alarm import Detector, Moments, file_probability, log_evidence
+from dovetail.monitoring.estimate import FileEstimate, KeptFile, estimate
+from dovetail.monitoring.kalman import NEARBY_VARIANCE, Belief, LinearMeasurement, RandomWalk, learn_walk
+from dovetail.monitoring.reference import Reference
+from dovetail.monitoring.residual_level import MeanResidual
+from dovetail.problem.observations import Observations
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Constants of the first files; chosen by their meaning, not on data."""
+
+    first_step: float = 3e-3
+    """Step of a random walk, in fractions of the range, before it is learned."""
+    unsettled: float = 0.2
+    """Part of the first files whose deviations are not used, since the parameters are hardly known before them."""
+    rounds: int = 8
+    """How often the first files are linearised, each time at the parameters that they determine together."""
+    contradicted: float = 1e-3
+    """Probability of so much better a fit with other constants, below which a change has changed these too."""
+    spare: int = 5
+    """Files more than unknown numbers that the covariance of the deviations needs."""
+
+
+_SETTINGS = Settings()
+
+
+@dataclass(frozen=True)
+class WatchOptions:
+    """How a watch raises alarms.
+
+    Parameters
+    ----------
+    false_alarms : float
+        Rate at which alarms are raised though nothing has changed, per file.
+    reference : int
+        Number of files from which the steps of the random walk and the usual deviations are learned.
+
+    Raises
+    ------
+    ParameterError
+        One of them is out of its range.
+    """
+
+    false_alarms: float = 1e-3
+    reference: int = 40
+
+    def __post_init__(self) -> None:
+        if not 1e-9 <= self.false_alarms <= 0.1:
+            problem = f"{self.false_alarms:g} is not a rate of false alarms per file."
+            raise ParameterError(Fault("false_alarms", problem, "from 1e-9 to 0.1"))
+        if self.reference < 1:
+            raise ParameterError(Fault("reference", f"{self.reference} is not a number of files.", "1 or more"))
+
+    def check(self, parameters: int, free: int) -> None:
+        """Make sure that there are enough files to learn from.
+
+        Raises
+        ------
+        ParameterError
+        """
+        watched = parameters - free
+        if not watched:
+            problem = "every parameter is 'free': no file says anything about the next, so that nothing can change."
+            remedy = "Give those that drift the role 'varying', and constant ones 'shared'."
+            raise ParameterError(Fault("parameters", problem, remedy=remedy))
+        least = int(np.ceil((watched + 1 + _SETTINGS.spare) / (1.0 - _SETTINGS.unsettled)))
+        if self.reference < least:
+            problem = f"{self.reference} files are too few to learn the deviations of {watched} parameters."
+            raise ParameterError(Fault("reference", problem, f"{least} or more"))
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """What a watch knows after some files.
+
+    Parameters
+    ----------
+    files : int
+        Number of files.
+    belief : Belief
+        Of the parameters at the first test's covariates.
+    walk : RandomWalk
+    residual : MeanResidual
+    moments : Moments
+        Of the deviations of earlier files.
+    detector : Detector
+    learning : tuple of KeptFile
+        The files so far, as long as the steps are learned.
+    levels : tuple of float
+        Their residual levels.
+    """
+
+    files: int
+    belief: Belief
+    walk: RandomWalk
+    residual: MeanResidual
+    moments: Moments
+    detector: Detector
+    learning: tuple[KeptFile, ...] = ()
+    levels: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """What one file adds.
+
+    Parameters
+    ----------
+    state : State
+        After the file.
+    belief : Belief
+        Of the parameters at the file's covariates.
+    level : float
+        Logarithm of the mean square of the new residual over the random error.
+    level_deviation : float
+        Of the level from those of earlier files, in their standard deviations; 0 for the first files.
+    probability : float or None
+        Of so large a deviation if nothing has changed; None for the first files.
+    evidence : float
+        Before it starts again after an alarm.
+    alarm : bool
+    change : (p,) array
+        From the prediction, in fractions of the ranges.
+    change_deviation : (p,) array
+    """
+
+    state: State
+    belief: Belief
+    level: float
+    level_deviation: float
+    probability: float | None
+    evidence: float
+    alarm: bool
+    change: Array
+    change_deviation: Array
+
+
+class Tracker:
+    """Follows the parameters from file to file.
+
+    Parameters
+    ----------
+    reference : Reference
+    options : WatchOptions
+
+    Raises
+    ------
+    ParameterError
+        There are too few files to learn from.
+    """
+
+    def __init__(self, reference: Reference, options: WatchOptions) -> None:
+        self.reference, self.options = reference, options
+        self._model = reference.model
+        free = int(np.count_nonzero(self._model.is_free))
+        options.check(len(reference.parameters), free)
+        self._size = len(reference.parameters) - free + 1
+
+    def start(self) -> State:
+        """Return the state before the first file."""
+        walk = self.reference.walk
+        first = RandomWalk(walk.step * _SETTINGS.first_step, walk.is_free)
+        residuals = len(self._model.line_of_residual)
+        return State(
+            0,
+            Belief.about(self.reference.start),
+            first,
+            MeanResidual.none(residuals),
+            Moments.none(self._size),
+            Detector.new(),
+        )
+
+    def step(self, state: State, observations: Observations, covariates: dict[str, float]) -> Step:
+        """Take one more file."""
+        offset = self.reference.offset(covariates)
+        predicted = state.walk.predict(state.belief)
+        found = estimate(self._model, observations, predicted, offset)
+        measurement = found.measurement.shifted(offset)
+        level = state.residual.level(found.residuals, self._noise(found))
+        if state.files < self.options.reference:
+            kept = KeptFile.of(observations, found, offset)
+            return self._learn(state, predicted, measurement, found, level, kept)
+        innovation, factor = measurement.innovation(predicted, state.walk.noise_scale)
+        deviation = np.append(scipy.linalg.solve_triangular(factor, innovation, lower=True), level)
+        statistic = state.moments.studentise(deviation)
+        detector = state.detector.with_file(log_evidence(*statistic))
+        alarm = detector.evidence >= 1.0 / self.options.false_alarms
+        belief = measurement.update(predicted, state.walk.noise_scale)
+        residual = state.residual.with_file(found.residuals)
+        moments = state.moments
+        if alarm:
+            belief, residual = self._anew(state, predicted, observations, offset)
+        else:
+            moments = moments.with_file(deviation)
+        after = replace(
+            state,
+            files=state.files + 1,
+            belief=belief,
+            residual=residual,
+            moments=moments,
+            detector=Detector.new() if alarm else detector,
+        )
+        probability = file_probability(*statistic)
+        return self._made(after, state.moments, predicted, offset, level, probability, detector.evidence, alarm=alarm)
+
+    def _learn(
+        self,
+        state: State,
+        predicted: Belief,
+        measurement: LinearMeasurement,
+        found: FileEstimate,
+        level: float,
+        kept: KeptFile,
+    ) -> Step:
+        """Take one of the first files; after the last one, learn the steps and the usual deviations."""
+        after = replace(
+            state,
+            files=state.files + 1,
+            belief=measurement.update(predicted, state.walk.noise_scale),
+            residual=state.residual.with_file(found.residuals),
+            learning=(*state.learning, kept),
+            levels=(*state.levels, level),
+        )
+        if after.files == self.options.reference:
+            after = self._learned(after)
+        return self._made(after, state.moments, predicted, kept.offset, level, None, 0.0, alarm=False)
+
+    def _learned(self, state: State) -> State:
+        """Return the state with the steps and the usual deviations of the first files, all linearised at one point."""
+        start = Belief.about(self.reference.start)
+        files = self._relinearised(start, state)
+        walk = learn_walk(start, files, state.walk)
+        belief = state.belief
+        moments, unsettled = state.moments, int(_SETTINGS.unsettled * len(files))
+        followed = walk.follow(start, files)
+        for number, (level, (innovation, factor, after)) in enumerate(zip(state.levels, followed, strict=True)):
+            belief = after
+            if number >= unsettled:
+                whitened = scipy.linalg.solve_triangular(factor, innovation, lower=True)
+                moments = moments.with_file(np.append(whitened, level))
+        return replace(state, walk=walk, belief=belief, moments=moments, learning=(), levels=())
+
+    def _relinearised(self, start: Belief, state: State) -> list[LinearMeasurement]:
+        """Return the first files, linearised at the parameters that they determine together."""
+        mean, best, least = state.belief.mean, state.belief.mean, np.inf
+        files = list[LinearMeasurement]()
+        for _ in range(_SETTINGS.rounds):
+            tried = [kept.linearise(self._model, mean) for kept in state.learning]
+            squares = sum(file.squares for file in tried) + start.pull(mean)
+            if squares > least:
+                mean = (mean + best) / 2.0
+                continue
+            files, best, least = tried, mean, squares
+            *_, (_, _, last) = state.walk.follow(start, files)
+            mean = last.mean
+        return files
+
+    def _anew(
+        self, state: State, predicted: Belief, observations: Observations, offset: Array
+    ) -> tuple[Belief, MeanResidual]:
+        """Return what the file that raised an alarm says by itself: the level from which the next is predicted.
+
+        Constant parameters keep their values unless the file contradicts them.
+        """
+        constant = ~(self._model.is_free | (state.walk.step > 0.0))
+        wide = self._reopened(predicted, ~constant)
+        found = estimate(self._model, observations, wide, offset)
+        if constant.any():
+            everything = self._reopened(predicted, np.ones_like(constant))
+            freer = estimate(self._model, observations, everything, offset)
+            gain = found.measurement.squares - freer.measurement.squares
+            if gain > scipy.stats.chi2.isf(_SETTINGS.contradicted, np.count_nonzero(constant)):
+                found, wide = freer, everything
+        belief = found.measurement.shifted(offset).update(wide, state.walk.noise_scale)
+        return belief, MeanResidual.none(len(found.residuals)).with_file(found.residuals)
+
+    def _reopened(self, predicted: Belief, changed: NDArray[np.bool_]) -> Belief:
+        """Return a prediction in which some parameters may have changed much."""
+        return predicted.reset(changed & ~self._model.is_free, NEARBY_VARIANCE)
+
+    def _made(
+        self,
+        state: State,
+        before: Moments,
+        predicted: Belief,
+        offset: Array,
+        level: float,
+        probability: float | None,
+        evidence: float,
+        *,
+        alarm: bool,
+    ) -> Step:
+        belief = Belief(np.clip(state.belief.mean + offset, 0.0, 1.0), state.belief.covariance)
+        change = state.belief.mean - predicted.mean
+        deviation = np.sqrt(np.diag(state.belief.covariance) + np.diag(predicted.covariance))
+        mean, spread = before.mean[-1], np.sqrt(before.scatter[-1, -1] / max(before.count - 1, 1))
+        unusual = float((level - mean) / spread) if probability is not None and spread > 0.0 else 0.0
+        return Step(state, belief, level, unusual, probability, evidence, alarm, change, deviation)
+
+    def _noise(self, found: FileEstimate) -> Array:
+        """Return the variance of each residual (m,) by the file's random error, over that of the first measurement."""
+        ratio = np.where(self._model.used, found.variance / self._model.random_variance, 0.0)
+        return np.asarray(ratio[self._model.line_of_residual])
+
+
+def state_from(plain: dict[str, Any]) -> State:
+    """Return the state from plain values with arrays, as `from_plain` returns them.
+
+    Raises
+    ------
+    KeyError, TypeError
+        Something is missing or has another type.
+    """
+    return State(
+        int(plain["files"]),
+        Belief(**plain["belief"]),
+        RandomWalk(**plain["walk"]),
+        MeanResidual(**plain["residual"]),
+        Moments(**plain["moments"]),
+        Detector(**plain["detector"]),
+        tuple(KeptFile(**one) for one in plain["learning"]),
+        tuple(map(float, plain["levels"])),
+    )
