@@ -21,6 +21,7 @@ LONG = (
     "identify {sdof} {measured}",
     "identify {sdof} {measured} {measured}",
     "identify-series {assemblies}/series/torques.yaml",
+    "watch {assemblies}/series/mornings.yaml {assemblies}/series -o {out}/watch",
     "train {sdof} -o {out}/model",
     "generate {sdof} -o {out}/data.zarr",
     "predict {sdof} {measured}/../results",

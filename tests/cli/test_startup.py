@@ -120,7 +120,7 @@ def test_help_lists_every_command(shell):
         "Describe an assembly": ["new-assembly", "check", "describe", "simulate", "explore", "schema"],
         "Measure": ["plot", "convert", "frf", "plan", "spindle"],
         "Identify a joint": ["identify", "identify-series", "train", "generate", "merge"],
-        "Use the result": ["predict"],
+        "Use the result": ["predict", "watch"],
         "Extend": ["plugins", "new-plugin", "check-plugin"],
         "Evaluate": ["calibrate", "compare", "robustness", "study", "validate"],
     }

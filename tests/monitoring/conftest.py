@@ -1,7 +1,8 @@
 """Mornings that several tests watch."""
 
 import pytest
-from mornings import write_mornings, write_series
+
+from support.watched_mornings import write_mornings, write_series
 
 
 @pytest.fixture(scope="session")

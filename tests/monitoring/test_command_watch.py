@@ -6,13 +6,13 @@ import re
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
-from mornings import write_morning
 from typer.testing import CliRunner
 
 from dovetail.cli.app import app
+from support.waiting import PATIENCE, wait_until
+from support.watched_mornings import write_morning
 
 
 @pytest.fixture(scope="module")
@@ -63,12 +63,11 @@ def test_it_stops_cleanly_when_it_is_asked_to_end(mornings, tmp_path):
     folder, series = mornings
     command = [sys.executable, "-m", "dovetail", "watch", str(series), str(folder / "files"), "--settle", "0"]
     command += ["-o", str(tmp_path / "out"), "--interval", "0.1", "--reference", "12"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    deadline = time.monotonic() + 120.0
-    while not (tmp_path / "out" / "watch.html").exists() and time.monotonic() < deadline:
-        time.sleep(0.1)
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    wait_until((tmp_path / "out" / "watch.html").exists, process)
     process.send_signal(signal.SIGTERM)
-    _, errors = process.communicate(timeout=60)
+    _, errors = process.communicate(timeout=PATIENCE)
+    errors = errors.decode()
     assert process.returncode == 0, errors
     assert "28 new files" in errors
     assert "Traceback" not in errors

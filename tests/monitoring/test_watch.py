@@ -8,10 +8,10 @@ import threading
 
 import numpy as np
 import pytest
-from mornings import OLD, write_morning, write_series
 
 from dovetail import DovetailError
 from dovetail.monitoring import ALARM, DUPLICATE, PREDICTED, REFERENCE, SET_ASIDE, Watch, WatchOptions, journal
+from support.watched_mornings import OLD, write_morning, write_series
 
 OPTIONS = WatchOptions(false_alarms=1e-3, reference=12)
 

@@ -47,7 +47,7 @@ def watch(
     ] = 2.0,
     plugin: PluginFiles = None,
 ) -> None:
-    """Watch a folder: identify each new measurement, follow the parameters, and report changes.
+    """Watch a folder: identify each new measurement, and report changes.
 
     The first test of the series says how files are read, and with which assembly they are compared. Parameters that
     are 'shared' are constant; those that are 'varying' or follow a law drift from file to file. After the first files

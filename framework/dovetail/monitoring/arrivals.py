@@ -24,7 +24,7 @@ _UNFINISHED = (".part", ".partial", ".tmp", ".temp", ".crdownload", ".lock", ".s
 """Ends of the names of files that other programs are writing."""
 _DATE = re.compile(r"(\d{4})-?(\d\d)-?(\d\d)(?:[T_ -]?(\d\d)[:h.-]?(\d\d)(?:[:m.-]?(\d\d))?)?(?!\d)")
 _OLD = 60.0
-"""Age in seconds from which a file that is seen for the first time counts as complete with ``--once``."""
+"""Age in seconds from which a file counts as complete when it is seen for the first time, if that is asked for."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class Folder:
         FileError
             The folder is missing, or cannot be read.
         """
-        found, waiting, now = list[Arrival](), False, self.clock()
+        arrivals, waiting, now = list[Arrival](), False, self.clock()
         for name, version in self._files().items():
             if self.known.get(name) == version:
                 continue
@@ -107,8 +107,8 @@ class Folder:
             if arrival is None:
                 waiting = True
             else:
-                found.append(arrival)
-        return sorted(found, key=lambda one: (one.date, one.name)), waiting
+                arrivals.append(arrival)
+        return sorted(arrivals, key=lambda one: (one.date, one.name)), waiting
 
     def settled(self, arrival: Arrival) -> None:
         """Take note that a file needs no further look until it changes."""

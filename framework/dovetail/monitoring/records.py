@@ -45,7 +45,7 @@ def measured_record(
     status = ALARM if step.alarm else REFERENCE if step.probability is None else PREDICTED
     belief, parameters = step.belief, reference.parameters
     ends = bounds_reached(parameters, belief.mean)
-    found = [f"{name} is at the {end} end of its range." for name, end in ends.items()]
+    at_ends = [f"{name} is at the {end} end of its range." for name, end in ends.items()]
     equivalent = {
         curve.covariate: curve.equivalent(belief, reference.common).to_dict()
         for curve in reference.curves
@@ -62,7 +62,7 @@ def measured_record(
         probability=step.probability,
         evidence=step.evidence,
         reasons=_reasons(parameters, step) if step.alarm else [],
-        notes=[*notes, *found],
+        notes=[*notes, *at_ends],
     )
 
 

@@ -189,22 +189,24 @@ class Tracker:
         """Take one more file."""
         offset = self.reference.offset(covariates)
         predicted = state.walk.predict(state.belief)
-        found = estimate(self._model, observations, predicted, offset)
-        measurement = found.measurement.shifted(offset)
-        level = state.residual.level(found.residuals, self._noise(found))
+        fresh = estimate(self._model, observations, predicted, offset)
+        measurement = fresh.measurement.shifted(offset)
+        level = state.residual.level(fresh.residuals, self._noise(fresh))
         if state.files < self.options.reference:
-            kept = KeptFile.of(observations, found, offset)
-            return self._learn(state, predicted, measurement, found, level, kept)
+            kept = KeptFile.of(observations, fresh, offset)
+            return self._learn(state, predicted, measurement, fresh, level, kept)
         innovation, factor = measurement.innovation(predicted, state.walk.noise_scale)
         deviation = np.append(scipy.linalg.solve_triangular(factor, innovation, lower=True), level)
         statistic = state.moments.studentise(deviation)
         detector = state.detector.with_file(log_evidence(*statistic))
         alarm = detector.evidence >= 1.0 / self.options.false_alarms
         belief = measurement.update(predicted, state.walk.noise_scale)
-        residual = state.residual.with_file(found.residuals)
+        residual = state.residual.with_file(fresh.residuals)
         moments = state.moments
         if alarm:
-            belief, residual = self._anew(state, predicted, observations, offset)
+            belief, latest = self._anew(state, predicted, observations, offset)
+            level = state.residual.level(latest.residuals, self._noise(latest))
+            residual = MeanResidual.none(len(latest.residuals)).with_file(latest.residuals)
         else:
             moments = moments.with_file(deviation)
         after = replace(
@@ -223,7 +225,7 @@ class Tracker:
         state: State,
         predicted: Belief,
         measurement: LinearMeasurement,
-        found: FileEstimate,
+        fresh: FileEstimate,
         level: float,
         kept: KeptFile,
     ) -> Step:
@@ -232,7 +234,7 @@ class Tracker:
             state,
             files=state.files + 1,
             belief=measurement.update(predicted, state.walk.noise_scale),
-            residual=state.residual.with_file(found.residuals),
+            residual=state.residual.with_file(fresh.residuals),
             learning=(*state.learning, kept),
             levels=(*state.levels, level),
         )
@@ -272,22 +274,22 @@ class Tracker:
 
     def _anew(
         self, state: State, predicted: Belief, observations: Observations, offset: Array
-    ) -> tuple[Belief, MeanResidual]:
+    ) -> tuple[Belief, FileEstimate]:
         """Return what the file that raised an alarm says by itself: the level from which the next is predicted.
 
         Constant parameters keep their values unless the file contradicts them.
         """
         constant = ~(self._model.is_free | (state.walk.step > 0.0))
         wide = self._reopened(predicted, ~constant)
-        found = estimate(self._model, observations, wide, offset)
+        fresh = estimate(self._model, observations, wide, offset)
         if constant.any():
             everything = self._reopened(predicted, np.ones_like(constant))
             freer = estimate(self._model, observations, everything, offset)
-            gain = found.measurement.squares - freer.measurement.squares
+            gain = fresh.measurement.squares - freer.measurement.squares
             if gain > scipy.stats.chi2.isf(_SETTINGS.contradicted, np.count_nonzero(constant)):
-                found, wide = freer, everything
-        belief = found.measurement.shifted(offset).update(wide, state.walk.noise_scale)
-        return belief, MeanResidual.none(len(found.residuals)).with_file(found.residuals)
+                fresh, wide = freer, everything
+        belief = fresh.measurement.shifted(offset).update(wide, state.walk.noise_scale)
+        return belief, fresh
 
     def _reopened(self, predicted: Belief, changed: NDArray[np.bool_]) -> Belief:
         """Return a prediction in which some parameters may have changed much."""
@@ -312,9 +314,9 @@ class Tracker:
         unusual = float((level - mean) / spread) if probability is not None and spread > 0.0 else 0.0
         return Step(state, belief, level, unusual, probability, evidence, alarm, change, deviation)
 
-    def _noise(self, found: FileEstimate) -> Array:
+    def _noise(self, fresh: FileEstimate) -> Array:
         """Return the variance of each residual (m,) by the file's random error, over that of the first measurement."""
-        ratio = np.where(self._model.used, found.variance / self._model.random_variance, 0.0)
+        ratio = np.where(self._model.used, fresh.variance / self._model.random_variance, 0.0)
         return np.asarray(ratio[self._model.line_of_residual])
 
 

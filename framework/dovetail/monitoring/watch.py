@@ -151,7 +151,7 @@ class Watch:
             Called when the folder cannot be read, as where a network is down; without it, and with `once`, the error
             is raised.
         """
-        left, wait = _LONGEST_WAIT, max(self._folder.settle, 0.1)
+        patience, wait = _LONGEST_WAIT, max(self._folder.settle, 0.1)
         while not stop.is_set():
             waiting = False
             try:
@@ -163,9 +163,9 @@ class Watch:
             if looked is not None:
                 looked()
             if once:
-                if not waiting or left <= 0.0:
+                if not waiting or patience <= 0.0:
                     return
-                left -= wait
+                patience -= wait
             stop.wait(wait if once else interval)
 
     def _take(self, arrival: Arrival) -> dict[str, Any] | None:
