@@ -185,3 +185,9 @@ def test_planning_anew_is_timed_and_right():
         "error above the stop, against the direct solve",
     }
     assert float(rows["error above the stop, against the direct solve"]) < 1e-8
+
+
+def test_the_benchmark_of_forecasts_compares_each_time_with_its_forecast():
+    (row,) = cells(run("forecast.py", "--cases", 2, "--seed", 3))[2:]
+    assert row[0] == "2"
+    assert 0.05 < float(row[1]) <= float(row[3]) < 20.0

@@ -14,6 +14,7 @@ from scipy.optimize import least_squares
 import dovetail
 from dovetail.errors import MeasurementError, ParameterError
 from dovetail.inference.fitting import multistart, refine, refinement
+from dovetail.interfaces import TimeLimit
 from dovetail.measurement import complex_noise
 from dovetail.problem import Problem
 from dovetail.problem.least_squares import Linearisation, SumOfSquares, minimise
@@ -84,6 +85,19 @@ def test_a_profile_is_the_least_sum_of_squares_over_the_other_coordinate():
     assert (followed.position[0, :, 0] == values).all()
     squares = np.array([np.sum(problem.residuals(row) ** 2, axis=1) for row in followed.position])
     np.testing.assert_allclose(squares, followed.cost)
+
+
+def test_profiles_report_each_value_and_end_with_the_time():
+    problem, values, reported = Rosenbrock(0.6), (np.arange(24) + 0.5) / 24, []
+    whole = profiles(problem, np.array([0.5, 0.5]), values, 30, lambda: reported.append(1))
+    assert len(reported) == 12  # of either side
+    assert 48 * 2 <= whole.steps < 48 * 31
+    problem.limit = TimeLimit()
+    reported.clear()
+    cut = profiles(problem, np.array([0.5, 0.5]), values, 30, lambda: reported.append(problem.limit.stop()))
+    assert len(reported) == 1
+    assert np.isfinite(cut.cost[:, 11:13]).all()
+    assert np.count_nonzero(np.isfinite(cut.cost)) == 4
 
 
 def test_low_points_of_profiles_are_minima_between_rises_away_from_the_start():

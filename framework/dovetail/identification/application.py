@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from dovetail.assembly import Theta
 from dovetail.errors import Fault, Importance, MeasurementError, Note, PluginError, listing
+from dovetail.identification.forecast import ForecastProgress
 from dovetail.identification.measured_lines import MeasuredLines
 from dovetail.identification.measured_modes import MeasuredModes
 from dovetail.identification.parameters import ROUNDING
@@ -110,6 +111,8 @@ class Application:
             starts += [known for known in (network, measured.start) if known is not None]
             network_of = _network_of(self.trained, measured)
             problem = replace(measured.problem, starts=tuple(starts), network=network_of, limit=self.limit)
+            if isinstance(self.progress, ForecastProgress):
+                self.progress.begin(problem)
         began = time.monotonic()
         estimate, samples = self._estimate(problem)
         if isinstance(estimate, Fit):

@@ -17,12 +17,13 @@ from dovetail.documents.validation import explain
 from dovetail.errors import Fault, MeasurementError, ParameterError, argument, did_you_mean, listing
 from dovetail.frf import Frf
 from dovetail.identification.application import DEFAULT_METHOD, Application
+from dovetail.identification.forecast import ForecastProgress
 from dovetail.identification.measured_lines import MeasuredLines
 from dovetail.identification.measured_modes import MeasuredModes
 from dovetail.identification.result import Identification
 from dovetail.identification.unknown_signs import amplitudes, with_signs
 from dovetail.inference.adequacy.assess import JudgementOptions
-from dovetail.interfaces import IdentificationMethod, Progress, TimeLimit, logged, progress_reporter
+from dovetail.interfaces import IdentificationMethod, Progress, TimeLimit, logged, progress_reporter, silent
 from dovetail.measurement import ModalParameters, is_modal_table, read_frf, read_modal_parameters
 from dovetail.network.bundle import TrainedNetwork
 from dovetail.parallel import one_blas_thread
@@ -135,6 +136,8 @@ def identify(
     step = logged(__name__, f"{assembly.name} identified from {labels} by {chosen.name}")
     with one_blas_thread(), step, progress_reporter(progress) as report:
         application = replace(_application(chosen, assembly, model, options, report), limit=limit)
+        if (evaluations := application.method.evaluations) is not None and report is not silent:
+            application = replace(application, progress=ForecastProgress(report, evaluations))
         if table is not None:
             result = application.to(MeasuredModes(assembly, table))
         else:

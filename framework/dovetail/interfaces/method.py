@@ -132,6 +132,14 @@ class IdentificationMethod(Component, Generic[ProblemType]):
     gives_posterior: ClassVar[bool] = False
     refits_with_errors: ClassVar[bool] = False
 
+    @property
+    def evaluations(self) -> tuple[float, float] | None:
+        """How long `identify`, with what follows until `sample`, and `sample` usually take; the forecast is made of it.
+
+        The unit is the time of computing all FRFs and their derivatives once. None where it is not known.
+        """
+        return None
+
     @abstractmethod
     def identify(self, problem: ProblemType, *, seed: int, progress: Progress = silent) -> Estimate:
         """Estimate the parameters; the same problem and seed give the same estimate.

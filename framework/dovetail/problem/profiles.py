@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
@@ -32,11 +33,14 @@ class Profiles:
         Sums of squares, a row for each coordinate.
     position : (p, n, p) array
         Where they were taken.
+    steps : int
+        Number of times that the derivatives were computed.
     """
 
     values: NDArray[np.float64]
     cost: NDArray[np.float64]
     position: NDArray[np.float64]
+    steps: int = 0
 
     def low_points(self, start: NDArray[np.float64], most: int) -> NDArray[np.float64]:
         """Return the lowest minima (k, p) of the profiles, without the one at their start."""
@@ -59,7 +63,13 @@ def cuts(problem: SumOfSquares, start: NDArray[np.float64], values: NDArray[np.f
     return Profiles(values, cost, position)
 
 
-def profiles(problem: SumOfSquares, start: NDArray[np.float64], values: NDArray[np.float64], steps: int) -> Profiles:
+def profiles(
+    problem: SumOfSquares,
+    start: NDArray[np.float64],
+    values: NDArray[np.float64],
+    steps: int,
+    callback: Callable[[], None] = lambda: None,
+) -> Profiles:
     """Hold each coordinate in turn at given values and minimise over all others.
 
     The values are taken in order of their distance from the start, on either side; each search begins where the one at
@@ -73,33 +83,44 @@ def profiles(problem: SumOfSquares, start: NDArray[np.float64], values: NDArray[
         Increasing.
     steps : int
         Largest number of Levenberg-Marquardt steps at each value.
+    callback : callable
+        Called when all coordinates have gone on by one value, `values` times at most.
+
+    Returns
+    -------
+    Profiles
+        Where time was over before, sums of squares are infinite.
     """
     size, count = len(start), len(values)
-    lowest = Profiles(values, np.full((size, count), np.inf), np.empty((size, count, size)))
+    lowest, computed = Profiles(values, np.full((size, count), np.inf), np.empty((size, count, size))), 0
     upper = np.searchsorted(values, start)
     ways = [(axis, way) for axis in range(size) for way in (1, -1)]
     axes, signs = np.array(ways).T
     numbers = np.where(signs > 0, upper[axes], upper[axes] - 1)
     position = np.tile(start, (len(ways), 1))
-    while (inside := (numbers >= 0) & (numbers < count)).any():
+    while (inside := (numbers >= 0) & (numbers < count)).any() and not problem.limit.is_over:
         axes, signs, numbers, position = axes[inside], signs[inside], numbers[inside], position[inside]
         position[np.arange(len(axes)), axes] = values[numbers]
-        position, cost = _stepped(problem, position, axes, steps)
+        position, cost, more = _stepped(problem, position, axes, steps)
         lowest.position[axes, numbers], lowest.cost[axes, numbers] = position, cost
-        numbers += signs
-    return lowest
+        numbers, computed = numbers + signs, computed + more
+        callback()
+    return replace(lowest, steps=computed)
 
 
 def _stepped(
     problem: SumOfSquares, position: NDArray[np.float64], fixed: NDArray[np.intp], steps: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Take Levenberg-Marquardt steps from n positions, each with one fixed coordinate; return ends and costs."""
+) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
+    """Take Levenberg-Marquardt steps from n positions, each with one fixed coordinate.
+
+    Returns the ends, their sums of squares, and how often the derivatives were computed.
+    """
     size = position.shape[1]
     free = fixed[:, np.newaxis] != np.arange(size)
     damping = np.full(len(position), _FIRST_DAMPING)
     here = problem.linearise(position)
     gradient, curvature, cost = here.gradient.copy(), here.curvature.copy(), here.cost.copy()
-    active = np.arange(len(position))
+    active, computed = np.arange(len(position)), len(position)
     for _ in range(steps):
         place, slope = position[active], gradient[active]
         moving = free[active] & ~((place <= 0.0) & (slope > 0.0)) & ~((place >= 1.0) & (slope < 0.0))
@@ -108,7 +129,7 @@ def _stepped(
         diagonal += damping[active, np.newaxis] * diagonal + np.where(moving, np.finfo(float).tiny, 1.0)
         step = np.linalg.solve(matrix, np.where(moving, -slope, 0.0)[:, :, np.newaxis])[:, :, 0]
         tried = np.clip(place + step, 0.0, 1.0)
-        there = problem.linearise(tried)
+        there, computed = problem.linearise(tried), computed + len(tried)
         decrease = cost[active] - there.cost
         lower = decrease > 0.0
         moved = active[lower]
@@ -118,4 +139,4 @@ def _stepped(
         active = active[~lower | (decrease > _SETTLED * (_RISE * cost[active] + 1.0))]
         if not len(active):
             break
-    return position, cost
+    return position, cost, computed

@@ -249,9 +249,13 @@ class _Refinement:
         residual = self._target.weighted(self._variance, self._used).at(self._few)
         smoothed = (self._lines.smoothed(residual, width) for width in _SETTINGS.widths)
         problems = [self._on_few.residuals(each) for each in smoothed]
-        position, steps = minima.position[0], _SETTINGS.profile_steps
-        along = profiles(problems[0], position, self._grid(), steps)
-        self._steps += along.cost.size * (steps + 1)
+        position = minima.position[0]
+        self._expected = self._searches + _SETTINGS.grid_points + len(problems) * _SETTINGS.along_profiles
+        along = profiles(problems[0], position, self._grid(), _SETTINGS.profile_steps, self._report_search)
+        self._steps += along.steps
+        if self._problem.limit.is_over:
+            self._problem.limit.leave_out("searches along single parameters for a better fit")
+            return minima
         ends = along.low_points(position, _SETTINGS.along_profiles)
         if not len(ends):
             return minima
