@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
+from dovetail.measurement.changed_values import find_change
 from dovetail.measurement.frf_units import read_unit
 from dovetail.measurement.quantity_words import word_set, words_of
 
@@ -23,11 +24,12 @@ _INVERTED = re.compile(
     r"|=\s*-\s*(?:real|imag|h|frf)\b"
 )
 """Words of values whose sign or phase was changed."""
-_NEGATION = re.compile(r"\b(?:no|not|none|off|false|nein|0)\b")
+_NEGATION = re.compile(r"\b(?:no|not|none|off|false|nein)\b|(?<![\d.,])0(?![\d.,])")
 _REFERENCE = re.compile(
-    r"\b(?:trigger|trig|pretrigger|no|nr|number|id|serial|certificate|dates?|due|file|name|version|lab|by)\b|datum"
+    r"\b(?:trigger|trig|pretrigger|no|nr|number|id|serial|certificate|dates?|due|file|name|version|lab)\b|datum"
 )
 """Words of what identifies a calibration."""
+_BY_WHOM = re.compile(r"\bby\s+[^\W\d_]")
 _TIME = re.compile(
     r"time|zeit|temps|dur|period|length|record|interval|\bdt\b|\bt\b|delta|\bx\b|sampl|abscissa|resol|step|trig|span"
     r"|window|timeout|sweep|dwell|rate|block|frame|acquisition|measur"
@@ -97,7 +99,9 @@ def find_acting_number(key: str, text: str) -> str:
     """
     if (match := _TIMES.search(_DATES.sub(" ", text))) and not _REFERENCE.search(" ".join(words_of(key))):
         return f"'{match[0].strip()[:_SHOWN]}' may be a factor of the values."
-    whole = f"{key}: {text}".lower()
+    whole = f"{key}: {text}".lower().replace("_", " ")
+    if problem := find_change(key, text):
+        return problem
     if (match := _INVERTED.search(whole)) and not _NEGATION.search(whole):
         return f"'{match[0]}' may act on the values."
     clauses = [text] if key else _CLAUSE.split(text)
@@ -110,7 +114,7 @@ def find_acting_number(key: str, text: str) -> str:
 def _in_clause(key: str, clause: str) -> str:
     words = " ".join(words_of(f"{key} {clause}"))
     multiplies, shifts = _MULTIPLIES.search(words), _SHIFTS.search(words)
-    if (multiplies or shifts) and _REFERENCE.search(words):
+    if (multiplies or shifts) and (_REFERENCE.search(words) or _BY_WHOM.search(clause)):
         return ""
     text = _DATES.sub(" ", clause)
     if "calib" in words or "kalib" in words:

@@ -8,27 +8,43 @@ act on the values, such as a gain or a delay, is refused with its place, since w
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 from dovetail.errors import Fault, MeasurementError
 from dovetail.interfaces import About, Statement
 from dovetail.measurement.acting_numbers import find_acting_number
+from dovetail.measurement.changed_values import find_scale, reference_of_decibels
 from dovetail.measurement.frf_units import frequency_factor, read_unit
 from dovetail.measurement.quantity_words import inverse_quantity, read_label, word_set, words_of
+from dovetail.measurement.text_pairs import (
+    ANGLES,
+    AXIS_WORDS,
+    LOAD_WORDS,
+    MOTION_WORDS,
+    OTHER_FIELDS,
+    UNIT_WORDS,
+    VALUE_WORDS,
+    Pair,
+    pairs_of,
+)
 
-_UNIT_WORDS = word_set(
-    "unit units einheit einheiten unite unites unité unités unidad unidades unità unita eenheid enhet jednostka eu uom"
-    " dimension dimensions engineering"
-)
-_AXIS_WORDS = word_set("frequency frequencies freq frequenz fréquence f x abscissa xaxis xlabel abszisse hz")
-_LOAD_WORDS = word_set("force load excitation denominator input hammer kraft moment reference ref exc")
-_MOTION_WORDS = word_set("motion numerator response resp output acceleration velocity displacement")
-_VALUE_WORDS = word_set(
-    "y h hv hxy frf frfs amplitude amplitudes magnitude mag real imag re im value values ordinate ylabel yaxis data"
-    " transfer function response complex db axis z zaxis si label of the ampl wert system quantity frd responsedata"
-)
-_LABEL_WORDS = word_set("label labels xlabel ylabel title name")
+_ROLES = {
+    "above": word_set("output out numerator response resp outputname outputs"),
+    "below": word_set("input in denominator excitation force reference inputname inputs"),
+}
+_LETTERS = {
+    "F": "force",
+    "X": "displacement",
+    "x": "displacement",
+    "V": "velocity",
+    "v": "velocity",
+    "A": "acceleration",
+}
+"""Letters of signals."""
+_SENSOR = word_set("channel channels sensor signal dof quantity type measurand")
+_LABEL_WORDS = word_set("label labels xlabel ylabel title name axis xaxis yaxis abscissa abszisse ordinate")
 _PHASE_WORDS = word_set("phase angle time coherence coh variance tip temperature stiffness")
 """Words of what has a unit of its own, which is not that of the values."""
 _QUANTITY_WORDS = word_set("quantity function type format measurement kind grösse größe ordinate y ylabel")
@@ -37,14 +53,11 @@ _GENERIC = word_set(
     "frf frequency response function functions h of the a real imag part magnitude amplitude per over transfer"
     " dynamic mechanical apparent effective mass point drive complex spectrum measured measurement"
 )
-_KEY = re.compile(r"(?=[^:=\t]{0,60}?[^\W\d_])([^:=\t]{1,60}?)\s*(?::=|[:=\t])\s*(\S.*)")
-_KEY_AND_NUMBER = re.compile(r"([^\d,]{1,60}?)\s*,\s*([-+]?\d.*)")
 _MULTIPLE = re.compile(
     r"\d[\d.]*(?:[eE][-+]?\d+)?\s*[*\u00b7\u00d7x]\s*[^\s,;]+/[^\s,;]+|\bin\s+\d\S*\s+[^\s,;\d]+/[^\s,;]+",
     re.IGNORECASE,
 )
 """A unit with a factor, as in ``1e-6*m/N`` and ``in 1e-6 m/N``."""
-_CELL = re.compile(r"[\t;]|,(?!\d)")
 _TOKEN = re.compile(r"[^\s,;:=\"'\[\]{}]+")
 _PER = re.compile(r"([^\s,;:=\"'()\[\]]+)\s+(?:per|pro|over)\s+([^\s,;:=\"'()\[\]]+)", re.IGNORECASE)
 _IN_UNIT = re.compile(r"\b(?:in|unit)\s+([^\s,;:=\"'()\[\]]+)")
@@ -58,6 +71,21 @@ SKIP = (
 _SHOWN = 60
 
 
+class FieldClaim(NamedTuple):
+    """What a text says of a part of the FRF that has a unit of its own.
+
+    Parameters
+    ----------
+    part : str
+        ``phase``, ``coherence``, ``variance``, ``amplitude`` (its scale), or ``db`` (what it is over).
+    text, where : str
+    """
+
+    part: str
+    text: str
+    where: str
+
+
 @dataclass(frozen=True)
 class FreeText:
     """What texts state.
@@ -69,10 +97,17 @@ class FreeText:
     mentions : list of Statement
         Units and quantities in running text, which count only if nothing else gives one, and units that are not
         understood.
+    sentences : list of Statement
+        Units in sentences such as "values are in g/N", which must not contradict what is stated elsewhere; without
+        such a statement they are mentions.
+    claims : list of FieldClaim
+        Units of the phase, the coherence and the variance, and scales of the amplitude.
     """
 
     statements: list[Statement] = field(default_factory=list)
     mentions: list[Statement] = field(default_factory=list)
+    sentences: list[Statement] = field(default_factory=list)
+    claims: list[FieldClaim] = field(default_factory=list)
 
 
 def read_texts(texts: Iterable[tuple[str, str, str]], skip: Sequence[str] = ()) -> FreeText:
@@ -94,8 +129,8 @@ def read_texts(texts: Iterable[tuple[str, str, str]], skip: Sequence[str] = ()) 
     for name, text, where in texts:
         if any(words in f"{name}: {text}".lower() for words in skipped):
             continue
-        for key, value in _pairs(name, text[:_LONGEST]):
-            _read_pair(free_text, key, value, where)
+        for pair in pairs_of(name, text[:_LONGEST]):
+            _read_pair(free_text, pair, where)
     return free_text
 
 
@@ -108,46 +143,31 @@ def read_statements(statements: Sequence[Statement], skip: Sequence[str] = ()) -
         As in `read_texts`.
     """
     found = read_texts(((one.key, one.text, one.where) for one in statements if one.about == "text"), skip)
-    return FreeText([*(one for one in statements if one.about != "text"), *found.statements], found.mentions)
+    stated = [*(one for one in statements if one.about != "text"), *found.statements]
+    return replace(found, statements=stated)
 
 
-def _pairs(name: str, text: str) -> Iterator[tuple[str, str]]:
-    """Yield keys and values in a text: that of its name, that in front of a colon, or the first cell of a row."""
-    line = text.strip() if name else text.strip().lstrip("#%!*;/ \t")
-    line = line.strip().strip('"').strip()
-    if not line:
-        return
-    if name:
-        yield name, line
-        if not _KEY.fullmatch(line):
-            return
-    if match := _KEY.fullmatch(line) or _KEY_AND_NUMBER.fullmatch(line):
-        key, value = (part.strip().strip("\"'").strip() for part in match.groups())
-        values = [cell.strip().strip("\"'").strip() for cell in _CELL.split(value)]
-        if len(values) > 1 and all(read_unit(cell) for cell in values):
-            yield from ((key, cell) for cell in values)
-        else:
-            yield key, value
-        return
-    cells = [cell for cell in (part.strip().strip("\"'").strip() for part in _CELL.split(line)) if cell]
-    if len(cells) > 1 and all(map(read_unit, cells)) and cells[0].lower() not in _UNIT_WORDS:
-        yield from (("unit", cell) for cell in cells)
-    elif len(cells) > 1 and _UNIT_WORDS & set(words_of(cells[0])):
-        yield from ((cells[0], cell) for cell in cells[1:])
-    elif len(cells) == 2:
-        yield cells[0], cells[1]
-    else:
-        yield "", line
-
-
-def _read_pair(free_text: FreeText, key: str, value: str, where: str) -> None:
+def _read_pair(free_text: FreeText, pair: Pair, where: str) -> None:
+    """Collect what a key and its value, or running text, state."""
+    key, value, is_sentence = pair
     words = words_of(key)
-    is_label = bool(set(words) & _LABEL_WORDS and set(words) & (_AXIS_WORDS | _VALUE_WORDS))
-    if set(words) & _REMARKS and not set(words) & _UNIT_WORDS and not is_label:
+    is_label = bool(set(words) & _LABEL_WORDS and set(words) & (AXIS_WORDS | VALUE_WORDS))
+    if claim := _field_claim(words, key, value, where):
+        free_text.claims.append(claim)
+        return
+    if _is_upside_down(set(words), value):
+        raise _not_understood(f"'{key}: {value[:_SHOWN]}' is not a motion per load.", where, key)
+    is_role = bool(set(words) & (_ROLES["above"] | _ROLES["below"]))
+    if set(words) & _REMARKS and not set(words) & UNIT_WORDS and not is_label and not is_role:
+        if (named := _whole_quantity(value, where, strict=True)) is not None:
+            free_text.statements.append(named)
         _read_prose(free_text, value, where)
         return
     if (statement := _unit_statement(words, value, where)) is not None:
-        (free_text.mentions if statement.about == "unclear unit" else free_text.statements).append(statement)
+        unclear = statement.about == "unclear unit"
+        (free_text.mentions if unclear else free_text.sentences if is_sentence else free_text.statements).append(
+            statement
+        )
         return
     if (statement := _label_statement(words, value, where)) is not None:
         free_text.statements.append(statement)
@@ -157,23 +177,54 @@ def _read_pair(free_text: FreeText, key: str, value: str, where: str) -> None:
     _read_prose(free_text, f"{key}: {value}" if key else value, where)
 
 
+def _field_claim(words: Sequence[str], key: str, value: str, where: str) -> FieldClaim | None:
+    """Return what a text says of the phase, the coherence, the variance or the scale of the amplitude."""
+    named, text = set(words), value.strip(" .[]()").lower()
+    has_unit = bool(named & UNIT_WORDS)
+    for part, spellings in OTHER_FIELDS.items():
+        if named & spellings and named <= spellings | UNIT_WORDS | _LABEL_WORDS | {"deg", "rad"}:
+            is_unit = text in ANGLES if part == "phase" else text in ("%", "percent", "db")
+            if has_unit or is_unit or (part == "variance" and read_unit(text) is not None):
+                return FieldClaim(part, text, where)
+    if (reference := reference_of_decibels(key, value)) != 1.0:
+        return FieldClaim("db", f"{reference:g}", where)
+    scale = find_scale(key, value)
+    return FieldClaim("amplitude", scale, where) if scale else None
+
+
+def _is_upside_down(named: set[str], value: str) -> bool:
+    """Return whether a load is called the response, or a motion the excitation."""
+    label, rest = read_label(_LETTERS.get(value.strip(), value)), set(words_of(value)) - _GENERIC - _SENSOR
+    alone = value.strip() in _LETTERS or (
+        bool(rest) and all((one := read_label(word)).motions or one.moments for word in rest)
+    )
+    if not alone or not named <= _ROLES["above"] | _ROLES["below"] | _SENSOR | _QUANTITY_WORDS | {"name"}:
+        return False
+    above, below = named & _ROLES["above"], named & _ROLES["below"]
+    return bool(above and not below and label.moments and not label.motions) or bool(
+        below and not above and label.motions and not label.moments
+    )
+
+
 def _unit_statement(words: Sequence[str], value: str, where: str) -> Statement | None:
     """Return the statement of a key with a unit, or None if the value is no unit and need not be one."""
     named = set(words)
     text = re.sub(r"^[\[(]([^()\[\]]*)[\])]$", r"\1", value)
     reading = None if text[:2].lower() == "db" else read_unit(text)
     about = _subject(named, text)
-    if named & _UNIT_WORDS and not named & _PHASE_WORDS:
-        known = _UNIT_WORDS | _AXIS_WORDS | _LOAD_WORDS | _MOTION_WORDS | _VALUE_WORDS | _LABEL_WORDS
+    if named & UNIT_WORDS and not named & _PHASE_WORDS:
+        known = UNIT_WORDS | AXIS_WORDS | LOAD_WORDS | MOTION_WORDS | VALUE_WORDS | _LABEL_WORDS
         if reading is not None or frequency_factor(text) is not None:
             return Statement(about, text, where)
         return Statement("unclear unit", text, where) if named <= known else None
     if reading is None or named & _PHASE_WORDS:
         return None
+    if named and named <= AXIS_WORDS and reading.kind in ("frequency", "time", "other"):
+        return Statement("axis unit", text, where)
     is_compound = re.search(r"[/·*^²]", text) is not None
-    if reading.kind in ("ratio", "inverse") or (is_compound and reading.kind == "motion" and named <= _VALUE_WORDS):
+    if reading.kind in ("ratio", "inverse") or (is_compound and reading.kind == "motion" and named <= VALUE_WORDS):
         return Statement(about, text, where)
-    fields = _AXIS_WORDS | _LOAD_WORDS | _MOTION_WORDS | _VALUE_WORDS
+    fields = AXIS_WORDS | LOAD_WORDS | MOTION_WORDS | VALUE_WORDS
     if reading.kind in ("motion", "load", "frequency") and named and named <= fields:
         return Statement(about, text, where)
     return None
@@ -181,10 +232,10 @@ def _unit_statement(words: Sequence[str], value: str, where: str) -> Statement |
 
 def _subject(named: set[str], text: str) -> About:
     """Return what the unit under a key is of, according to the words of the key, or else to the unit."""
-    if named & _AXIS_WORDS and not named & (_VALUE_WORDS - {"axis", "label", "response", "function"}):
+    if named & AXIS_WORDS and not named & (VALUE_WORDS - {"axis", "label", "response", "function"}):
         return "axis unit"
     reading = read_unit(text)
-    if named & _LOAD_WORDS and (reading is None or reading.kind != "ratio"):
+    if named & LOAD_WORDS and (reading is None or reading.kind != "ratio"):
         return "load unit"
     is_frequency = reading is None or reading.kind in ("frequency", "time")
     return "axis unit" if is_frequency and frequency_factor(text) is not None else "unit"
@@ -193,17 +244,27 @@ def _subject(named: set[str], text: str) -> About:
 def _label_statement(words: Sequence[str], value: str, where: str) -> Statement | None:
     """Return the statement of a label, or of a text that consists of the name of a quantity."""
     named, label = set(words), read_label(value)
-    if named & _LABEL_WORDS and named & (_AXIS_WORDS | _VALUE_WORDS):
-        return Statement("axis label" if named & _AXIS_WORDS else "label", value, where)
-    rest = set(words_of(value)) - _GENERIC
-    bare = [word for word in rest if not (read_label(word).quantities or inverse_quantity(value))]
-    if (label.quantities or inverse_quantity(value)) and not bare and not label.units:
-        return Statement("quantity", value, where)
-    if label.motions and named & (_QUANTITY_WORDS | _MOTION_WORDS) and len(words_of(value)) <= 2 and not label.unclear:
+    if named & _LABEL_WORDS and named & (AXIS_WORDS | VALUE_WORDS):
+        return Statement("axis label" if named & AXIS_WORDS else "label", value, where)
+    if named and named <= AXIS_WORDS - {"f", "x", "hz"} and not re.search(r"\d", value):
+        return Statement("axis label", value, where)
+    if (whole := _whole_quantity(value, where)) is not None:
+        return whole
+    if label.motions and named & (_QUANTITY_WORDS | MOTION_WORDS) and len(words_of(value)) <= 2 and not label.unclear:
         return Statement("motion quantity", value, where)
-    if any((reading := read_unit(unit)) and reading.kind == "ratio" for unit in label.units):
+    marked = [unit for unit in label.units if f"[{unit}]" in value or f"({unit})" in value or f" / {unit}" in value]
+    if any((reading := read_unit(unit)) and reading.kind == "ratio" for unit in marked):
         return Statement("label", value, where)
     return None
+
+
+def _whole_quantity(value: str, where: str, *, strict: bool = False) -> Statement | None:
+    """Return the statement of a text that consists of the name of a quantity, or else contains that of an inverse."""
+    label, inverse = read_label(value), inverse_quantity(value)
+    rest = set(words_of(value)) - _GENERIC - set(words_of(inverse) if strict else ())
+    bare = [word for word in rest if not (read_label(word).quantities or (inverse and not strict))]
+    is_named = (label.quantities or inverse) and not bare and not label.units
+    return Statement("quantity", value, where) if is_named else None
 
 
 def _read_prose(free_text: FreeText, text: str, where: str) -> None:
@@ -219,6 +280,8 @@ def _read_prose(free_text: FreeText, text: str, where: str) -> None:
         reading = read_unit(candidate)
         if reading is not None and reading.kind in ("ratio", "inverse"):
             free_text.mentions.append(Statement("unit", candidate, where))
+        elif candidate.lower() in ("rad/s", "radians/second", "radians/s"):
+            free_text.mentions.append(Statement("axis unit", "rad/s", where))
     for match in _IN_UNIT.finditer(text):
         reading = read_unit(match[1].strip("."))
         if reading is not None and reading.kind in ("motion", "load") and reading.factor != 1.0:

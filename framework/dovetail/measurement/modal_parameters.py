@@ -17,6 +17,7 @@ from dovetail.measurement.content.column_names import plain_name
 from dovetail.measurement.content.tables import names_and_units
 from dovetail.measurement.content.text_tables import decode_text, find_table, read_rows
 from dovetail.measurement.frf_units import frequency_factor
+from dovetail.measurement.modal_remarks import check_lines
 
 _SUFFIXES = (".csv", ".tsv", ".txt")
 _NAMES = {
@@ -28,6 +29,8 @@ _NAMES = {
 }
 _RATIO = ("damping_ratio", "zeta", "damping_ratio_sd", "zeta_sd")
 """Names that imply that 1 is the critical damping."""
+_UNITS = {"percent": "%", "per cent": "%", "1": "-", "none": "-", "ratio": "-", "rad/sec": "rad/s"}
+"""Spellings of units that are equal."""
 _ACCEPTED = "frequency_Hz[,damping_ratio or damping_percent][,frequency_sd_Hz][,damping_ratio_sd or damping_sd_percent]"
 _PERCENT = 0.01
 _MOST_MODES = 10_000
@@ -123,10 +126,9 @@ def read_modal_parameters(path: str | os.PathLike[str]) -> ModalParameters:
         raise MeasurementError(Fault(str(source), "this is not a table of modal parameters.", ", ".join(_SUFFIXES)))
     lines = decode_text(source, read_bounded(source)).split("\n")
     table = find_table(str(source), lines, _is_header, _ACCEPTED)
-    names, units = names_and_units(table.header)
-    if table.units and not any(units):
-        units = list(table.units)
     where = f"{source}:{table.line + 1}"
+    names, units = names_and_units(table.header)
+    units = _with_row_of_units(where, names, units, table.units)
     columns = [_meaning(where, name, unit) for name, unit in zip(names, units, strict=True)]
     wanted = [column for column, (parameter, _) in enumerate(columns) if parameter != "mode"]
     parameters = [columns[column][0] for column in wanted]
@@ -138,6 +140,7 @@ def read_modal_parameters(path: str | os.PathLike[str]) -> ModalParameters:
         raise MeasurementError(
             Fault(str(source), f"the table has {rows.shape[1]:,} modes.", f"at most {_MOST_MODES:,}")
         )
+    check_lines(table, str(source), dict(zip(parameters, [columns[column][1] for column in wanted], strict=True)))
     values = {columns[column][0]: row * columns[column][1] for column, row in zip(wanted, rows, strict=True)}
     if "frequency_sd" in values and _is_percent(*_split_unit(names, units, columns, "frequency_sd")):
         values["frequency_sd"] = values["frequency_sd"] * values["frequency"]
@@ -156,6 +159,26 @@ def is_modal_table(path: str | os.PathLike[str]) -> bool:
         return False
     meant = [_parameter(name)[0] for name in names_and_units(header)[0]]
     return "frequency" in meant and all(meant)
+
+
+def _with_row_of_units(where: str, names: Sequence[str], units: Sequence[str], below: Sequence[str]) -> list[str]:
+    """Return the units of the columns, in their names or in a row below, which must agree.
+
+    Raises
+    ------
+    MeasurementError
+    """
+    row = [cell.strip("[]() ") for cell in below] or [""] * len(names)
+    for name, unit, lower in zip(names, units, row, strict=True):
+        said = [one for one in (_parameter(name)[1], unit.strip(), lower) if one]
+        if len({_UNITS.get(one.lower(), one.lower()) for one in said}) > 1 or (lower == "%" and _is_a_ratio(name)):
+            problem = f"'{name[:60]}' has the units {' and '.join(map(repr, said))}."
+            raise MeasurementError(Fault(where, problem, "one unit", "Correct the header, or the row below it."))
+    return [unit or lower for unit, lower in zip(units, row, strict=True)]
+
+
+def _is_a_ratio(name: str) -> bool:
+    return plain_name(name) in ("damping_ratio", "damping_ratio_sd")
 
 
 def _is_header(cells: Sequence[str]) -> bool:

@@ -30,6 +30,12 @@ _INVERSE = re.compile(
     r"|(?:apparent|dynamic|effective) mass)\b"
 )
 """Loads per motion."""
+_UPSIDE_DOWN = re.compile(
+    rf"\b(?:{'|'.join(_LOADS)}|load)s?\s*(?:/|\bper\b|\bover\b|\bpro\b)\s*(?:{'|'.join(_MOTIONS)}|motion|response)\b"
+    r"|(?<![\w/])F\s*/\s*[AVXaxv](?![\w/])",
+    re.IGNORECASE,
+)
+"""A load per motion, as in ``Force/Acceleration`` and ``F/X``."""
 _OTHER = re.compile(
     r"\b((?:micro)?strains?|dehnung|stress(?:es)?|sound|spl|transmissibility|transmissibilities|intensity"
     r"|psd|asd|autospectrum|autopower|crosspower|cross ?spectrum|charge|coherence|temperature|jerk"
@@ -47,7 +53,7 @@ _MULTIPLIED = re.compile(
     r"[*\u00d7·^|]|(?<![\w.])\d+\.\d|\d[eE][+-]?\d|(?<![a-zA-Z])[xX]\s?\d{2,}|\b1/(?=[a-zA-Z(])|\d{4,}(?!\w)"
 )
 """What multiplies or raises a value, in a label without its units."""
-_ANGULAR = frozenset(("omega", "angular", "circular", "kreisfrequenz", "w"))
+ANGULAR = frozenset(("omega", "angular", "circular", "kreisfrequenz", "w"))
 """Words of frequencies in radians per second."""
 _BRACKET = re.compile(r"[\[(]([^\[\]()]*(?:\([^()]*\)[^\[\]()]*)*)[\])]")
 
@@ -95,7 +101,7 @@ def read_label(text: str) -> Label:
         rest = rest.replace(unit, " ", 1)
     words = words_of(rest)
     plain = " ".join(words)
-    unclear = _INVERSE.search(plain) or _OTHER.search(plain) or _CHANGED.search(plain)
+    unclear = _INVERSE.search(plain) or _UPSIDE_DOWN.search(text) or _OTHER.search(plain) or _CHANGED.search(plain)
     unclear = unclear or _MINUS.search(rest) or _MULTIPLIED.search(re.sub(r"\|([^|]*)\|(?!\^)", r"\1", rest))
     return Label(
         quantities=tuple(dict.fromkeys(_RATIOS[word] for word in words if word in _RATIOS)),
@@ -120,7 +126,7 @@ def axis_unit_in_name(name: str) -> str:
     for unit in _endings(name):
         if frequency_factor(unit) is not None:
             return unit
-    return "rad/s" if _ANGULAR & set(words_of(name)) else ""
+    return "rad/s" if ANGULAR & set(words_of(name)) else ""
 
 
 def _endings(name: str) -> Iterator[str]:
@@ -133,14 +139,16 @@ def _endings(name: str) -> Iterator[str]:
 def inverse_quantity(text: str) -> str:
     """Return the words of a text that name a load per motion, such as an impedance; empty without any."""
     plain = " ".join(words_of(text))
-    match = _INVERSE.search(plain)
+    match = _INVERSE.search(plain) or _UPSIDE_DOWN.search(text)
     return match[0] if match else ""
 
 
 def _units_of(text: str) -> list[str]:
-    """Return what stands where a unit does: in brackets, or behind a slash with blanks around it."""
+    """Return what stands where a unit does: in brackets, behind a blank and a slash, or as a word, ``g/N``."""
     behind = re.search(r"\S\s+/\s+(\S+)\s*$", text)
-    return [*(match[1].strip() for match in _BRACKET.finditer(text)), *([behind[1]] if behind else [])]
+    bare = (word for word in _BRACKET.sub(" ", text).split() if re.search(r"\w/\w", word))
+    words = [word for word in bare if (reading := read_unit(word)) and reading.kind in ("ratio", "inverse")]
+    return [*(match[1].strip() for match in _BRACKET.finditer(text)), *([behind[1]] if behind else []), *words]
 
 
 def _is_written_as_unit(text: str) -> bool:

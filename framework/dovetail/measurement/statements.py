@@ -16,12 +16,15 @@ from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import QUANTITIES, Quantity, unit_of
 from dovetail.interfaces import About, Statement
 from dovetail.measurement.frf_units import UnitReading, frequency_factor, motion_unit, read_unit
-from dovetail.measurement.quantity_words import read_label
+from dovetail.measurement.quantity_words import ANGULAR, read_label, word_set, words_of
 from dovetail.units import find_homonym
 
 _ROUNDING = 1e-6
 """Largest relative difference of two factors that are equal, since files write factors with few digits."""
 _SHOWN = 60
+_NO_FREQUENCY = word_set("time zeit temps order orders ordnung rpm speed angle position period wavelength ratio")
+_NO_TIME = word_set("frequency freq frequenz order orders rpm angle position lag")
+"""Words for another abscissa."""
 
 
 class _Claim(NamedTuple):
@@ -127,7 +130,10 @@ def _claims(statement: Statement, axis: Literal["Hz", "s"]) -> list[_Claim]:
     if about == "word" and not (label.quantities or label.motions or label.unclear):
         raise MeasurementError(Fault(where, f"the word {text[:_SHOWN]!r} is not understood.", _ACCEPTED_LABELS))
     if about == "axis label":
-        return [claim for unit in label.units for claim in _axis_claims(unit, where, axis)]
+        return _axis_label_claims(text, label.units, where, axis)
+    if about == "load label" and label.motions and not label.moments:
+        problem = f"'{text[:_SHOWN]}' is that of the load, and is a motion."
+        raise MeasurementError(Fault(where, problem, "a force or a moment", _HOW_TO_CORRECT))
     if label.unclear:
         problem = f"'{text[:_SHOWN]}' is not a motion per load: '{label.unclear}' is not understood."
         raise MeasurementError(Fault(where, problem, _ACCEPTED_LABELS, _HOW_TO_CORRECT))
@@ -140,6 +146,17 @@ def _claims(statement: Statement, axis: Literal["Hz", "s"]) -> list[_Claim]:
         return claims
     motions = [_Claim("motion quantity", word, f"'{text[:_SHOWN]}'", where) for word in label.motions]
     return claims + motions + [_Claim("quantity", word, f"'{text[:_SHOWN]}'", where) for word in label.quantities]
+
+
+def _axis_label_claims(text: str, units: Sequence[str], where: str, axis: Literal["Hz", "s"]) -> list[_Claim]:
+    """Return the facts in the label of the abscissa: its unit, and that of an angular frequency."""
+    words = set(words_of(text))
+    if wrong := words & (_NO_FREQUENCY if axis == "Hz" else _NO_TIME):
+        accepted = "a frequency" if axis == "Hz" else "a time"
+        raise MeasurementError(Fault(where, f"the abscissa is '{text[:_SHOWN]}'.", accepted, f"'{min(wrong)}' is not."))
+    claims = [claim for unit in units for claim in _axis_claims(unit, where, axis)]
+    is_angular = axis == "Hz" and words & ANGULAR and len(text) > 1
+    return claims + (_axis_claims("rad/s", where, axis) if is_angular else [])
 
 
 def _quantity_claim(statement: Statement) -> _Claim:

@@ -69,7 +69,7 @@ def with_frd_units(path: Path, entries: Mapping[str, ArrayEntry], separator: str
 
 
 def _frequency(path: Path, name: str, entry: ArrayEntry, texts: Mapping[str, str]) -> ArrayEntry:
-    label = texts.get("FrequencyUnit", texts.get("Units", "")).strip()
+    label = " and ".join(dict.fromkeys(texts[key].strip() for key in ("FrequencyUnit", "Units") if texts.get(key)))
     per = "/s" if texts.get("TimeUnit", "").strip().lower() in _SECONDS else "/TimeUnit"
     if (unit := _HERTZ.get(label.lower().replace("/timeunit", per))) is not None:
         return replace(entry, attributes={"unit": unit})

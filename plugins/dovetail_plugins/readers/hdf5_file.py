@@ -173,6 +173,10 @@ def _text_attributes(item: h5py.Group | h5py.Dataset) -> Mapping[str, str]:
             continue
         if 0 < value.size <= _MOST_NUMBERS and value.dtype.kind in "fiu":
             texts[str(name)] = "; ".join(f"{number:.10g}" for number in value)
+        elif value.dtype.kind == "b" and value.size == 1:
+            texts[str(name)] = str(bool(value[0]))
+        elif 1 < value.size <= _MOST_TEXTS and all(isinstance(one, str | bytes) for one in value):
+            texts[str(name)] = ", ".join(_decode_text(one) for one in value)
         elif value.size == 1 and isinstance(value[0], str | bytes):
             texts[name.lower() if name.lower() in _NEEDED else str(name)] = _decode_text(value[0])
     return texts

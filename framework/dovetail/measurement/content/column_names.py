@@ -65,9 +65,16 @@ _PARTS = ("real", "imag", "amplitude", "db", "phase_deg", "phase_rad", "coherenc
 """Fields that the last word of a name may state, after the name of a signal."""
 _NO_FRF = frozenset(("force", "excitation", "hammer", "psd", "power", "autopower", "spectrum", "autospectrum", "time"))
 """Words which show that a signal is not an FRF."""
+_ESTIMATORS = ("h1", "h2", "hv")
 _PART_WORDS = frozenset(
     (
-        *(word for field in VALUE_FIELDS for name in FIELD_NAMES[field] for word in name.split("_")),
+        *(
+            word
+            for field in VALUE_FIELDS
+            for name in FIELD_NAMES[field]
+            for word in name.split("_")
+            if word not in _ESTIMATORS
+        ),
         *(*PHASES, "part", "deg", "rad", "frf", "function", "response", "transfer", "h", "hz", "col", *_MOTION_NAMES),
     )
 )

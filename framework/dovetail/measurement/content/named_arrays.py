@@ -24,7 +24,8 @@ from dovetail.measurement.content.column_names import (
     quantity_of_name,
     taken_for,
 )
-from dovetail.measurement.content.even_axis import with_even_axis
+from dovetail.measurement.content.even_axis import check_other_axes, with_even_axis
+from dovetail.measurement.content.file_meaning import check_claims, meaning_of_file
 from dovetail.measurement.content.unused_entries import read_unused
 from dovetail.measurement.quantity_words import axis_unit_in_name, unit_in_name
 from dovetail.measurement.recording import ReadOptions, Recording, parse_quantity
@@ -60,11 +61,14 @@ def read_recording(archive: RecordedArrays, options: ReadOptions) -> Recording:
 
     values, has_phase = combine_values(fields, locate)
     free_text = read_unused(archive, names, options.skip)
-    meaning = interpret([*_statements(archive, names), *free_text.statements])
+    meaning, mentions = meaning_of_file(_statements(archive, names), free_text)
+    check_claims(names, free_text.claims, meaning.unit)
+    scale = check_axis(meaning, mentions, _SAY_UNIT)
+    check_other_axes(archive, names, fields["frequency"], scale, options.skip)
     return Recording(
         where=where,
         label=archive.path.name,
-        frequency=fields["frequency"] * check_axis(meaning, free_text.mentions, _SAY_UNIT),
+        frequency=fields["frequency"] * scale,
         values=values,
         has_phase=has_phase,
         coherence=fields.get("coherence"),
@@ -76,7 +80,7 @@ def read_recording(archive: RecordedArrays, options: ReadOptions) -> Recording:
         response=_read_text(archive, names, "response"),
         force=_read_text(archive, names, "force"),
         taken=taken_for(names, list(archive.entries)),
-        mentions=free_text.mentions,
+        mentions=[one for one in mentions if not ("db" in names and one.text.lower() == "db")],
         **fields_of(meaning),
     )
 
@@ -96,6 +100,8 @@ def _statements(archive: RecordedArrays, names: Mapping[str, str]) -> list[State
     _check_quantities(archive, names, statements)
     for field_name in VALUE_FIELDS & set(names):
         name = re.split(r"[/.]", names[field_name])[-1]
+        if field_name == "db":
+            continue
         statements.append(Statement("label", name, f"{archive.path}  {names[field_name]}"))
         if unit := unit_in_name(name):
             statements.append(Statement("unit", unit, f"{archive.path}  {names[field_name]}"))

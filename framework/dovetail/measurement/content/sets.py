@@ -14,10 +14,12 @@ import numpy as np
 
 from dovetail.errors import Fault, MeasurementError, PluginError
 from dovetail.interfaces import FrfReader, RecordedFrf, RecordedSet, RecordedSignal, Statement, plugin_errors
-from dovetail.measurement.free_text import read_statements
+from dovetail.measurement.changed_values import find_scale
+from dovetail.measurement.content.file_meaning import check_claims, meaning_of_file
+from dovetail.measurement.free_text import FieldClaim, read_statements
 from dovetail.measurement.frf_units import meaning_of_unit
 from dovetail.measurement.recording import DOF, ReadOptions, Recording
-from dovetail.measurement.statements import Meaning, check_axis, fields_of, interpret
+from dovetail.measurement.statements import Meaning, check_axis, fields_of
 
 _SETS_SHOWN = 20
 
@@ -69,9 +71,12 @@ def _recording_of(path: Path, frf: RecordedFrf, where: str, reader: FrfReader, o
     if frf.note and all(one.text != frf.note for one in frf.statements):
         statements.append(Statement("text", frf.note, f"{where}, note"))
     read = read_statements(statements, options.skip)
-    meaning = interpret(read.statements)
+    meaning, mentioned = meaning_of_file((), read)
     _check_kind(frf, meaning, where)
-    fields, mentions = _fields(frf, meaning, read.mentions, where)
+    parts = {"values" if np.iscomplexobj(frf.values) else "amplitude": "", "coherence": "", "variance": ""}
+    claims = [*read.claims, *([] if np.iscomplexobj(frf.values) else _claims_of_labels(read.statements))]
+    check_claims({name: "" for name in parts if getattr(frf, name, True) is not None}, claims, meaning.unit)
+    fields, mentions = _fields(frf, meaning, mentioned, where)
     recording = Recording(
         where=where,
         label=path.name,
@@ -99,6 +104,16 @@ def _recording_of(path: Path, frf: RecordedFrf, where: str, reader: FrfReader, o
     if frf.response and frf.force:
         return recording.with_dofs(frf.response, frf.force)
     return replace(recording, response=frf.response, force=frf.force)
+
+
+def _claims_of_labels(statements: Sequence[Statement]) -> list[FieldClaim]:
+    """Return scales and parts in the labels of real values, which are amplitudes: decibels, a phase, a real part."""
+    claims = []
+    for about, text, where, _ in statements:
+        part = re.search(r"\b(?:phase|angle|real|re|imag|im|imaginary)\b", text.lower())
+        word = find_scale("", text) or (part[0] if part else "")
+        claims += [FieldClaim("amplitude", word, where)] if word and about == "label" else []
+    return claims
 
 
 def _line_of_data(where: str, index: int) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,20 +27,21 @@ from dovetail.measurement.content.column_names import (
     check_same_signal,
     column_word,
     combine_values,
-    plain_name,
     quantities_in,
     taken_for,
 )
+from dovetail.measurement.content.file_meaning import check_claims, check_computed, meaning_of_file
 from dovetail.measurement.content.text_tables import TextTable, find_rows, find_table, read_rows
-from dovetail.measurement.free_text import FreeText, read_texts
+from dovetail.measurement.free_text import FieldClaim, FreeText, read_texts
 from dovetail.measurement.frf_units import UnitMeaning, UnitReading, meaning_of_unit, read_unit
 from dovetail.measurement.quantity_words import axis_unit_in_name, unit_in_name
 from dovetail.measurement.recording import (
+    DOF,
     ReadOptions,
     Recording,
     parse_quantity,
 )
-from dovetail.measurement.statements import check_axis, fields_of, interpret
+from dovetail.measurement.statements import check_axis, fields_of
 
 _COMMENT = re.compile(r"[#%]\s*(quantity|unit|averages|note|response|force)\s*[:=]\s*(.*?)\s*$", re.IGNORECASE)
 _BRACKET = re.compile(r"([^\[(]*?)\s*[\[(](.*)[\])]")
@@ -77,6 +79,8 @@ class Header(NamedTuple):
         Sentences on what each column is taken for.
     statements : sequence of Statement
         What the header states.
+    claims : sequence of FieldClaim
+        Units of the coherence and the variance.
     """
 
     columns: Mapping[str, int]
@@ -85,6 +89,7 @@ class Header(NamedTuple):
     comments: Mapping[str, str]
     taken: Sequence[str]
     statements: Sequence[Statement]
+    claims: Sequence[FieldClaim] = ()
 
 
 def decode_table(path: Path, text: str, options: ReadOptions) -> Recording:
@@ -123,7 +128,13 @@ def _texts_around(path: Path, table: TextTable, options: ReadOptions) -> FreeTex
 
     def is_read(line: str) -> bool:
         match = _COMMENT.match(line.strip()[:_LONGEST])
-        return match is not None and (is_own or match[1].lower() != "note")  # a note that Dovetail wrote is a remark
+        if match is None or is_own:  # a note that Dovetail wrote is a remark
+            return match is not None
+        return (
+            DOF.fullmatch(match[2]) is not None
+            if match[1].lower() in ("response", "force")
+            else match[1].lower() != "note"
+        )
 
     around, between = (
         [("", line, f"{path}:{number}") for number, line in lines if number > table.line or not is_read(line)]
@@ -131,7 +142,7 @@ def _texts_around(path: Path, table: TextTable, options: ReadOptions) -> FreeTex
     )
     above, unclear = (read_texts(texts, options.skip) if texts else FreeText() for texts in (around, between))
     mentions = [*unclear.mentions, *unclear.statements]  # units of columns that the line does not name
-    return FreeText(above.statements, [*above.mentions, *mentions])
+    return replace(above, mentions=[*above.mentions, *mentions], claims=[*above.claims, *unclear.claims])
 
 
 def _table(path: str, lines: Sequence[str], options: ReadOptions) -> TextTable:
@@ -190,8 +201,11 @@ def recording_of(
     fields = {field: array if field == "values" else array.real for field, array in arrays.items()}
     free_text = free_text or FreeText()
     _check_quantities(path, header)
-    meaning = interpret([*header.statements, *free_text.statements])
-    fields["frequency"] = fields["frequency"] * check_axis(meaning, free_text.mentions, SAY_COLUMNS)
+    names = {field: header.names[column] for field, column in header.columns.items()}
+    meaning, mentions = meaning_of_file(header.statements, free_text)
+    check_computed(names, str(path))
+    check_claims(names, [*header.claims, *free_text.claims], meaning.unit)
+    fields["frequency"] = fields["frequency"] * check_axis(meaning, mentions, SAY_COLUMNS)
     values, has_phase = combine_values(fields, locate)
     return Recording(
         where=str(path),
@@ -208,7 +222,7 @@ def recording_of(
         response=header.comments.get("response", ""),
         force=header.comments.get("force", ""),
         taken=header.taken,
-        mentions=[one for one in free_text.mentions if not ("db" in header.columns and one.text.lower() == "db")],
+        mentions=[one for one in mentions if not ("db" in header.columns and one.text.lower() == "db")],
         **fields_of(meaning),
     )
 
@@ -292,6 +306,11 @@ def read_header(
         comments=comments,
         taken=taken_for({field: names[column] for field, column in columns.items()}, names, units),
         statements=_statements(where, names, columns, units[columns["frequency"]], unit, comments),
+        claims=[
+            FieldClaim(field, units[columns[field]], where)
+            for field in ("coherence", "variance")
+            if field in columns and units[columns[field]]
+        ],
     )
 
 
@@ -304,11 +323,11 @@ def _statements(
     comments: Mapping[str, str],
 ) -> list[Statement]:
     """Return what the header and the comments above it state."""
-    name = names[columns["frequency"]]
-    in_name = "" if plain_name(name) in FIELD_NAMES["frequency"] else axis_unit_in_name(name)
+    in_name = axis_unit_in_name(names[columns["frequency"]])
     statements = [Statement("axis unit", unit, where) for unit in dict.fromkeys((axis, in_name)) if unit]
     statements += [Statement("unit", unit, where)] if unit else []
-    labels = [names[columns[field]] for field in VALUE_FIELDS if field in columns]
+    labels = [names[columns[field]] for field in VALUE_FIELDS - {"db"} if field in columns]
+    labels += [re.sub(r"(?i)[\W_]*db\b", " ", names[columns["db"]]).strip()] if "db" in columns else []
     labels = [label for label in labels if label not in _PLAIN]
     statements += [Statement("label", label, where) for label in labels]
     statements += [Statement("unit", unit, where) for label in labels if (unit := unit_in_name(label))]

@@ -13,16 +13,25 @@ from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import unit_of
 from dovetail.interfaces import RecordedArrays, Statement
 from dovetail.measurement.acting_numbers import is_harmless_number, may_act
+from dovetail.measurement.changed_values import find_change
 from dovetail.measurement.content.column_names import FIELD_NAMES, VALUE_FIELDS, plain_name
 from dovetail.measurement.free_text import SKIP, FreeText, read_texts
 from dovetail.measurement.frf_units import read_unit
+from dovetail.measurement.quantity_words import words_of
+from dovetail.measurement.recording import DOF
+from dovetail.measurement.text_pairs import UNIT_WORDS
 
 _FRF_WORDS = frozenset(word for field in (*VALUE_FIELDS, "frequency") for word in FIELD_NAMES[field])
 _FACTOR = re.compile(r"(.*)unit_transformation[./]factor")
-_SUBJECTS = {"frequency": "frequency", "phase_deg": "phase", "phase_rad": "phase"}
+_SUBJECTS = {
+    **{name: name for name in ("frequency", "coherence", "variance")},
+    **dict.fromkeys(("phase_deg", "phase_rad"), "phase"),
+}
 _LABELS = ("label", "name", "title", "long_name", "standard_name", "display_name")
 """Attributes of an array that say what it is."""
 _LONGEST = 1000
+_MOST_TEXTS = 100
+"""Texts of an array that are read."""
 _MOST_NUMBERS = 1000
 """Numbers of an array that are looked at, such as a delay for each channel."""
 _SAME = 1e-4
@@ -50,7 +59,15 @@ def read_unused(archive: RecordedArrays, fields: Mapping[str, str], skip: tuple[
     texts, factors, values_name = list(_attribute_texts(archive, fields)), {}, _values_of(fields)
     if "note" in fields and not {"quantity", "unit"} <= set(fields):  # with both it is as Dovetail writes it
         note = _load(archive, fields["note"])
-        texts += [] if note is None or note.size != 1 else [("note", _text(note), f"{archive.path}  {fields['note']}")]
+        texts += [] if note is None else [("note", text, f"{archive.path}  {fields['note']}") for text in _texts(note)]
+    for name in ("response", "force"):
+        if (
+            name in fields
+            and not {"quantity", "unit"} <= set(fields)
+            and (words := _load(archive, fields[name])) is not None
+        ):
+            words_of_dof = [text for text in _texts(words) if not DOF.fullmatch(text)]
+            texts += [(name, text, f"{archive.path}  {fields[name]}") for text in words_of_dof]
     for name in _concerned(archive, fields):
         if {name, plain_name(name), re.split(r"[/.]", name)[-1]} & set(skip):
             continue
@@ -58,19 +75,24 @@ def read_unused(archive: RecordedArrays, fields: Mapping[str, str], skip: tuple[
         if value is None or value.size == 0:
             if value is None and may_act(name):
                 raise _acts(archive, name, "")
-        elif value.dtype.kind in "US" and value.size == 1:
-            texts.append((_key(name, fields), _text(value), f"{archive.path}  {name}"))
+        elif value.dtype.kind in "US":
+            key = f"dB {_key(name, fields)}" if "db" in fields and _is_reference(name) else _key(name, fields)
+            texts += [(key, text, f"{archive.path}  {name}") for key, text in _keyed(key, value)]
+        elif value.dtype.kind == "b" and value.size == 1 and value.all():
+            texts.append(("", _as_words(_key(name, fields)), f"{archive.path}  {name}"))
         elif value.dtype.kind in "fiuc" and (match := _FACTOR.fullmatch(name)) and value.size == 1:
             factors[match[1]] = float(value.real.ravel()[0])
         elif value.dtype.kind in "fiuc":
             _check_numbers(archive, name, value, is_beside=not _branch(name, values_name))
+            if "db" in fields and value.size == 1 and _is_reference(name) and value.ravel()[0] != 1:
+                raise _acts(archive, name, f" = {value.ravel()[0]:.6g}")
     return _with_factors(archive, read_texts(texts, skip), factors)
 
 
 def _attribute_texts(archive: RecordedArrays, fields: Mapping[str, str]) -> Iterator[tuple[str, str, str]]:
     """Yield the attributes of the FRF's entries, of the groups that contain them, and of the file."""
     for field, name in fields.items():
-        if field in VALUE_FIELDS or field == "frequency":
+        if field in VALUE_FIELDS or field in ("frequency", "coherence", "variance"):
             for key, text in archive.entries[name].attributes.items():
                 subject = _SUBJECTS.get(field, "values" if plain_name(key) in _LABELS else "")
                 yield f"{subject} {key}".strip(), text, f"{archive.path}  {name}, attribute {key}"
@@ -128,9 +150,32 @@ def _load(archive: RecordedArrays, name: str) -> NDArray[Any] | None:
         return None
 
 
-def _text(value: NDArray[Any]) -> str:
-    word = value.reshape(-1)[0]
-    return (word.decode("utf-8", errors="replace") if isinstance(word, bytes) else str(word))[:_LONGEST]
+def _texts(value: NDArray[Any]) -> list[str]:
+    """Return the texts of an array."""
+    words: list[Any] = value.reshape(-1)[:_MOST_TEXTS].tolist() if value.dtype.kind in "US" else []
+    return [(one.decode("utf-8", errors="replace") if isinstance(one, bytes) else str(one))[:_LONGEST] for one in words]
+
+
+def _as_words(name: str) -> str:
+    """Return the last part of a name as words: ``is db`` for ``isDB`` and ``is_dB``."""
+    own = re.split(r"[/.]", name)[-1].replace("dB", "db")
+    return " ".join(re.findall(r"[^\W_]+", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", own)))
+
+
+def _is_reference(name: str) -> bool:
+    return bool({"ref", "reference"} & set(words_of(name)))
+
+
+def _keyed(key: str, value: NDArray[Any]) -> list[tuple[str, str]]:
+    """Return the texts of an array with their keys: rows of two are keys and values, others have the array's name."""
+    words = _texts(value)
+    pairs = (value.ndim == 2 and value.shape[1] == 2) or (value.ndim == 1 and len(words) == 2)
+    rows = list(zip(words[::2], words[1::2], strict=False)) if pairs and not UNIT_WORDS & set(words_of(key)) else []
+    if rows:
+        return [*rows, *([] if value.ndim == 2 else [(key, word) for word in words])]
+    if len(words) > 1 and not UNIT_WORDS & set(words_of(key)):
+        return [("", word) for word in words]
+    return [(key, word) for word in words]
 
 
 def _check_numbers(archive: RecordedArrays, name: str, value: NDArray[Any], *, is_beside: bool) -> None:
@@ -139,6 +184,8 @@ def _check_numbers(archive: RecordedArrays, name: str, value: NDArray[Any], *, i
     A single one next to the values has to be a setting of the measurement; others are judged by their names.
     """
     if value.size == 1 and (is_beside or may_act(name)):
+        if value.ravel()[0] == 1 and find_change("", _as_words(name)):
+            raise _acts(archive, name, " = 1")
         if not is_harmless_number(name, complex(value.ravel()[0])):
             raise _acts(archive, name, f" = {value.ravel()[0]:.6g}")
     elif value.size > 1 and may_act(name):

@@ -212,11 +212,18 @@ def _read_others(archive: RecordedArrays, names: Mapping[str, SignalName], remar
                 one.decode("utf-8", errors="replace") if isinstance(one, bytes) else str(one) for one in array.flat
             ]
             remarks.read(key, ", ".join(words), where)
+            for word in words if len(words) > 1 else ():
+                if ":" in word:
+                    remarks.read_line(word, where)
+        elif array.dtype.kind == "b" and array.size == 1 and array.all():
+            remarks.read_line(re.sub(r"[\W_]+", " ", name), where)
         elif array.dtype.kind in "fiu" and 0 < array.size <= _SMALL:
             remarks.read(key, " ".join(f"{float(one)!r}" for one in np.unique(array)), where)
 
 
 def _unread(archive: RecordedArrays, names: Mapping[str, SignalName]) -> Iterator[tuple[str, ArrayEntry]]:
+    """Yield the small entries that are neither samples nor times."""
     for name, entry in archive.entries.items():
-        if not names[name].role and entry.is_small:
+        describes_signal = names[name].role in ("force", "response") and not _is_array(archive, name)
+        if entry.is_small and (not names[name].role or describes_signal):
             yield name, entry

@@ -14,9 +14,10 @@ from dovetail.measurement.impact_test.records import AxisFact, Point
 from dovetail.measurement.impact_test.sensitivity import volts
 from dovetail.measurement.impact_test.signal_names import Role, read_name
 from dovetail.measurement.quantity_words import read_label, word_set, words_of
+from dovetail.measurement.text_pairs import json_entries, sentence
 
 _UNIT_WORDS = word_set("unit units einheit einheiten uom eu")
-_QUANTITY_WORDS = word_set("quantity type measurand dimension signal response motion label name")
+_QUANTITY_WORDS = word_set("quantity type kind measurand dimension signal response motion label name")
 _FORCE_WORDS = word_set("force forces excitation hammer exc load kraft")
 _RESPONSE_WORDS = word_set("response responses resp acceleration velocity displacement accelerometer motion")
 _KEY = re.compile(r"[#%!*;/\s\"]*([^:=]{1,60}?)\s*[:=]\s*(\S.*?)[\s\"]*")
@@ -70,6 +71,8 @@ class Remarks:
             self.read("units", text, where)
         elif match := _KEY.fullmatch(text) or _TWO_CELLS.fullmatch(text):
             self.read(match[1].strip(), match[2], where)
+        elif (pair := sentence(text.lstrip("#%!*;/ "))) is not None:
+            self.read(pair.key, pair.value, where)
         elif text:
             self._read_prose(text, where)
 
@@ -82,6 +85,10 @@ class Remarks:
             A unit that is not understood.
         """
         if key.strip().lower() in {name.strip().lower() for name in self.skip}:
+            return
+        if text.strip() and (entries := json_entries(key, text.strip())) is not None:
+            for own, value in entries:
+                self.read(own, value, where, role)
             return
         words = set(words_of(key))
         role = role or _role_of(words)
@@ -96,6 +103,8 @@ class Remarks:
         elif _is_quantity(words, text) and role != "force":
             self.statements["response"].append(Statement("motion quantity", text, where))
         else:
+            if (pair := sentence(text)) is not None:
+                self.read(pair.key, pair.value, where, role)
             self._read_prose(text, where)
 
     def facts(self) -> tuple[AxisFact, ...]:
@@ -144,7 +153,9 @@ class Remarks:
     def _read_unit(self, words: set[str], text: str, where: str, role: Role) -> None:
         axis = next((read_name(word).role for word in words if read_name(word).role in ("times", "rate", "step")), "")
         if axis:
-            self.axis_units[axis] = text.strip()
+            if self.axis_units.setdefault(axis, text.strip()) != text.strip():
+                problem = f"the unit of the {axis} is given as '{self.axis_units[axis]}' and as '{text.strip()[:40]}'."
+                raise MeasurementError(Fault(where, problem, "one unit"))
             return
         cells = [cell.strip(" []()\"'") for cell in re.split(r"[,;\t|]", text) if cell.strip(" []()\"'")]
         for cell in cells:

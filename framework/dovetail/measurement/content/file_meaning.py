@@ -1,0 +1,99 @@
+"""What everything in a file means together: statements, sentences that may contradict them, and claims on parts."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+
+from dovetail.errors import Fault, MeasurementError
+from dovetail.interfaces import Statement
+from dovetail.measurement.free_text import SKIP, FieldClaim, FreeText
+from dovetail.measurement.frf_units import read_unit
+from dovetail.measurement.statements import Meaning, interpret
+from dovetail.measurement.text_pairs import ANGLES
+
+_RATIO = ("", "-", "--", "1", "none", "n/a", "dimensionless", "ratio", "linear", "lin")
+"""Units of a coherence."""
+_SQUARE = re.compile(r"[\[(]?(.+?)[\])]?\s*(?:\^2|\*\*2|²)")
+_COMPUTED = re.compile(
+    r"sqrt|root|wurzel|1\s*[-\u2212]|\blog|inverse|incoher|minus|\bstd\b|\bsd\b|[%^²]|\bdb\b", re.IGNORECASE
+)
+"""Words in the names of columns that hold something computed from a coherence or a variance."""
+
+
+def meaning_of_file(statements: Sequence[Statement], free_text: FreeText) -> tuple[Meaning, list[Statement]]:
+    """Return what all statements mean, and what is only mentioned.
+
+    A unit in a sentence counts against a statement elsewhere; without one it is a mention.
+
+    Raises
+    ------
+    MeasurementError
+        As `interpret`.
+    """
+    stated = [*statements, *free_text.statements]
+    meaning, mentions = interpret(stated), list(free_text.mentions)
+    for sentence in free_text.sentences:
+        is_axis = sentence.about == "axis unit"
+        if meaning.axis_factor is not None if is_axis else meaning.unit:
+            interpret([*stated, sentence])
+        elif is_axis or (reading := read_unit(sentence.text)) is None or reading.factor != 1.0:
+            mentions.append(sentence if is_axis else sentence._replace(about="unit"))
+    return meaning, mentions
+
+
+def check_claims(fields: Mapping[str, str], claims: Sequence[FieldClaim], unit: str = "") -> None:
+    """Refuse parts of an FRF that the file says to be in another unit, on another scale, or computed.
+
+    Parameters
+    ----------
+    fields : mapping of str to str
+        From the fields of the FRF that are read to their names in the file.
+    claims : sequence of FieldClaim
+    unit : str
+        The unit of the values, whose square is that of a variance.
+
+    Raises
+    ------
+    MeasurementError
+    """
+    for claim in claims:
+        if problem := _problem(fields, claim, unit):
+            raise MeasurementError(Fault(claim.where, problem, remedy=SKIP.replace("NAME", claim.text)))
+
+
+def check_computed(fields: Mapping[str, str], where: str) -> None:
+    """Refuse a coherence or a variance whose name says that it is something computed from one.
+
+    Raises
+    ------
+    MeasurementError
+    """
+    for field in ("coherence", "variance"):
+        if match := _COMPUTED.search(fields.get(field, "")):
+            problem = f"'{fields[field][:60]}' is not a {field}: '{match[0].strip()}' is not understood."
+            raise MeasurementError(Fault(where, problem, f"a column called {field}"))
+
+
+def _problem(fields: Mapping[str, str], claim: FieldClaim, unit: str) -> str:
+    part, text, _ = claim
+    if part == "phase":
+        read_as = next((angle for angle in ("deg", "rad") if f"phase_{angle}" in fields), "")
+        said = ANGLES.get(text)
+        return f"the phase is read in {read_as}, and is in '{text[:40]}' here." if read_as and said != read_as else ""
+    if part == "coherence":
+        return f"the coherence is in '{text[:40]}'." if part in fields and text not in _RATIO else ""
+    if part == "variance":
+        return f"the variance is in '{text[:40]}'." if part in fields and not _is_square(text, unit) else ""
+    if part == "db":
+        return f"decibels are over {text} of the unit, and are read as over 1." if "db" in fields else ""
+    is_wrong = "amplitude" in fields if text != "power" else {"amplitude", "db"} & set(fields)
+    return f"the amplitude is on the scale '{text}' here, and is read as another." if is_wrong else ""
+
+
+def _is_square(text: str, unit: str) -> bool:
+    """Return whether a text is the square of a unit."""
+    match = _SQUARE.fullmatch(text.strip())
+    if match is None or not unit:
+        return text.lower() in _RATIO
+    return read_unit(match[1]) == read_unit(unit) is not None
