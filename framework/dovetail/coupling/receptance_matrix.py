@@ -21,7 +21,7 @@ from dovetail.measurement.content.unused_entries import read_unused
 from dovetail.measurement.frf_files import read_content
 from dovetail.measurement.frf_units import is_si
 from dovetail.measurement.resampling import on_grid
-from dovetail.measurement.statements import interpret
+from dovetail.measurement.statements import meaning_of_file
 from dovetail.registry import components
 
 
@@ -143,8 +143,8 @@ def check_receptance_units(path: str | os.PathLike[str], arrays: Mapping[str, ND
         Path(path), {name: ArrayEntry("", partial(np.asarray, array)) for name, array in arrays.items()}
     )
     found = read_unused(archive, {"frequency": "frequency", "values": "receptance"}, ())
-    meaning = interpret(found.statements)
-    other = [mention for mention in found.mentions if mention.about.endswith("unit") and not is_si(mention.text)]
+    meaning, mentions = meaning_of_file((), found)
+    other = [mention for mention in mentions if mention.about.endswith("unit") and not is_si(mention.text)]
     where = other[0].where if other else str(path)
     if other or meaning.factor != 1.0 or meaning.quantity not in (None, "receptance"):
         unit = other[0].text if other else meaning.unit or meaning.quantity

@@ -16,7 +16,7 @@ _CONVENTION = re.compile(
 """A vibration as exp(-iwt), of which the FRF is conjugated."""
 _OPERATION = re.compile(
     r"normali[sz]ed freq\w*|frequency ratio|\bconj\w*\s*\(|\|\s*(?:H|FRF)\s*\|\s*(?:\^\s*2|\*\*\s*2|\u00b2)"
-    r"|\bH\s*\*(?=\s|$)|\b1\s*/\s*(?:H|FRF)\b",
+    r"|\bH\s*\*(?=\s|$)|\b1\s*/\s*(?:H|FRF)\b(?!\.)",
     re.IGNORECASE,
 )
 _NEGATIVE = re.compile(r"\bconvention\b.{0,20}(?:\b(?:negative|minus|physics|optics)\b|-\s*$)")

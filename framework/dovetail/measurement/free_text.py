@@ -44,7 +44,8 @@ _LETTERS = {
 }
 """Letters of signals."""
 _SENSOR = word_set("channel channels sensor signal dof quantity type measurand")
-_LABEL_WORDS = word_set("label labels xlabel ylabel title name axis xaxis yaxis abscissa abszisse ordinate")
+_LABEL_WORDS = word_set("label labels xlabel ylabel title name")
+_AXES = word_set("axis xaxis yaxis abscissa abszisse ordinate")
 _PHASE_WORDS = word_set("phase angle time coherence coh variance tip temperature stiffness")
 """Words of what has a unit of its own, which is not that of the values."""
 _QUANTITY_WORDS = word_set("quantity function type format measurement kind grösse größe ordinate y ylabel")
@@ -219,7 +220,7 @@ def _unit_statement(words: Sequence[str], value: str, where: str) -> Statement |
         return Statement("unclear unit", text, where) if named <= known else None
     if reading is None or named & _PHASE_WORDS:
         return None
-    if named and named <= AXIS_WORDS and reading.kind in ("frequency", "time", "other"):
+    if named and named <= AXIS_WORDS and reading.kind in ("frequency", "time", "other") and text.isalpha():
         return Statement("axis unit", text, where)
     is_compound = re.search(r"[/·*^²]", text) is not None
     if reading.kind in ("ratio", "inverse") or (is_compound and reading.kind == "motion" and named <= VALUE_WORDS):
@@ -244,7 +245,8 @@ def _subject(named: set[str], text: str) -> About:
 def _label_statement(words: Sequence[str], value: str, where: str) -> Statement | None:
     """Return the statement of a label, or of a text that consists of the name of a quantity."""
     named, label = set(words), read_label(value)
-    if named & _LABEL_WORDS and named & (AXIS_WORDS | VALUE_WORDS):
+    is_named = named & _LABEL_WORDS or (named & _AXES and re.match(r"[^\W\d_]{2}", value))
+    if is_named and named & (AXIS_WORDS | VALUE_WORDS):
         return Statement("axis label" if named & AXIS_WORDS else "label", value, where)
     if named and named <= AXIS_WORDS - {"f", "x", "hz"} and not re.search(r"\d", value):
         return Statement("axis label", value, where)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import QUANTITIES, Quantity, unit_of
@@ -18,6 +18,9 @@ from dovetail.interfaces import About, Statement
 from dovetail.measurement.frf_units import UnitReading, frequency_factor, motion_unit, read_unit
 from dovetail.measurement.quantity_words import ANGULAR, read_label, word_set, words_of
 from dovetail.units import find_homonym
+
+if TYPE_CHECKING:
+    from dovetail.measurement.free_text import FreeText
 
 _ROUNDING = 1e-6
 """Largest relative difference of two factors that are equal, since files write factors with few digits."""
@@ -113,6 +116,27 @@ def interpret(statements: Iterable[Statement], *, axis: Literal["Hz", "s"] = "Hz
     )
 
 
+def meaning_of_file(statements: Sequence[Statement], free_text: FreeText) -> tuple[Meaning, list[Statement]]:
+    """Return what all statements mean, and what is only mentioned.
+
+    A unit in a sentence counts against a statement elsewhere; without one it is a mention.
+
+    Raises
+    ------
+    MeasurementError
+        As `interpret`.
+    """
+    stated = [*statements, *free_text.statements]
+    meaning, mentions = interpret(stated), list(free_text.mentions)
+    for sentence in free_text.sentences:
+        is_axis = sentence.about == "axis unit"
+        if meaning.axis_factor is not None if is_axis else meaning.unit:
+            interpret([*stated, sentence])
+        elif is_axis or (reading := read_unit(sentence.text)) is None or reading.factor != 1.0:
+            mentions.append(sentence if is_axis else sentence._replace(about="unit"))
+    return meaning, mentions
+
+
 def _names(claims: Sequence[_Claim], fact: str) -> bool:
     return any(claim.fact == fact for claim in claims)
 
@@ -193,6 +217,8 @@ def _unit_claims(statement: Statement) -> list[_Claim]:
 
 
 def _axis_claims(text: str, where: str, axis: Literal["Hz", "s"]) -> list[_Claim]:
+    if text.lower() == "hz" == axis.lower():  # most files, for which no unit has to be converted
+        return [_Claim("axis", 1.0, f"'{text}'", where)]
     reading = read_unit(text)
     if reading is not None and reading.kind == "none":
         return []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -24,6 +25,7 @@ from dovetail import (
 from dovetail_plugins.substructures.definiteness import check_definiteness
 from dovetail_plugins.substructures.dof_table import DofTable, read_dof_table, table_in
 from dovetail_plugins.substructures.matrix_files import matrix_in, read_archive, read_matrix_market, sound_matrix
+from dovetail_plugins.substructures.matrix_remarks import check_stated_units, comments_of, texts_in
 
 _OptionalFile = Annotated[str | None, FileName()]
 _SMALL = 60
@@ -166,6 +168,11 @@ class Matrices(SubstructureModel):
             if values[name] is None:
                 names = ", ".join(sorted(archive)[:12]) or "nothing"
                 raise DovetailError(Fault(config.file, f"there is no matrix '{name}'; there is: {names}."))
+        if "units" not in config.model_fields_set:
+            files = [file for file in where.values() if file]
+            check_stated_units(
+                texts_in(archive, config.file) if config.file else chain.from_iterable(map(comments_of, files))
+            )
         matrices = {name: sound_matrix(name, value, where[name]) for name, value in values.items() if value is not None}
         _check_together(matrices, where)
         if config.loss_factor and "D" in matrices:

@@ -104,15 +104,15 @@ def check_other_axes(
     prefix = folder[0] if folder else ""
     steps = np.diff(frequency)
     for name, entry in archive.entries.items():
-        own = name[len(prefix) :]
-        if not name.startswith(prefix) or re.search(r"[/.]", own) or name in fields.values() or own in skip:
+        last_part = name[len(prefix) :]
+        if not name.startswith(prefix) or re.search(r"[/.]", last_part) or name in fields.values() or last_part in skip:
             continue
         said = ""
         if plain_name(name) in _FREQUENCY_STEPS and len(steps) and np.allclose(steps, steps[0], rtol=_SAME):
             step = _loaded(entry)
             if step.size == 1 and not np.isclose(step.ravel()[0], steps[0], rtol=_SAME):
                 said = f"'{name}' = {step.ravel()[0]:g} is not the step of the frequencies, which is {steps[0]:g}."
-        elif (unit := axis_unit_in_name(own)) and not entry.what.startswith("text") and own.lower() != "w":
+        elif (unit := axis_unit_in_name(last_part)) and not entry.what.startswith("text") and last_part.lower() != "w":
             other, factor = _loaded(entry), frequency_factor(unit)
             if (
                 other.size == frequency.size
@@ -126,7 +126,7 @@ def check_other_axes(
             ):
                 said = f"'{name}' [{unit}] and '{fields['frequency']}' are different frequencies."
         if said:
-            remedy = f"Correct the file; or, if it does not concern the values: `names={{'skip': '{own}'}}`."
+            remedy = f"Correct the file; or, if it does not concern the values: `names={{'skip': '{last_part}'}}`."
             raise MeasurementError(Fault(f"{archive.path}  {name}", said, remedy=remedy))
 
 

@@ -25,11 +25,11 @@ from dovetail.measurement.content.column_names import (
     taken_for,
 )
 from dovetail.measurement.content.even_axis import check_other_axes, with_even_axis
-from dovetail.measurement.content.file_meaning import check_claims, meaning_of_file
+from dovetail.measurement.content.part_units import check_parts
 from dovetail.measurement.content.unused_entries import read_unused
 from dovetail.measurement.quantity_words import axis_unit_in_name, unit_in_name
 from dovetail.measurement.recording import ReadOptions, Recording, parse_quantity
-from dovetail.measurement.statements import check_axis, fields_of, interpret
+from dovetail.measurement.statements import check_axis, fields_of, interpret, meaning_of_file
 
 _LONGEST_TEXT = 1000
 _SAY_UNIT = "Save a text frequency_unit with the array, or the frequencies in Hz."
@@ -62,7 +62,7 @@ def read_recording(archive: RecordedArrays, options: ReadOptions) -> Recording:
     values, has_phase = combine_values(fields, locate)
     free_text = read_unused(archive, names, options.skip)
     meaning, mentions = meaning_of_file(_statements(archive, names), free_text)
-    check_claims(names, free_text.claims, meaning.unit)
+    check_parts(names, free_text.claims, meaning.unit, where)
     scale = check_axis(meaning, mentions, _SAY_UNIT)
     check_other_axes(archive, names, fields["frequency"], scale, options.skip)
     return Recording(

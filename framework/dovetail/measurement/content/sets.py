@@ -15,11 +15,11 @@ import numpy as np
 from dovetail.errors import Fault, MeasurementError, PluginError
 from dovetail.interfaces import FrfReader, RecordedFrf, RecordedSet, RecordedSignal, Statement, plugin_errors
 from dovetail.measurement.changed_values import find_scale
-from dovetail.measurement.content.file_meaning import check_claims, meaning_of_file
+from dovetail.measurement.content.part_units import check_parts
 from dovetail.measurement.free_text import FieldClaim, read_statements
 from dovetail.measurement.frf_units import meaning_of_unit
 from dovetail.measurement.recording import DOF, ReadOptions, Recording
-from dovetail.measurement.statements import Meaning, check_axis, fields_of
+from dovetail.measurement.statements import Meaning, check_axis, fields_of, meaning_of_file
 
 _SETS_SHOWN = 20
 
@@ -75,7 +75,7 @@ def _recording_of(path: Path, frf: RecordedFrf, where: str, reader: FrfReader, o
     _check_kind(frf, meaning, where)
     parts = {"values" if np.iscomplexobj(frf.values) else "amplitude": "", "coherence": "", "variance": ""}
     claims = [*read.claims, *([] if np.iscomplexobj(frf.values) else _claims_of_labels(read.statements))]
-    check_claims({name: "" for name in parts if getattr(frf, name, True) is not None}, claims, meaning.unit)
+    check_parts({name: "" for name in parts if getattr(frf, name, True) is not None}, claims, meaning.unit, where)
     fields, mentions = _fields(frf, meaning, mentioned, where)
     recording = Recording(
         where=where,

@@ -30,7 +30,7 @@ from dovetail.measurement.content.column_names import (
     quantities_in,
     taken_for,
 )
-from dovetail.measurement.content.file_meaning import check_claims, check_computed, meaning_of_file
+from dovetail.measurement.content.part_units import check_parts
 from dovetail.measurement.content.text_tables import TextTable, find_rows, find_table, read_rows
 from dovetail.measurement.free_text import FieldClaim, FreeText, read_texts
 from dovetail.measurement.frf_units import UnitMeaning, UnitReading, meaning_of_unit, read_unit
@@ -41,7 +41,7 @@ from dovetail.measurement.recording import (
     Recording,
     parse_quantity,
 )
-from dovetail.measurement.statements import check_axis, fields_of
+from dovetail.measurement.statements import check_axis, fields_of, meaning_of_file
 
 _COMMENT = re.compile(r"[#%]\s*(quantity|unit|averages|note|response|force)\s*[:=]\s*(.*?)\s*$", re.IGNORECASE)
 _BRACKET = re.compile(r"([^\[(]*?)\s*[\[(](.*)[\])]")
@@ -203,8 +203,9 @@ def recording_of(
     _check_quantities(path, header)
     names = {field: header.names[column] for field, column in header.columns.items()}
     meaning, mentions = meaning_of_file(header.statements, free_text)
-    check_computed(names, str(path))
-    check_claims(names, [*header.claims, *free_text.claims], meaning.unit)
+    claims = [*header.claims, *free_text.claims]
+    if claims or {"coherence", "variance"} & set(names):
+        check_parts(names, claims, meaning.unit, str(path))
     fields["frequency"] = fields["frequency"] * check_axis(meaning, mentions, SAY_COLUMNS)
     values, has_phase = combine_values(fields, locate)
     return Recording(
@@ -323,7 +324,8 @@ def _statements(
     comments: Mapping[str, str],
 ) -> list[Statement]:
     """Return what the header and the comments above it state."""
-    in_name = axis_unit_in_name(names[columns["frequency"]])
+    name = names[columns["frequency"]]
+    in_name = "Hz" if name.lower().endswith("_hz") else axis_unit_in_name(name)
     statements = [Statement("axis unit", unit, where) for unit in dict.fromkeys((axis, in_name)) if unit]
     statements += [Statement("unit", unit, where)] if unit else []
     labels = [names[columns[field]] for field in VALUE_FIELDS - {"db"} if field in columns]

@@ -208,9 +208,7 @@ def _read_others(archive: RecordedArrays, names: Mapping[str, SignalName], remar
         key = " ".join(re.split(r"[/.]", name)[-2:])
         where = f"{archive.path}  {name}"
         if array.dtype.kind in "US" and 0 < array.size <= _SMALL:
-            words = [
-                one.decode("utf-8", errors="replace") if isinstance(one, bytes) else str(one) for one in array.flat
-            ]
+            words = [_as_text(word) for word in array.flat]
             remarks.read(key, ", ".join(words), where)
             for word in words if len(words) > 1 else ():
                 if ":" in word:
@@ -218,7 +216,11 @@ def _read_others(archive: RecordedArrays, names: Mapping[str, SignalName], remar
         elif array.dtype.kind == "b" and array.size == 1 and array.all():
             remarks.read_line(re.sub(r"[\W_]+", " ", name), where)
         elif array.dtype.kind in "fiu" and 0 < array.size <= _SMALL:
-            remarks.read(key, " ".join(f"{float(one)!r}" for one in np.unique(array)), where)
+            remarks.read(key, " ".join(f"{float(number)!r}" for number in np.unique(array)), where)
+
+
+def _as_text(word: str | bytes) -> str:
+    return word.decode("utf-8", "replace") if isinstance(word, bytes) else str(word)
 
 
 def _unread(archive: RecordedArrays, names: Mapping[str, SignalName]) -> Iterator[tuple[str, ArrayEntry]]:

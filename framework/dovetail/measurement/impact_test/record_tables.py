@@ -194,7 +194,9 @@ def _pairs(where: str, columns: Sequence[_Column], rows: Array, remarks: Remarks
         column = columns[number]
         unit = column.unit or column.signal.unit
         if column.unit and column.signal.unit and read_unit(column.unit) != read_unit(column.signal.unit):
-            problem = f"'{column.name[:60]}' is in '{column.signal.unit}' by its name and in '{column.unit}' by its unit."
+            problem = (
+                f"'{column.name[:60]}' is in '{column.signal.unit}' by its name, and in '{column.unit}' elsewhere."
+            )
             raise MeasurementError(Fault(where, problem, "one unit"))
         axis.append(remarks.with_unit(AxisFact("times", np.ascontiguousarray(rows[number]), unit, column.where)))
     forces, responses = by_role["force"], by_role["response"]

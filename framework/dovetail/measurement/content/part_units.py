@@ -1,4 +1,4 @@
-"""What everything in a file means together: statements, sentences that may contradict them, and claims on parts."""
+"""Whether the coherence, the variance, the phase and the amplitude are in the unit in which they are read."""
 
 from __future__ import annotations
 
@@ -6,10 +6,8 @@ import re
 from collections.abc import Mapping, Sequence
 
 from dovetail.errors import Fault, MeasurementError
-from dovetail.interfaces import Statement
-from dovetail.measurement.free_text import SKIP, FieldClaim, FreeText
+from dovetail.measurement.free_text import SKIP, FieldClaim
 from dovetail.measurement.frf_units import read_unit
-from dovetail.measurement.statements import Meaning, interpret
 from dovetail.measurement.text_pairs import ANGLES
 
 _RATIO = ("", "-", "--", "1", "none", "n/a", "dimensionless", "ratio", "linear", "lin")
@@ -21,29 +19,8 @@ _COMPUTED = re.compile(
 """Words in the names of columns that hold something computed from a coherence or a variance."""
 
 
-def meaning_of_file(statements: Sequence[Statement], free_text: FreeText) -> tuple[Meaning, list[Statement]]:
-    """Return what all statements mean, and what is only mentioned.
-
-    A unit in a sentence counts against a statement elsewhere; without one it is a mention.
-
-    Raises
-    ------
-    MeasurementError
-        As `interpret`.
-    """
-    stated = [*statements, *free_text.statements]
-    meaning, mentions = interpret(stated), list(free_text.mentions)
-    for sentence in free_text.sentences:
-        is_axis = sentence.about == "axis unit"
-        if meaning.axis_factor is not None if is_axis else meaning.unit:
-            interpret([*stated, sentence])
-        elif is_axis or (reading := read_unit(sentence.text)) is None or reading.factor != 1.0:
-            mentions.append(sentence if is_axis else sentence._replace(about="unit"))
-    return meaning, mentions
-
-
-def check_claims(fields: Mapping[str, str], claims: Sequence[FieldClaim], unit: str = "") -> None:
-    """Refuse parts of an FRF that the file says to be in another unit, on another scale, or computed.
+def check_parts(fields: Mapping[str, str], claims: Sequence[FieldClaim], unit: str, where: str) -> None:
+    """Refuse parts of an FRF that the file says to be in another unit, on another scale, or computed from others.
 
     Parameters
     ----------
@@ -52,18 +29,8 @@ def check_claims(fields: Mapping[str, str], claims: Sequence[FieldClaim], unit: 
     claims : sequence of FieldClaim
     unit : str
         The unit of the values, whose square is that of a variance.
-
-    Raises
-    ------
-    MeasurementError
-    """
-    for claim in claims:
-        if problem := _problem(fields, claim, unit):
-            raise MeasurementError(Fault(claim.where, problem, remedy=SKIP.replace("NAME", claim.text)))
-
-
-def check_computed(fields: Mapping[str, str], where: str) -> None:
-    """Refuse a coherence or a variance whose name says that it is something computed from one.
+    where : str
+        Place of the names.
 
     Raises
     ------
@@ -73,6 +40,9 @@ def check_computed(fields: Mapping[str, str], where: str) -> None:
         if match := _COMPUTED.search(fields.get(field, "")):
             problem = f"'{fields[field][:60]}' is not a {field}: '{match[0].strip()}' is not understood."
             raise MeasurementError(Fault(where, problem, f"a column called {field}"))
+    for claim in claims:
+        if problem := _problem(fields, claim, unit):
+            raise MeasurementError(Fault(claim.where, problem, remedy=SKIP.replace("NAME", claim.text)))
 
 
 def _problem(fields: Mapping[str, str], claim: FieldClaim, unit: str) -> str:

@@ -1,0 +1,59 @@
+"""Units in texts and comments of files with matrices, against those of the description."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import mmwrite, savemat
+from scipy.sparse import coo_array
+
+from dovetail import DovetailError
+from dovetail_plugins.substructures.matrices import Matrices
+from dovetail_plugins.substructures.matrix_files import matrix_market_parts
+from dovetail_plugins.substructures.matrix_remarks import comments_of
+
+SPRING = 1e6 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+ARRAYS = {"M": np.diag([0.2, 0.2]), "K": SPRING, "nodes": ["1", "2"], "directions": ["x", "x"]}
+OTHER = ["mm, t, s", "mm-t-s", "mm N s", "in-lbf-s", "mm", "N/mm"]
+SI = ["SI", "m, kg, s", "m-kg-s", "N/m", "SI (m, kg, s)"]
+NAMES = ["units", "unit_system", "Einheiten"]
+
+
+def part(path: Path, **options: object) -> Matrices:
+    return Matrices(Matrices.Config(file=str(path), **options))
+
+
+def write(path: Path, **texts: str) -> Path:
+    arrays = {**ARRAYS, **texts}
+    (np.savez(path, **arrays) if path.suffix == ".npz" else savemat(path, arrays))
+    return path
+
+
+@pytest.mark.parametrize("unit", OTHER)
+@pytest.mark.parametrize("name", NAMES)
+def test_an_archive_in_other_units_needs_them_in_the_description(tmp_path: Path, name: str, unit: str) -> None:
+    path = write(tmp_path / "a.npz", **{name: unit})
+    with pytest.raises(DovetailError, match="the file says"):
+        part(path)
+    assert part(path, units={"length": 1e-3, "mass": 1e3, "stiffness": 1e3}).matrices().K[0, 0] == 1e9
+
+
+@pytest.mark.parametrize("unit", SI)
+@pytest.mark.parametrize("name", [*NAMES, "title"])
+def test_an_archive_in_si_units_is_read(tmp_path: Path, name: str, unit: str) -> None:
+    assert part(write(tmp_path / "a.npz", **{name: unit})).matrices().K[0, 0] == 1e6
+
+
+@pytest.mark.parametrize("unit", ["mm, t, s", "in-lbf-s"])
+def test_a_comment_of_a_matrix_market_file_is_read(tmp_path: Path, unit: str) -> None:
+    for name in ("M", "K"):
+        comment = f" exported by a solver\n units: {unit}"
+        mmwrite(tmp_path / f"{name}.mtx", coo_array(ARRAYS[name]), comment=comment)
+        assert matrix_market_parts(tmp_path / f"{name}.mtx", (tmp_path / f"{name}.mtx").read_bytes())
+    (tmp_path / "dofs.csv").write_text("node,direction\n1,x\n2,x\n")
+    assert any(unit in text for text, _ in comments_of(str(tmp_path / "K.mtx")))
+    files = {"mass": str(tmp_path / "M.mtx"), "stiffness": str(tmp_path / "K.mtx"), "dofs": str(tmp_path / "dofs.csv")}
+    with pytest.raises(DovetailError, match=r"[MK]\.mtx:\d"):
+        Matrices(Matrices.Config(**files))
