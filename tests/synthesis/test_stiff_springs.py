@@ -146,15 +146,18 @@ def test_beams_that_a_stiff_layer_joins_move_as_one_beam(stiff):
     np.testing.assert_allclose(joined.natural_frequencies(count=3), rigid.natural_frequencies(count=3), rtol=1e-6)
 
 
-@pytest.mark.parametrize(("elements", "start", "lost"), [(10, 1.0, False), (100, 1.0, False), (500, 0.1, True)])
-def test_a_mesh_too_fine_for_the_first_frequency_is_reported(elements, start, lost):
+@pytest.mark.parametrize(
+    ("elements", "start", "lines", "lost"),
+    [(10, 1.0, 5, False), (100, 1.0, 5, False), (500, 0.1, 5, True), (500, 0.1, 20_000, True)],
+)
+def test_a_mesh_too_fine_for_the_first_frequency_is_reported(elements, start, lines, lost):
     material = {"young": 2.1e11, "density": 7850.0, "poisson": 0.3}
     section = {"length": 1.0, "outer": 0.02, "elements": elements}
     assembly = dovetail.load(
         {
             "dovetail": 1,
             "name": "beam",
-            "frequency": {"start": start, "stop": 1e4, "lines": 5},
+            "frequency": {"start": start, "stop": 1e4, "lines": lines},
             "substructures": {"beam": {"model": "timoshenko_beam", "material": material, "sections": [section]}},
             "response": {"at": "beam", "position": 0.0, "quantity": "receptance"},
         }

@@ -28,6 +28,8 @@ _FAR = 2.0
 """Times the highest natural frequency looked at from which a band is far above it."""
 _MODES, _VECTORS = 60, 8
 """Natural frequencies of so many random parameter vectors that are looked at."""
+_MOST_LINES = 5_000
+"""Lines on which digits are looked for that rounding takes; what they need of memory grows with their number."""
 
 
 def find_doubts(assembly: Assembly) -> tuple[str, ...]:
@@ -91,8 +93,11 @@ def _range_doubts(parameter: Parameter) -> Iterator[str]:
 
 
 def _rounding_doubts(assembly: Assembly) -> tuple[str, ...]:
-    """Return what rounding takes from the FRF in the middle of the ranges."""
-    middle = assembly.from_unit(np.full((1, len(assembly.parameters)), 0.5))
+    """Return what rounding takes from the FRF in the middle of the ranges, on a part of very many lines."""
+    middle, count = assembly.from_unit(np.full((1, len(assembly.parameters)), 0.5)), len(assembly.frequency)
+    if count > _MOST_LINES:
+        few = assembly.frequency[np.linspace(0, count - 1, _MOST_LINES).round().astype(int)]
+        assembly = assembly.on(few)
     try:
         return lost_digits(assembly.engine, assembly.by_joint(middle))
     except PluginError:

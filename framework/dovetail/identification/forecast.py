@@ -11,7 +11,7 @@ import numpy as np
 from dovetail.interfaces import NO_LIMIT, Progress
 from dovetail.problem import Problem
 
-FIXED = 0.5
+FIXED = 0.2
 """Time [s] that every identification takes."""
 _TIMED = 3
 """Evaluations that are timed; the fastest counts."""

@@ -21,7 +21,7 @@ class PosteriorMethod(Refined):
     def evaluations(self) -> tuple[float, float]:
         """Of the fit and of the samples, medians like those of the fit; half of the latter's time finds the modes."""
         fit, _ = super().evaluations
-        return fit, 0.0 if self.config.form == "laplace" else 525.0 * (1.0 + self.config.samples / 400.0)
+        return fit, 0.0 if self.config.form == "laplace" else 490.0 * (1.0 + self.config.samples / 400.0)
 
     def sample(
         self,
