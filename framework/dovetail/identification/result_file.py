@@ -31,6 +31,7 @@ from dovetail.inference.adequacy import Adequacy, AdequacyWord, Cause
 from dovetail.inference.adequacy.verdict import AtPoint
 from dovetail.inference.posterior import Form, ModelError, Posterior, typical_model_error
 from dovetail.inference.posterior.distribution import central_fractions
+from dovetail.inference.posterior.evidence import Evidence
 from dovetail.interfaces import CutShort
 from dovetail.measurement import ModalParameters
 
@@ -86,6 +87,7 @@ class _StoredPosterior(_Stored):
     parameters: dict[str, _StoredParameter] = {}
     samples: _StoredSamples
     reached: float
+    evidence: Evidence | None = None
     model_error: ModelError | float
     lines: int
     seconds: float
@@ -331,6 +333,7 @@ def _posterior(file: Path, parameters: Mapping[str, IdentifiedParameter], stored
         log_likelihood=None if log_likelihood is None else np.array(log_likelihood),
         unreliable=tuple(name for name, parameter in stored.parameters.items() if parameter.doubtful),
         normal=tuple(parameter.name for parameter in ranges if parameter.prior == "normal"),
+        evidence=stored.evidence,
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.inference.posterior import ModelError, Posterior
+from dovetail.inference.posterior.evidence import Evidence
 from dovetail.inference.posterior.likelihood import ReducedResiduals, squared_norms, unit_from_normal
 from dovetail.inference.posterior.metropolis import Chains, decorrelate
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints
@@ -71,8 +72,8 @@ class SeriesPosterior:
         Of the unknowns that the tests have in common, if there are any.
     tests : tuple of Posterior
         Of the parameters of each test.
-    log_evidence, log_evidence_error : float
-        Logarithm of the marginal likelihood [with the constants of the measurements], and its standard error.
+    evidence : Evidence or None
+        The marginal likelihood; None if too few searches count for it.
     effective_sample_size : float
         Number of independent samples of equal weight with the same information (Kish).
     search_efficiency : float
@@ -85,8 +86,7 @@ class SeriesPosterior:
     weight: Array
     shared: Posterior | None
     tests: tuple[Posterior, ...]
-    log_evidence: float
-    log_evidence_error: float
+    evidence: Evidence | None
     effective_sample_size: float
     search_efficiency: float
     searches: int
@@ -106,8 +106,7 @@ class SeriesPosterior:
         return {
             "effective_samples": self.effective_sample_size,
             "search_efficiency": self.search_efficiency,
-            "log_evidence": self.log_evidence,
-            "log_evidence_error": self.log_evidence_error,
+            "evidence": None if self.evidence is None else asdict(self.evidence),
             "seconds": self.seconds,
             "weight": self.weight.tolist(),
             "unknowns": dict(shared),
@@ -146,7 +145,7 @@ def sample_series(
     with logged(__name__, f"{samples} samples of a series"):
         sampler = _Sampler(unknowns, tests, fit, np.random.default_rng([seed, 21]), progress)
         points, log_weight = sampler.search(samples)
-        evidence = _evidence(log_weight, samples, sampler.log_constant)
+        evidence = Evidence.of_weights(log_weight + sampler.log_constant, samples)
         effective = effective_sample_size(log_weight)
         z, efficiency = points.z, effective / samples
         if efficiency < _SETTINGS.even_weights:
@@ -156,7 +155,7 @@ def sample_series(
         weight /= weight.sum()
         seconds = time.perf_counter() - began
         parts = sampler.posteriors(z, weight, samples, seconds)
-    return SeriesPosterior(z, weight, *parts, *evidence, effective, efficiency, samples, seconds)
+    return SeriesPosterior(z, weight, *parts, evidence, effective, efficiency, samples, seconds)
 
 
 class _Sampler:
@@ -299,15 +298,3 @@ class _Sampler:
             )
         )
         return shared, tests
-
-
-def _evidence(log_weight: Array, searches: int, constant: float) -> tuple[float, float]:
-    """Return the logarithm of the mean weight, searches that did not converge counting 0, and its standard error."""
-    if not len(log_weight):
-        return float("nan"), float("inf")
-    highest = log_weight.max()
-    weight = np.zeros(searches)
-    weight[: len(log_weight)] = np.exp(log_weight - highest)
-    mean = float(weight.mean())
-    error = float(weight.std(ddof=1) / np.sqrt(searches) / mean)
-    return float(np.log(mean) + highest + constant), error

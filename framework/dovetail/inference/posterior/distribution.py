@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import Fault, ParameterError, did_you_mean, listing
+from dovetail.inference.posterior.evidence import Evidence
 from dovetail.inference.posterior.likelihood import PRIOR_PRECISION, normal_from_unit, unit_from_normal
 from dovetail.inference.posterior.model_error import ModelError
 from dovetail.inference.posterior.verdicts import (
@@ -109,6 +110,9 @@ class Posterior:
         "laplace" and with a result of an earlier version.
     normal : tuple of str
         Parameters whose prior is normal; that of the others is even over the range.
+    evidence : Evidence or None
+        The marginal likelihood; None if too few searches count for it, with the form "laplace", and with a result of an
+        earlier version.
     """
 
     names: tuple[str, ...]
@@ -127,6 +131,7 @@ class Posterior:
     doubts: Mapping[str, str] = field(default_factory=dict)
     log_likelihood: NDArray[np.float64] | None = None
     normal: tuple[str, ...] = ()
+    evidence: Evidence | None = None
 
     @staticmethod
     def from_fractions(
@@ -139,6 +144,7 @@ class Posterior:
         lines: int,
         seconds: float,
         log_likelihood: NDArray[np.float64] | None = None,
+        evidence: Evidence | None = None,
     ) -> Posterior:
         """Return the posterior of parameters with these samples, in fractions of the ranges."""
         normal = np.array([parameter.prior == "normal" for parameter in parameters])
@@ -154,6 +160,7 @@ class Posterior:
             seconds=seconds,
             log_likelihood=log_likelihood,
             normal=tuple(parameter.name for parameter in parameters if parameter.prior == "normal"),
+            evidence=evidence,
         )
 
     def sample(self, count: int, seed: int = 0) -> NDArray[np.float64]:
@@ -324,6 +331,7 @@ class Posterior:
             "effective_samples": self.effective_sample_size,
             "reached": self.converged_fraction,
             "model_error": self.model_error.to_dict(),
+            "evidence": None if self.evidence is None else asdict(self.evidence),
             "lines": self.lines,
             "seconds": self.seconds,
             "mode": None if self.mode is None else self.mode.tolist(),

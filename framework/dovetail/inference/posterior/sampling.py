@@ -7,13 +7,14 @@ that this region needs. Randomize-then-optimize then draws independent samples, 
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.inference.fitting import Fit
 from dovetail.inference.posterior.distribution import Posterior, check_options
+from dovetail.inference.posterior.evidence import Evidence
 from dovetail.inference.posterior.laplace import half_about_the_fit, laplace_posterior
 from dovetail.inference.posterior.likelihood import (
     PRIOR_PRECISION,
@@ -140,14 +141,14 @@ def sample_posterior(
     began, wanted = time.perf_counter(), samples
     with logged(__name__, f"{samples} samples of the posterior"):
         if isinstance(problem, ModalProblem):
-            z, log_weight, converged = _draw(likelihood.posterior, modes, samples, seed)
+            z, log_weight, converged, evidence = _draw(likelihood.posterior, modes, samples, seed)
             log_likelihood, lines, begun = None, len(likelihood.variance), samples
             samples = 0 if problem.limit.is_over else samples
         else:
             sampler = _Sampler(likelihood, modes, fit.information, np.random.default_rng([seed, 2]), progress)
             z, log_weight, log_likelihood = sampler.draw(samples)
             converged, begun, lines = sampler.converged, sampler.begun, sampler.lines
-            samples -= sampler.missing
+            samples, evidence = samples - sampler.missing, sampler.evidence
     if samples < wanted:
         few = not len(z) or samples < min(_SETTINGS.fewest, wanted)
         finished = f"{samples} of {wanted} samples"
@@ -168,6 +169,7 @@ def sample_posterior(
         lines=lines,
         seconds=time.perf_counter() - began,
         log_likelihood=likelihood.log(fraction) if log_likelihood is None else log_likelihood,
+        evidence=None if evidence is None else replace(evidence, log=evidence.log + likelihood.log_constant),
     )
 
 
@@ -194,6 +196,8 @@ class _Sampler:
         Number of these searches that came to an end.
     missing : int
         Searches that the time limit left out; all of them if not all modes had their turn.
+    evidence : Evidence or None
+        Up to a constant of the likelihood; of the searches for samples.
     """
 
     def __init__(
@@ -229,6 +233,7 @@ class _Sampler:
                 break
             snapshots = np.concatenate([snapshots, frfs[near]])[-_SETTINGS.most_snapshots :]
         self.lines, self.converged, self.begun, self.missing = reduced.lines, 0, 0, 0
+        self.evidence: Evidence | None = None
         ample = self._limit.remaining > _SETTINGS.ample * (self._limit.elapsed - began)
         self._batch = _SETTINGS.batch if ample else _SETTINGS.limited_batch
 
@@ -268,13 +273,16 @@ class _Sampler:
         ends, log_density = self._search(count)
         z, log_weight = ends.z, ends.log_posterior - log_density
         self.converged = len(z)
+        log_likelihood = self._likelihood.log(unit_from_normal(z))
+        on_all_lines = log_likelihood - squared_norms(z) / 2.0 - log_density
+        self.evidence = Evidence.of_weights(on_all_lines + np.log(max(self.begun, 1)), self.begun)
         uneven = effective_sample_size(log_weight) < _SETTINGS.even_weights * max(self.begun, 1)
         if uneven and self._limit.is_over:
             self._limit.leave_out("steps that make the weights of samples even")
         elif uneven:
             points = self._move(z, log_weight, count)
             z, log_density = points.z, points.log_posterior
-        log_likelihood = self._likelihood.log(unit_from_normal(z))
+            log_likelihood = self._likelihood.log(unit_from_normal(z))
         return z, log_likelihood - squared_norms(z) / 2.0 - log_density, log_likelihood
 
     def _search(self, count: int) -> tuple[LinearisedPoints, NDArray[np.float64]]:
@@ -342,8 +350,8 @@ class _Sampler:
 
 def _draw(
     posterior: PosteriorResiduals, modes: NDArray[np.float64], count: int, seed: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
-    """Return samples z (n, p) of a posterior with few residuals, log weights, and how many searches converged.
+) -> tuple[NDArray[np.float64], NDArray[np.float64], int, Evidence | None]:
+    """Return samples z (n, p) of a posterior with few residuals, log weights, how many searches converged, evidence.
 
     Parameters
     ----------
@@ -361,15 +369,16 @@ def _draw(
         about.append(ends)
         log_weights.append(ends.log_posterior - log_density - np.log(share))
     points, log_weight = LinearisedPoints.joined(about), np.concatenate(log_weights)
-    converged = len(log_weight)
+    converged, evidence = len(log_weight), Evidence.of_weights(log_weight + np.log(count), count)
     if not converged:
         points, log_weight = separate, separate.log_posterior
     order = mixed(len(log_weight), separate, random)
     points, log_weight = points.at_rows(order), log_weight[order]
     if effective_sample_size(log_weight) < _SETTINGS.even_weights * count:
         chosen = drawn_by_weight(_clipped(log_weight), count, random)
-        return decorrelate(Density.of(posterior), points.at_rows(chosen), random).z, np.zeros(count), converged
-    return points.z, log_weight, converged
+        moved = decorrelate(Density.of(posterior), points.at_rows(chosen), random)
+        return moved.z, np.zeros(count), converged, evidence
+    return points.z, log_weight, converged, evidence
 
 
 def _joined(

@@ -1,0 +1,48 @@
+"""The marginal likelihood of a model, from the weights of samples whose density is known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FEWEST_EFFECTIVE = 30.0
+"""Effective sample size of the weights below which the marginal likelihood is not given: single weights dominate it,
+and its standard error, sqrt(1/30) = 0.18 for weights without long tails, means little."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """The marginal likelihood of a model: the density of the measured values, averaged over the prior.
+
+    Parameters
+    ----------
+    log : float
+        Its logarithm.
+    error : float
+        Standard error of the logarithm.
+    """
+
+    log: float
+    error: float
+
+    @staticmethod
+    def of_weights(log_weight: NDArray[np.float64], searches: int) -> Evidence | None:
+        """Return the evidence from the weights of independent samples; None if too few of them count.
+
+        Parameters
+        ----------
+        log_weight : (n,) array
+            Logarithm of prior times likelihood over the density of the samples, of the searches that converged.
+        searches : int
+            Number of all searches; those that did not converge count 0.
+        """
+        if not len(log_weight):
+            return None
+        weight = np.exp(log_weight - log_weight.max())
+        effective = float(weight.sum() ** 2 / np.sum(weight**2))
+        if effective < FEWEST_EFFECTIVE:
+            return None
+        mean = float(np.log(weight.sum() / searches) + log_weight.max())
+        return Evidence(mean, float(np.sqrt(max(1.0 / effective - 1.0 / searches, 0.0))))
