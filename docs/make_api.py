@@ -23,6 +23,7 @@ SECTIONS = {
     "coupling": "Measured parts",
     "dataset": "Datasets",
     "identification": "Identification",
+    "comparison": "Comparison of models",
     "series": "A series of tests",
     "problem": "For plugin authors: steps of a method",
     "inference": "For plugin authors: steps of a method",

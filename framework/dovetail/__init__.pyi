@@ -6,6 +6,9 @@ from .assembly import find_doubts as find_doubts
 from .assembly import find_omissions as find_omissions
 from .assembly import load as load
 from .atomic_files import read_bounded as read_bounded
+from .comparison import ComparedModel as ComparedModel
+from .comparison import ModelComparison as ModelComparison
+from .comparison import compare_models as compare_models
 from .coupling import ReceptanceMatrix as ReceptanceMatrix
 from .coupling import check_receptance_units as check_receptance_units
 from .coupling import read_receptance as read_receptance

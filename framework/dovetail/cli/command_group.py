@@ -40,6 +40,7 @@ _PANELS = {
     "Identify a joint": {
         "identify:identify": "Identify a joint from a measured FRF.",
         "series:identify_series": "Identify a joint from several tests together.",
+        "compare_models:compare_models": "Compare models of the same measurements by their marginal likelihoods.",
         "train:train": "Train a network and print its test errors.",
         "generate:generate": "Generate a dataset for training.",
         "merge:merge": "Join the shards of a dataset that were generated on several machines.",

@@ -18,7 +18,7 @@ from dovetail.series.fitting import SeriesFit
 from dovetail.series.sampling import SeriesPosterior
 from dovetail.series.unknowns import SeriesUnknowns, Unknown
 
-_CONTRADICTION = 1e-3
+CONTRADICTION = 1e-3
 """Probability of the rise of the sum of squares below which the tests contradict the relations between them."""
 
 
@@ -107,7 +107,7 @@ class SeriesIdentification:
         misfits = [one.test.name for one in self.tests if not one.judged.is_trustworthy]
         if misfits:
             return f"The model does not fit {listing(misfits)} even alone: nothing here is to be trusted."
-        if self.fit.contradiction < _CONTRADICTION:
+        if self.fit.contradiction < CONTRADICTION:
             return (
                 "The tests contradict the relations between them: with shared values and laws the sum of squares rises "
                 f"by {np.sum(self.fit.squares - self.fit.squares_alone):.0f}, where {self.fit.constraints} are "
