@@ -22,7 +22,6 @@ from dovetail.frf import Frf
 from dovetail.identification.identify import Measurement, as_frfs, lines_to_fit
 from dovetail.inference.adequacy.assess import JudgedFit, JudgementOptions, judge
 from dovetail.inference.fitting import Fit, fit_at, refine
-from dovetail.inference.fitting.fit import allow_for_unknown_noise
 from dovetail.inference.posterior import ModelError, sample_posterior
 from dovetail.inference.posterior.distribution import check_options
 from dovetail.inference.posterior.evidence import Evidence
@@ -174,7 +173,7 @@ def _compared(
         judged.values(), key=lambda one: (one.adequacy.error_in_intervals.natural_frequency, one.fit.chi_squared)
     )
     error = best.adequacy.error_in_intervals
-    random = allow_for_unknown_noise(problems[next(iter(models))].observations, best.fit)
+    random = best.fit.allowing_for_unknown_noise(problems[next(iter(models))].observations)
     compared = []
     for name, problem in problems.items():
         fit = replace(judged[name].fit, variance=random.variance, used=random.used)
