@@ -129,9 +129,13 @@ from .registry import hookimpl as hookimpl
 from .report.html_report import write_report as write_report
 from .report.plots import plot_assembly as plot_assembly
 from .report.plots import plot_frf as plot_frf
+from .series import LeftOutTest as LeftOutTest
+from .series import PredictedTest as PredictedTest
 from .series import SeriesDescription as SeriesDescription
 from .series import SeriesIdentification as SeriesIdentification
 from .series import identify_series as identify_series
+from .series import leave_one_out as leave_one_out
+from .series import predict_test as predict_test
 from .series import read_series as read_series
 from .units import InUnit as InUnit
 

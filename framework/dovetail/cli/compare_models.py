@@ -97,18 +97,20 @@ def _roles(given: list[str]) -> dict[str, list[str]]:
 def _print(comparison: ModelComparison) -> None:
     title(f"{comparison.name}: {len(comparison.models)} models")
     rows = []
-    for one in comparison.ranking:
-        gap, gap_error = comparison.difference(one)
-        score, score_error = comparison.score_difference(one)
+    for model in comparison.ranking:
+        gap, gap_error = comparison.difference(model)
+        score, score_error = comparison.score_difference(model)
         log_z = (
-            f"< {one.log_likelihood:.1f}"
-            if one.evidence is None
-            else f"{one.evidence.log:.2f} ± {one.evidence.error:.2f}"
+            f"< {model.log_likelihood:.1f}"
+            if model.evidence is None
+            else f"{model.evidence.log:.2f} ± {model.evidence.error:.2f}"
         )
-        below = f"> {gap:.1f}" if one.evidence is None else f"{gap:.2f} ± {gap_error:.2f}"
-        first = one is comparison.ranking[0]
+        below = f"> {gap:.1f}" if model.evidence is None else f"{gap:.2f} ± {gap_error:.2f}"
+        first = model is comparison.ranking[0]
         worse = "" if first else f"{score:.1f} ± {score_error:.1f}"
-        rows.append((one.name, str(one.unknowns), one.fits, log_z, "" if first else below, f"{one.score:.1f}", worse))
+        rows.append(
+            (model.name, str(model.unknowns), model.fits, log_z, "" if first else below, f"{model.score:.1f}", worse)
+        )
     headers = ["model", "unknowns", "fits", "log Z", "below the first", "leave-one-out", "below the first"]
     table(headers, rows, numbers=["unknowns", "log Z", "leave-one-out"])
     say()

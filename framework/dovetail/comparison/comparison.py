@@ -133,20 +133,20 @@ class ModelComparison:
         """Return the comparison as plain values for JSON."""
         preferred = self.preferred
         models = {}
-        for one in self.ranking:
-            gap, gap_error = self.difference(one)
-            score, score_error = self.score_difference(one)
-            models[one.name] = {
-                "unknowns": one.unknowns,
-                "log_evidence": None if one.evidence is None else one.evidence.log,
-                "log_evidence_error": None if one.evidence is None else one.evidence.error,
-                "largest_log_likelihood": one.log_likelihood,
+        for model in self.ranking:
+            gap, gap_error = self.difference(model)
+            score, score_error = self.score_difference(model)
+            models[model.name] = {
+                "unknowns": model.unknowns,
+                "log_evidence": None if model.evidence is None else model.evidence.log,
+                "log_evidence_error": None if model.evidence is None else model.evidence.error,
+                "largest_log_likelihood": model.log_likelihood,
                 "below_the_first": gap,
                 "below_the_first_error": gap_error,
-                "leave_one_out": one.score,
+                "leave_one_out": model.score,
                 "leave_one_out_below_the_first": score,
                 "leave_one_out_below_the_first_error": score_error,
-                "model_fits": one.fits,
+                "model_fits": model.fits,
             }
         return {
             "name": self.name,

@@ -18,7 +18,6 @@ from dovetail.comparison.series_models import compared_series
 from dovetail.documents.extends import read_source
 from dovetail.documents.fault_list import FaultList
 from dovetail.errors import Fault, ParameterError
-from dovetail.frf import Frf
 from dovetail.identification.identify import Measurement, as_frfs, lines_to_fit
 from dovetail.inference.adequacy.assess import JudgedFit, JudgementOptions, judge
 from dovetail.inference.fitting import Fit, fit_at, refine
@@ -107,8 +106,12 @@ def compare_models(
                 series, others, roles or {}, model_error=model_error, samples=samples, seed=seed, progress=report
             )
         assert measured is not None
-        models = _assemblies(description, joints, joint, against, plugins)
-        compared = _compared(models, as_frfs(measured), model_error, samples, seed, report)
+        models, frfs = _assemblies(description, joints, joint, against, plugins), as_frfs(measured)
+        problems = {
+            name: lines_to_fit(assembly, frfs, None, silent, phase=True).every_nth.problem
+            for name, assembly in models.items()
+        }
+        compared = _compared(problems, model_error, samples, seed, report)
         return ModelComparison(next(iter(models.values())).name, compared)
 
 
@@ -153,27 +156,19 @@ def _assemblies(
 
 
 def _compared(
-    models: Mapping[str, Assembly],
-    frfs: tuple[Frf, ...],
-    model_error: float | None,
-    samples: int,
-    seed: int,
-    progress: Progress,
+    problems: Mapping[str, Problem], model_error: float | None, samples: int, seed: int, progress: Progress
 ) -> tuple[ComparedModel, ...]:
     """Fit all models, and compare them with the random error and the model error of the one that fits best."""
-    options = JudgementOptions(model_error=model_error, cause_seconds=0.0)
-    problems, judged = {}, {}
-    for number, (name, assembly) in enumerate(models.items()):
-        progress("fits", number, len(models))
-        lines = lines_to_fit(assembly, frfs, None, silent, phase=True)
-        problems[name] = problem = lines.every_nth.problem
+    options, judged = JudgementOptions(model_error=model_error, cause_seconds=0.0), {}
+    for number, (name, problem) in enumerate(problems.items()):
+        progress("fits", number, len(problems))
         judged[name] = _judged(problem, options, seed)
-    progress("fits", len(models), len(models))
+    progress("fits", len(problems), len(problems))
     best = min(
         judged.values(), key=lambda one: (one.adequacy.error_in_intervals.natural_frequency, one.fit.chi_squared)
     )
     error = best.adequacy.error_in_intervals
-    random = best.fit.allowing_for_unknown_noise(problems[next(iter(models))].observations)
+    random = best.fit.allowing_for_unknown_noise(problems[next(iter(problems))].observations)
     compared = []
     for name, problem in problems.items():
         fit = replace(judged[name].fit, variance=random.variance, used=random.used)

@@ -6,11 +6,13 @@ import os
 from collections.abc import Mapping
 from typing import Any, cast
 
+from pydantic import ValidationError
+
 from dovetail.assembly import Assembly, load
 from dovetail.documents.extends import read_source
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.tree import plain_values
-from dovetail.errors import DescriptionError, Fault, ParameterError, did_you_mean, listing
+from dovetail.errors import DescriptionError, Fault, ParameterError, argument, did_you_mean, listing
 from dovetail.interfaces import JointModel
 from dovetail.registry import PluginPaths, components
 
@@ -65,11 +67,21 @@ def with_joint(
             plugins=plugins,
         )
     except (DescriptionError, ValueError) as error:
-        reason = error.faults[0].problem if isinstance(error, DescriptionError) else str(error).splitlines()[0]
-        remedy = "Describe the assembly with this joint in a file of its own, and compare with it: --against FILE."
+        reason = _reason(error)
+        remedy = f"Describe the assembly with this joint in a file, and compare with it: {argument('against', 'FILE')}."
         raise ParameterError(
             Fault("joints", f"'{model}' cannot take the place of '{described.get('model')}': {reason}", remedy=remedy)
         ) from None
+
+
+def _reason(error: DescriptionError | ValueError) -> str:
+    """Return the first fault of a description, or of a model's options."""
+    if isinstance(error, DescriptionError):
+        return error.faults[0].problem
+    if isinstance(error, ValidationError):
+        first = error.errors()[0]
+        return f"its option '{'.'.join(map(str, first['loc']))}': {first['msg'].lower()}."
+    return str(error)
 
 
 def _joint_name(joints: Mapping[str, Any], joint: str | None) -> str:
@@ -80,7 +92,7 @@ def _joint_name(joints: Mapping[str, Any], joint: str | None) -> str:
     problem = "the assembly has several joints." if joint is None else f"there is no joint '{joint}'."
     problem = problem if joints else "the assembly has no joint."
     hint = "" if joint is None else did_you_mean(joint, joints)
-    raise ParameterError(Fault("joint", problem, listing(joints), hint or "Say which: --joint NAME."))
+    raise ParameterError(Fault("joint", problem, listing(joints), hint or f"Say which: {argument('joint', 'NAME')}."))
 
 
 def _section(described: Mapping[str, Any], fields: Mapping[str, Any], model: str) -> dict[str, Any]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from dovetail.comparison.comparison import ComparedModel, ModelComparison
 from dovetail.documents.fault_list import FaultList
-from dovetail.errors import Fault, ParameterError, did_you_mean, listing
+from dovetail.errors import Fault, ParameterError, argument, did_you_mean, listing
 from dovetail.inference.posterior.leave_one_out import line_scores
 from dovetail.inference.posterior.likelihood import squared_norms
 from dovetail.interfaces import Law, Progress, logged
@@ -49,7 +49,8 @@ def compared_series(
             raise ParameterError(Fault("against", problem, "a series of the same measured files, in the same order"))
         models[other.name if other.name not in models else f"{other.name} ({len(models)})"] = other
     if len(models) < 2:
-        remedy = "Give roles, as in --roles 'k=shared,free,linear', or a further series: --against FILE."
+        roles_given, file_given = argument("roles", {"k": "shared,free"}), argument("against", "FILE")
+        remedy = f"Give roles, as in {roles_given}, or a further series: {file_given}."
         raise ParameterError(Fault("roles", "there is only one model.", "two or more", remedy))
     fitted: dict[tuple[int, ...], tuple[FittedTest, ...]] = {}
     compared = []

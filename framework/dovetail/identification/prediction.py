@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,8 +17,9 @@ from dovetail.errors import Fault, ParameterError, UnitError, listing
 from dovetail.frf import Frf
 from dovetail.identification.result import Identification
 from dovetail.identification.result_file import load_result
-from dovetail.inference.posterior import LEVEL, error_shapes
+from dovetail.inference.posterior import LEVEL, ModelError, error_shapes
 from dovetail.inference.posterior.likelihood import normal_from_unit, unit_from_normal
+from dovetail.inference.posterior.verdicts import ends_of
 from dovetail.units import to_si
 
 
@@ -296,13 +297,30 @@ def predicted_band(assembly: Assembly, result: Identification, level: float = LE
     else:
         values = _linearised_frfs(assembly, result, posterior.fraction[draws], posterior.mode)
     predicted = predicted_frf(assembly, result)
-    shapes = error_shapes([predicted], [predicted.values], posterior.model_error)
+    values = with_model_error(values, [predicted], posterior.model_error, random)
+    lower, upper = np.quantile(np.abs(values), ends_of(level), axis=0)
+    return PredictedBand(assembly.frequency, lower, upper, level, result.warning)
+
+
+def with_model_error(
+    values: NDArray[np.complex128], predicted: Sequence[Frf], model_error: ModelError, random: np.random.Generator
+) -> NDArray[np.complex128]:
+    """Return samples of FRFs (n, n_lines) with draws of the errors that the model is allowed.
+
+    Parameters
+    ----------
+    values : (n, n_lines) complex array
+        Of all responses, one after another.
+    predicted : sequence of Frf
+        The FRF of each response, about which the errors are linear.
+    model_error : ModelError
+    random : numpy.random.Generator
+    """
+    shapes = error_shapes(predicted, [frf.values for frf in predicted], model_error)
     errors = np.concatenate(list(shapes.values()))
     values = values + random.standard_normal((len(values), len(errors))) @ errors
     scatter = random.standard_normal((*values.shape, 2)) @ [1.0, 1.0j] / np.sqrt(2.0)
-    amplitude = np.abs(values + posterior.model_error.other * np.abs(values) * scatter)
-    lower, upper = np.quantile(amplitude, [(1.0 - level) / 2.0, (1.0 + level) / 2.0], axis=0)
-    return PredictedBand(assembly.frequency, lower, upper, level, result.warning)
+    return np.asarray(values + model_error.other * np.abs(values) * scatter)
 
 
 def _frfs(assembly: Assembly, result: Identification, theta: NDArray[np.float64]) -> NDArray[np.complex128]:

@@ -53,6 +53,14 @@ def covariate_figure(result: SeriesIdentification) -> Figure:
     return figure
 
 
+def _draw_law(axes: Axes, result: SeriesIdentification, name: str) -> None:
+    """Draw the law of a parameter between the tests, with its 90 % band; without samples, the best fit alone."""
+    covariate, low, middle, high = result.law_curve(name)
+    axes.plot(covariate, middle, color=RECONSTRUCTED, linewidth=1.0)
+    if result.posterior is not None:
+        axes.fill_between(covariate, low, high, color=RECONSTRUCTED, alpha=0.2, linewidth=0.0)
+
+
 def _draw_parameter(axes: Axes, result: SeriesIdentification, name: str, rows: Sequence[SeriesRow]) -> None:
     tests = {one.test.name: one.test for one in result.tests}
     of_rows = [tests[row.test].covariates for row in rows]
@@ -63,6 +71,8 @@ def _draw_parameter(axes: Axes, result: SeriesIdentification, name: str, rows: S
     spread = [1.645 * row.deviation for row in rows]
     lows = np.array([m - s if row.low is None else row.low for m, s, row in zip(middles, spread, rows, strict=True)])
     highs = np.array([m + s if row.high is None else row.high for m, s, row in zip(middles, spread, rows, strict=True)])
+    if over and result.series.role_of(name).law is not None:
+        _draw_law(axes, result, name)
     axes.vlines(positions, lows, highs, color=RECONSTRUCTED, linewidth=2.0)
     axes.plot(positions, middles, "o", color=RECONSTRUCTED, markersize=4)
     axes.plot(positions, [row.fit for row in rows], "_", color=INK, markersize=9)

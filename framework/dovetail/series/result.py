@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from dovetail.errors import listing
 from dovetail.inference.posterior import LEVEL, NOT_TRUSTWORTHY, Posterior
 from dovetail.inference.posterior.likelihood import normal_density, unit_from_normal
+from dovetail.inference.posterior.verdicts import ends_of, quantiles
 from dovetail.series.description import SeriesDescription
 from dovetail.series.fitted_tests import FittedTest
 from dovetail.series.fitting import SeriesFit
@@ -95,6 +96,36 @@ class SeriesIdentification:
         """Return the parameters (p,) of a test at the best fit, SI."""
         z = self.unknowns.of_test(test, self.fit.z[np.newaxis])
         return np.asarray(self.tests[test].problem.from_unit(self.unknowns.maps[test].fractions(z))[0])
+
+    def law_curve(self, name: str, points: int = 60) -> tuple[NDArray[np.float64], ...]:
+        """Return the law of a parameter between the smallest and the largest covariate of the tests.
+
+        Parameters
+        ----------
+        name : str
+            Of a parameter that follows a law.
+        points : int
+
+        Returns
+        -------
+        covariate, low, middle, high : (points,) arrays
+            SI; median and ends of the 90 % interval of the samples, of a value that varies without its scatter. Without
+            samples all three are the best fit.
+        """
+        role = self.series.role_of(name)
+        test = next(one.test for one in self.tests if name in {p.name for p in one.test.assembly.parameters})
+        column = [p.name for p in test.assembly.parameters].index(name)
+        covariate = np.linspace(*self.series.ends(role.over), points)
+        z, weight = self.fit.z[np.newaxis], np.ones(1)
+        if self.posterior is not None:
+            z, weight = self.posterior.z, self.posterior.weight
+        curves = []
+        for value in covariate.tolist():
+            test_map, own = self.unknowns.elsewhere(test, {**test.covariates, role.over: value})
+            there = np.concatenate([z[:, : test_map.shared], np.zeros((len(z), len(own)))], axis=1)
+            curves.append(test.assembly.from_unit(np.clip(test_map.fractions(there), 0.0, 1.0))[:, column])
+        levels = [ends_of(LEVEL)[0], 0.5, ends_of(LEVEL)[1]]
+        return covariate, *quantiles(np.stack(curves, axis=1), weight, levels)
 
     @property
     def is_trustworthy(self) -> bool:
