@@ -145,7 +145,7 @@ def test_line_scores_are_those_of_leaving_each_line_out():
 
 
 def test_a_joint_that_needs_options_or_other_nodes_is_refused_with_a_way_out():
-    with pytest.raises(ParameterError, match="--against FILE"):
+    with pytest.raises(ParameterError, match="against="):
         with_joint(ROD, "collet")
     with pytest.raises(ParameterError, match="Did you mean 'rigid'"):
         with_joint(ROD, "rigit")

@@ -135,7 +135,8 @@ def test_the_command_writes_frf_and_band_and_prints_each_test_left_out(tmp_path)
 
     described.write_text(
         f"extends: {ASSEMBLY}\n"
-        "joints: {mount: {parameters: {k: {range: [5e5 N/m, 2e6 N/m], scale: log}, c: {range: [5 N s/m, 100 N s/m]}}}}\n"
+        "joints: {mount: {parameters: {k: {range: [5e5 N/m, 2e6 N/m], scale: log}, "
+        "c: {range: [5 N s/m, 100 N s/m]}}}}\n"
     )
     for number, level in enumerate(LEVELS):
         frf = dovetail.Frf(assembly.frequency, assembly.frf({"k": stiffness(level), "c": 25.0}), "accelerance")

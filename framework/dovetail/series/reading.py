@@ -51,7 +51,7 @@ class _File(_Section):
     name: str = "series"
     assembly: str | None = None
     accelerometer_mass: Mass = 0.0
-    covariates: dict[str, str] = {}
+    covariates: dict[str, Annotated[str, BeforeValidator(lambda unit: "1" if unit == 1 else unit)]] = {}
     tests: Annotated[dict[str, Any], Field(min_length=1)]
     parameters: dict[str, Any] = {}
     other_parameters: Literal["shared", "free"] = "free"
