@@ -83,7 +83,7 @@ def compare_models(
 
 
 def _roles(given: list[str]) -> dict[str, list[str]]:
-    """Return the roles by parameter from texts such as ``k=linear,power``."""
+    """Return the roles by parameter, from texts with a parameter, an equals sign and words between commas."""
     roles = {}
     for text in given:
         name, equals, words = text.partition("=")
