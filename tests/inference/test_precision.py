@@ -211,7 +211,7 @@ def test_the_estimates_of_several_parameters_are_of_one_combination_of_groups(sd
     options = {"model_error": typical_model_error(0.0), "searches": 400, "lines": 600, "seconds": 0.0}
     posterior = Posterior.from_fractions(sdof.parameters, fraction, np.full(400, 1.0 / 400), **options)
     assert posterior.estimate == pytest.approx([4e6, 20.0], rel=0.001)
-    assert posterior.in_two_groups == ("k", "c")
+    assert tuple(posterior.groups) == ("k", "c")
 
 
 @pytest.mark.parametrize(

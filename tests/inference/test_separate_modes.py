@@ -55,7 +55,7 @@ def test_samples_about_each_of_two_modes_scatter_as_the_noise_says(seed):
         order = np.argsort(values)
         np.testing.assert_allclose(logs.std(axis=0)[order], deviation, rtol=0.2)
         assert (np.abs(weight @ logs / weight.sum())[order] < 3.0 * deviation).all()
-    assert len(posterior.in_two_groups) == 2
+    assert len(posterior.groups) == 2
     assert max(posterior.split_half_difference.values()) < 0.3  # both halves of the samples have both modes
 
 

@@ -141,7 +141,7 @@ def test_exchangeable_stiffnesses_are_not_reported_as_their_mean():
     frf = dovetail.Frf(omega.imag / (2 * np.pi), measured, "receptance")
     posterior = dovetail.identify(dovetail.load(absorbers()), frf).posterior
     exchanged = {"one.k", "one.c", "other.k", "other.c"}
-    assert {"one.k", "other.k"} <= set(posterior.in_two_groups) <= exchanged
+    assert {"one.k", "other.k"} <= set(posterior.groups) <= exchanged
     for name in ("one.k", "other.k"):
         low, high = posterior.interval()[name]
         assert low < stiffness[1] * 1.005

@@ -59,7 +59,7 @@ def test_two_separate_groups_of_values_are_reported(sdof, gap, in_two_groups):
     fraction = np.stack([k, np.linspace(0.0, 1.0, 400)], axis=1)
     options = {"model_error": typical_model_error(0.0), "searches": 400, "lines": 600, "seconds": 0.0}
     posterior = Posterior.from_fractions(sdof.parameters, fraction, np.full(400, 1.0 / 400), **options)
-    assert posterior.in_two_groups == in_two_groups
+    assert tuple(posterior.groups) == in_two_groups
     assert ("two separate groups" in posterior.verdicts["k"].reason) is bool(in_two_groups)
 
 
@@ -70,4 +70,4 @@ def test_samples_about_a_distant_best_fit_are_not_a_second_group_of_values(sdof)
     fraction = np.stack([k, np.linspace(0.0, 1.0, 400)], axis=1)
     options = {"model_error": typical_model_error(0.0), "searches": 400, "lines": 600, "seconds": 0.0}
     posterior = Posterior.from_fractions(sdof.parameters, fraction, np.full(400, 1.0 / 400), **options)
-    assert posterior.in_two_groups == ()
+    assert tuple(posterior.groups) == ()

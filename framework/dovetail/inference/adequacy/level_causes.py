@@ -40,7 +40,7 @@ def try_levels(fits: QuickFits) -> Iterator[Candidate]:
         return
     of_response, resonances = dict[int, NDArray[np.complex128]](), list[Resonances]()
     for numbers in (np.flatnonzero(level == one).tolist() for one in range(level.max() + 1)):
-        part = fits.of_responses(numbers)
+        part = fits.with_responses(numbers)
         theta = part.fit(part.problem, [fits.best, fits.shape]).theta
         fitted = part.target.split(part.values(theta))
         of_response |= dict(zip(numbers, fitted, strict=True))

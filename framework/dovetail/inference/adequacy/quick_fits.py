@@ -139,7 +139,7 @@ class QuickFits:
         """The deviations from the description that are tried."""
         return list_perturbations(self.assembly)
 
-    def of_responses(self, numbers: Sequence[int]) -> QuickFits:
+    def with_responses(self, numbers: Sequence[int]) -> QuickFits:
         """Return the fits of some of the responses alone."""
         counts, chosen = self.target.counts, np.isin(np.arange(len(self.target.frfs)), numbers)
         part = copy(self)

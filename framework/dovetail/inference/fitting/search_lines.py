@@ -59,7 +59,7 @@ class SearchLines:
         self._observations = observations
         responses = zip(observations.firsts, observations.frfs, observations.split(variance), strict=True)
         self.few: NDArray[np.intp] = np.concatenate(
-            [first + _of_response(_level(frf.amplitude, of_response)) for first, frf, of_response in responses]
+            [first + _search_lines(_level(frf.amplitude, of_response)) for first, frf, of_response in responses]
         )
 
     def thinned(self, most: int) -> NDArray[np.intp]:
@@ -156,7 +156,7 @@ def _peaks(level: NDArray[np.float64]) -> NDArray[np.intp]:
     return np.asarray(tops[most])
 
 
-def _of_response(level: NDArray[np.float64]) -> NDArray[np.intp]:
+def _search_lines(level: NDArray[np.float64]) -> NDArray[np.intp]:
     count = len(level)
     even = np.linspace(0, count - 1, min(count, _SETTINGS.even)).round().astype(np.intp)
     around = np.array([0, *_distances(_SETTINGS.reach * count)])

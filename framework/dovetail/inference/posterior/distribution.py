@@ -210,11 +210,6 @@ class Posterior:
             yield Group.of(share, middle, low, high)
 
     @property
-    def in_two_groups(self) -> tuple[str, ...]:
-        """Parameters with separate groups of values."""
-        return tuple(self.groups)
-
-    @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings that a reader of the intervals must know."""
         messages = []
