@@ -48,7 +48,7 @@ class Settings:
     """Distance of the first points from a mode, in standard deviations by the fit's information."""
     margin: float = 1e-3
     """Distance of these points from the ends of a range, as a fraction of it."""
-    rounds: tuple[int, int] = (3, 14)
+    rounds: tuple[int, int] = (2, 14)
     """Smallest and largest number of rounds of exploration; they end when the reduced misfit is accurate."""
     reduction_error: float = 0.05
     """Largest accepted difference of chi-squared between the reduced misfit and all lines."""
