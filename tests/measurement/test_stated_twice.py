@@ -338,13 +338,13 @@ def test_an_entry_for_a_point_that_names_a_quantity_is_compared_with_the_others(
 
 MODAL_LINES = [
     "frequency unit: kHz", "frequencies in kHz", "f in rad/s", "angular frequencies", "Frequency unit,kHz", "unit: kHz",
-    "units: rad/s, -", "undamped natural frequencies", "damping: loss factor", "damping is the loss factor eta",
+    "units: rad/s, -", "damping: loss factor", "damping is the loss factor eta",
     "damping in %", "damping unit: %", "damping: percent of critical", "logarithmic decrement",
     "damping = half-power bandwidth in Hz", "scale factor 2", "frequencies divided by 2", "frequency correction: 1.01",
     "sd: 2 sigma", "standard deviations of 95 % intervals", "values doubled",
 ]  # fmt: skip
 MODAL_SOUND = [
-    "damped natural frequencies", "operator: A", "test of 2026-03-01 at 51200 Hz", "FRF in g/N", "frequencies in Hz",
+    "undamped natural frequencies", "damped natural frequencies", "operator: A", "test of 2026-03-01 at 51200 Hz", "FRF in g/N", "frequencies in Hz",
     "temperature 21.5 °C", "frequency unit: Hz", "damping: -", "Polyreference, model order 40", "sd: 1 sigma",
 ]  # fmt: skip
 
@@ -371,6 +371,12 @@ def test_a_line_that_contradicts_a_table_of_natural_frequencies_is_refused(
 def test_other_lines_around_a_table_of_natural_frequencies_are_accepted(tmp_path: Path, where: str, line: str) -> None:
     path = modal_table(tmp_path / "a.csv", "frequency_Hz,damping_ratio,frequency_sd_Hz", line, where)
     np.testing.assert_array_equal(read_modal_parameters(path).frequency, [100, 250])
+
+
+def test_damped_frequencies_of_strongly_damped_modes_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("# damped natural frequencies\nfrequency_Hz,damping_ratio\n100,0.01\n250,0.2\n")
+    with pytest.raises(MeasurementError, match=r"divide damped ones by sqrt"):
+        read_modal_parameters(tmp_path / "a.csv")
 
 
 @pytest.mark.parametrize(

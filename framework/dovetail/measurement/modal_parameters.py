@@ -140,8 +140,9 @@ def read_modal_parameters(path: str | os.PathLike[str]) -> ModalParameters:
         raise MeasurementError(
             Fault(str(source), f"the table has {rows.shape[1]:,} modes.", f"at most {_MOST_MODES:,}")
         )
-    check_lines(table, str(source), dict(zip(parameters, [columns[column][1] for column in wanted], strict=True)))
     values = {columns[column][0]: row * columns[column][1] for column, row in zip(wanted, rows, strict=True)}
+    factors = dict(zip(parameters, [columns[column][1] for column in wanted], strict=True))
+    check_lines(table, str(source), factors, float(np.max(values.get("damping_ratio", 0.0))))
     if "frequency_sd" in values and _is_percent(*_split_unit(names, units, columns, "frequency_sd")):
         values["frequency_sd"] = values["frequency_sd"] * values["frequency"]
     return ModalParameters(**values, label=str(source))

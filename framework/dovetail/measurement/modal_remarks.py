@@ -22,7 +22,9 @@ _OTHER_DAMPING = re.compile(
     r"|verlustfaktor|\b2\s*\*?\s*zeta\b",
     re.IGNORECASE,
 )
-_UNDAMPED = re.compile(r"\bundamped\b|\bungedämpft", re.IGNORECASE)
+_DAMPED = re.compile(r"(?<!un)\bdamped (?:natural )?freq|(?<!un)\bgedämpfte Eigenfreq", re.IGNORECASE)
+_LARGEST_RATIO = 0.03
+"""Damping ratio up to which damped and undamped natural frequencies differ by less than 0.05 %."""
 _SPREAD = re.compile(
     r"(?:[2-9]|two|three)[ -]*(?:sigma|\u03c3|sd|standard dev)|\b9\d(?:\.\d+)?\s*%|\bconfidence\b|k\s*=\s*[2-9]", re.I
 )
@@ -30,7 +32,7 @@ _PERCENT = ("%", "percent", "per cent", "percent of critical", "% of critical")
 _REMEDY = "If it does not concern the numbers, remove the line; otherwise correct the header."
 
 
-def check_lines(table: TextTable, path: str, factors: Mapping[str, float]) -> None:
+def check_lines(table: TextTable, path: str, factors: Mapping[str, float], damping: float) -> None:
     """Refuse a table whose lines of text contradict its header, or say what acts on its numbers.
 
     Parameters
@@ -39,6 +41,8 @@ def check_lines(table: TextTable, path: str, factors: Mapping[str, float]) -> No
     path : str
     factors : mapping of str to float
         What converts each parameter to Hz or ratios, as the header states it.
+    damping : float
+        The largest damping ratio; 0 without any.
 
     Raises
     ------
@@ -47,6 +51,8 @@ def check_lines(table: TextTable, path: str, factors: Mapping[str, float]) -> No
     for number, line in (*table.around, *table.between):
         for key, value, _ in pairs_of("", line):
             problem = _problem(set(words_of(key)), key, value.strip(" ."), factors) or find_acting_number(key, value)
+            if damping > _LARGEST_RATIO and _DAMPED.search(line):
+                problem = "frequencies are read as magnitudes of poles: divide damped ones by sqrt(1 - zeta^2)."
             if problem:
                 raise MeasurementError(Fault(f"{path}:{number}", problem, remedy=_REMEDY))
 
@@ -59,8 +65,6 @@ def _problem(words: set[str], key: str, value: str, factors: Mapping[str, float]
         return f"the frequencies are in '{value}' here, and in another unit by the header."
     if "angular" in words_of(text) and "frequenc" in text.lower() and math.isclose(factors["frequency"], 1.0):
         return f"'{text[:60]}' contradicts the unit of the frequencies."
-    if _UNDAMPED.search(text):
-        return f"'{text[:60]}': natural frequencies are compared with those of the damped model."
     spread = {"frequency_sd", "damping_sd"} & set(factors)
     if spread and _SPREAD.search(text):
         return f"'{text[:60]}': one standard deviation is needed."
