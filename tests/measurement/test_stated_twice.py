@@ -39,7 +39,8 @@ CHANGED = [
     ("", "inverse"), ("", "imaginary part negative"), ("", "H = conj(X/F)"), ("", "normalized to static stiffness"),
     ("", "scaled by mass"), ("", "phase lag positive"), ("", "phase shifted by 180 degrees"), ("", "magnitude squared"),
     ("type", "PSD"), ("", "impulse response"), ("", "channels swapped"), ("", "cross spectrum"),
-    ("", "normalized frequency"), ("", "values: |H|^2"), ("", "Werte skaliert"),
+    ("", "normalized frequency"), ("", "values: |H|^2"),
+    ("", "values are complex conjugates"), ("", "data multiplied by two"), ("", "Werte skaliert"),
 ]  # fmt: skip
 UPSIDE_DOWN = [
     ("output", "force"), ("input", "acceleration"), ("numerator", "Force"), ("denominator", "displacement"),
@@ -74,6 +75,15 @@ SOUND = [
 def test_remarks_that_do_not_change_the_values_are_accepted(tmp_path: Path, form: str, name: str, text: str) -> None:
     path = stated(tmp_path, form, name, text)
     np.testing.assert_allclose(read_frf(path, quantity="accelerance").values, VALUES, rtol=1e-9)
+
+
+@pytest.mark.parametrize("form", [*LINES, *TEXTS])
+def test_an_excitation_by_a_moment_is_one(tmp_path: Path, form: str) -> None:
+    path = stated(tmp_path, form, "excitation", "moment")
+    if form == "uff" or form == "binary uff":
+        fault_of(path, quantity="accelerance")  # its label says force
+    else:
+        assert read_frf(path, quantity="accelerance").moment
 
 
 SENTENCES = ["values in {}", "Values are in {}.", "FRF in {}", "amplitudes given in [{}]", "all data stored in {}"]
@@ -344,7 +354,8 @@ MODAL_LINES = [
     "sd: 2 sigma", "standard deviations of 95 % intervals", "values doubled",
 ]  # fmt: skip
 MODAL_SOUND = [
-    "undamped natural frequencies", "damped natural frequencies", "operator: A", "test of 2026-03-01 at 51200 Hz", "FRF in g/N", "frequencies in Hz",
+    "undamped natural frequencies", "damped natural frequencies",
+    "operator: A", "test of 2026-03-01 at 51200 Hz", "FRF in g/N", "frequencies in Hz",
     "temperature 21.5 °C", "frequency unit: Hz", "damping: -", "Polyreference, model order 40", "sd: 1 sigma",
 ]  # fmt: skip
 

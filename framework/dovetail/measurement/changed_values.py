@@ -21,10 +21,10 @@ _OPERATION = re.compile(
 )
 _NEGATIVE = re.compile(r"\bconvention\b.{0,20}(?:\b(?:negative|minus|physics|optics)\b|-\s*$)")
 _CHANGED = word_set(
-    "conj conjugate conjugated conjugation konjugiert negative negated inverse reciprocal kehrwert squared quadriert"
-    " doubled twice tripled halved lag lagging scaled skaliert normalized normalised normiert swapped exchanged"
-    " vertauscht psd auto cross autospectrum autopower crosspower impulse inverted reversed flipped shifted rotated"
-    " turned delayed advanced"
+    "conj conjugate conjugates conjugated conjugation konjugiert negativ negative negated inverse reciprocal"
+    " kehrwert squared quadriert doubled twice tripled halved lag lagging scaled skaliert normalized normalised"
+    " normiert swapped exchanged vertauscht psd auto cross autospectrum autopower crosspower impulse inverted"
+    " reversed flipped shifted rotated turned delayed advanced verdoppelt halbiert"
 )
 _SCALES = word_set("db decibel decibels dezibel log ln logarithm logarithmic logarithmus logarithmisch lg")
 _SIZES = word_set("double half two three ten")
@@ -32,18 +32,19 @@ _SIZES = word_set("double half two three ten")
 _VALUES = word_set(
     "values value data amplitude amplitudes magnitude magnitudes mag real imag imaginary part parts phase phases"
     " sign frf frfs h hxy function functions transfer response responses force forces channel channels y ordinate"
-    " curve curves user"
+    " curve curves user vorzeichen"
     " samples signal signals motion acceleration velocity displacement accelerance mobility receptance werte wert"
 )
 _FILLING = word_set(
-    "a an the of is are was were be been as in by to with and for its all each this these has have get gets given made"
-    " on per it than scale scaling axis convention spectrum spectra power positive means means time frequency-domain"
-    " complex linear unit units factor included applied times once large larger big bigger high higher much size sized"
-    " measured true yes number numbers column columns result results base basis natural common mass static stiffness"
-    " unity one max maximum peak obtain divide multiply die der das sind ist mit von alle type kind deg degree degrees"
-    " rad radians info note notes comment comments remark remarks description title name header meta metadata text"
+    "a an the of is are was were be been as in by to with and for its all each this these has have get gets"
+    " given made on per it than scale scaling axis convention spectrum spectra power positive means means time"
+    " frequency-domain complex linear unit units factor included applied times once multiplied divided large"
+    " larger big bigger high higher much size sized measured true yes number numbers column columns result"
+    " results base basis natural common mass static stiffness unity one max maximum peak obtain divide multiply"
+    " die der das sind ist mit von alle type kind deg degree degrees rad radians info note notes comment"
+    " comments remark remarks description title name header meta metadata text"
 )
-_LARGER = word_set("large larger big bigger high higher size factor")
+_LARGER = word_set("large larger big bigger high higher size factor multiplied divided")
 _NEGATION = re.compile(r"\b(?:no|not|none|off|false|nein|without|never)\b")
 _CLAUSE = re.compile(r"[;\n]|,(?!\d)|\.\s")
 _POWER = re.compile(r"\b10\s*[*\u00b7]?\s*log|\bpower\b|\bsquared\b")

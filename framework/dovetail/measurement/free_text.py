@@ -252,6 +252,8 @@ def _label_statement(words: Sequence[str], value: str, where: str) -> Statement 
         return Statement("axis label", value, where)
     if (whole := _whole_quantity(value, where)) is not None:
         return whole
+    if named and named <= _ROLES["below"] | _SENSOR and value.strip().lower() in ("moment", "torque", "drehmoment"):
+        return Statement("load label", value, where)
     if label.motions and named & (_QUANTITY_WORDS | MOTION_WORDS) and len(words_of(value)) <= 2 and not label.unclear:
         return Statement("motion quantity", value, where)
     marked = [unit for unit in label.units if f"[{unit}]" in value or f"({unit})" in value or f" / {unit}" in value]

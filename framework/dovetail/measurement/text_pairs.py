@@ -17,7 +17,7 @@ UNIT_WORDS = word_set(
 AXIS_WORDS = word_set("frequency frequencies freq frequenz fréquence f x abscissa xaxis xlabel abszisse hz omega")
 LOAD_WORDS = word_set("force load excitation denominator input hammer kraft moment reference ref exc")
 MOTION_WORDS = word_set(
-    "motion numerator response resp output acceleration velocity displacement signal measurand accelerometer"
+    "motion numerator response resp output acceleration velocity displacement signal measurand transducer messgröße"
 )
 VALUE_WORDS = word_set(
     "y h hv hxy frf frfs amplitude amplitudes magnitude mag real imag re im value values ordinate ylabel yaxis data"
