@@ -10,20 +10,24 @@ from numpy.typing import NDArray
 
 from dovetail.monitoring.kalman import Belief, LinearMeasurement
 from dovetail.problem import Problem
+from dovetail.problem.least_squares import Linearisation, SumOfSquares, minimise
 from dovetail.problem.observations import Observations
 from dovetail.problem.residuals import FrfResiduals
 
 Array = NDArray[np.float64]
 
+_LEAST_VARIANCE = 1e-16
+"""Of a position; rounding errors are as large."""
+
 
 @dataclass(frozen=True)
 class Settings:
-    """Constants of the iteration."""
+    """Constants of the search for the most probable parameters."""
 
-    steps: int = 12
-    """Largest number of steps, with those that are halved since they make the fit worse; two are usually enough."""
-    tolerance: float = 0.02
-    """Largest change of a position in its standard deviations that ends the iteration."""
+    tolerance: float = 1e-2
+    """Decrease of the sum of squares in one step that ends it."""
+    steps: int = 40
+    """Largest number of steps; after a small change three are enough."""
 
 
 _SETTINGS = Settings()
@@ -64,6 +68,11 @@ class FileModel:
         """Return the model's FRFs (n_lines,) at a position (p,)."""
         return self.problem.frf_at(self.problem.from_unit(position))
 
+    def misfit(self, observations: Observations, variance: Array) -> FrfResiduals:
+        """Return the residuals of a file with a random error (n_lines,), as functions of the positions."""
+        weighted = observations.weighted(variance + self.model_variance, self.used)
+        return FrfResiduals(self.problem.model, weighted)
+
     def scaled_residuals(self, observations: Observations, values: NDArray[np.complex128]) -> Array:
         """Return differences from the model (m,) over the random error of the first measurement."""
         return np.asarray(observations.weighted(self.random_variance, self.used).of(values[np.newaxis])[0])
@@ -76,20 +85,24 @@ class FileEstimate:
     Parameters
     ----------
     measurement : LinearMeasurement
+        Of the positions less the offset.
+    belief : Belief
+        Of the same, after the file.
     residuals : (m,) array
-        Differences from the model at the estimate, over the random error of the first measurement.
+        Differences from the model at the most probable parameters, over the random error of the first measurement.
     variance : (n_lines,) array
         E|error|^2 of the file.
     """
 
     measurement: LinearMeasurement
+    belief: Belief
     residuals: Array
     variance: Array
 
 
 @dataclass(frozen=True, eq=False)
 class KeptFile:
-    """The values of a file, from which it can be linearised elsewhere.
+    """The values of one of the first files, from which it is estimated again when the random walk is known.
 
     Parameters
     ----------
@@ -111,8 +124,8 @@ class KeptFile:
         values = observations.values
         return KeptFile(np.stack([np.real(values), np.imag(values)], axis=1), found.variance, offset)
 
-    def linearise(self, model: FileModel, mean: Array) -> LinearMeasurement:
-        """Return the file linearised at positions (p,) less the offset."""
+    def observations(self, model: FileModel) -> Observations:
+        """Return the values and their random error as observations."""
         known = model.problem.observations
         values, variances = (known.split(each) for each in (self.values @ [1.0, 1j], self.variance))
         parts = zip(known.frfs, values, variances, strict=True)
@@ -120,16 +133,51 @@ class KeptFile:
             replace(frf, values=own if frf.has_phase else own.real, variance=variance, coherence=None, averages=None)
             for frf, own, variance in parts
         )
-        position = np.clip(mean + self.offset, 0.0, 1.0)
-        total = self.variance + model.model_variance
-        misfit = FrfResiduals(model.problem.model, Observations(tuple(frfs)).weighted(total, model.used))
-        linear = misfit.linearise(position[np.newaxis])
-        share = (self.variance / total)[model.line_of_residual]
-        measurement = _linear_measurement(model, linear.residuals[0], linear.jacobian[0], position, share)
-        return measurement.shifted(self.offset)
+        return Observations(tuple(frfs))
 
 
-def estimate(model: FileModel, observations: Observations, prior: Belief, offset: Array) -> FileEstimate:
+class WithBelief(SumOfSquares):
+    """Residuals of a measurement, followed by the deviations from a belief.
+
+    Parameters
+    ----------
+    misfit : SumOfSquares
+        Of positions.
+    belief : Belief
+    weight : float
+        Factor of the deviations: the standard deviation of the measurement's residuals by random errors.
+    """
+
+    def __init__(self, misfit: SumOfSquares, belief: Belief, weight: float = 1.0) -> None:
+        self._misfit, self._mean = misfit, belief.mean
+        size = len(belief.mean)
+        factor = np.linalg.cholesky(belief.covariance + np.eye(size) * _LEAST_VARIANCE)
+        self._root = weight * np.linalg.inv(factor)
+
+    def residuals(self, position: Array) -> Array:
+        """Return residuals (n, m) at positions (n, p)."""
+        return np.concatenate([self._misfit.residuals(position), (position - self._mean) @ self._root.T], axis=1)
+
+    def linearise(self, position: Array) -> Linearisation:
+        """Return residuals and their derivatives at positions (n, p)."""
+        linear = self._misfit.linearise(position)
+        deviations = (position - self._mean) @ self._root.T
+        jacobian = np.broadcast_to(self._root.T, (len(position), *self._root.shape))
+        return Linearisation(
+            np.concatenate([linear.residuals, deviations], axis=1), np.concatenate([linear.jacobian, jacobian], axis=2)
+        )
+
+
+def most_probable(misfit: SumOfSquares, belief: Belief, start: Array, weight: float = 1.0) -> Array:
+    """Return the positions (p,) within the ranges that fit a measurement and a belief best."""
+    problem = WithBelief(misfit, belief, weight)
+    minima = minimise(problem, start[np.newaxis], tolerance=_SETTINGS.tolerance, most_steps=_SETTINGS.steps)
+    return np.asarray(minima.position[0])
+
+
+def estimate(
+    model: FileModel, observations: Observations, prior: Belief, offset: Array, noise_scale: float = 1.0
+) -> FileEstimate:
     """Return what a file says about the parameters, linearised at their most probable values.
 
     Parameters
@@ -140,34 +188,25 @@ def estimate(model: FileModel, observations: Observations, prior: Belief, offset
         Of the positions less the offset.
     offset : (p,) array
         By which laws move the positions at the file's covariates.
+    noise_scale : float
+        Standard deviation of the scatter of the files over that of their random errors.
     """
     start = np.clip(prior.mean + offset, 0.0, 1.0)
     variance = observations.variance(model.values(start))
-    total = variance + model.model_variance
-    misfit = FrfResiduals(model.problem.model, observations.weighted(total, model.used))
-    share = (variance / total)[model.line_of_residual]
-    position = before = start
-    limit, belief = np.inf, prior
-    for _ in range(_SETTINGS.steps):
-        linear = misfit.linearise(position[np.newaxis])
-        cost = float(np.sum(linear.residuals[0] ** 2))
-        if cost > limit:
-            position = (position + before) / 2.0
-            continue
-        measurement = _linear_measurement(model, linear.residuals[0], linear.jacobian[0], position, share)
-        belief = measurement.shifted(offset).update(prior)
-        limit = cost + prior.pull(position - offset)  # a step that the prior asks for may raise the misfit so far
-        before, position = position, np.clip(belief.mean + offset, 0.0, 1.0)
-        if np.max(np.abs(position - before) / np.maximum(belief.deviation(), 1e-12)) < _SETTINGS.tolerance:
-            break
+    misfit = model.misfit(observations, variance)
+    weight = noise_scale * float(np.sqrt(np.mean(variance[model.used] / (variance + model.model_variance)[model.used])))
+    position = most_probable(misfit, Belief(prior.mean + offset, prior.covariance), start, weight)
+    measurement = _linearised(model, misfit, variance, position)
+    covariance = measurement.update(prior, noise_scale).covariance
     residuals = model.scaled_residuals(observations, model.values(position))
-    return FileEstimate(measurement, residuals, variance)
+    return FileEstimate(measurement.shifted(offset), Belief(position - offset, covariance), residuals, variance)
 
 
-def _linear_measurement(
-    model: FileModel, residuals: Array, jacobian: Array, position: Array, share: Array
-) -> LinearMeasurement:
+def _linearised(model: FileModel, misfit: FrfResiduals, variance: Array, position: Array) -> LinearMeasurement:
     """Return a linearised file; free parameters come first in the triangle, so that later rows do not have them."""
+    linear = misfit.linearise(position[np.newaxis])
+    residuals, jacobian = linear.residuals[0], linear.jacobian[0]
+    share = (variance / (variance + model.model_variance))[model.line_of_residual]
     order = np.argsort(~model.is_free, kind="stable")
     tangent, triangle = np.linalg.qr(jacobian[order].T)
     root = np.empty_like(triangle)

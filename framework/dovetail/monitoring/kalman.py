@@ -62,11 +62,6 @@ class Belief:
         covariance[changed, changed] = variance
         return Belief(self.mean, covariance)
 
-    def pull(self, position: Array) -> float:
-        """Return the square of the distance of a position (p,) from the mean, in standard deviations."""
-        difference = position - self.mean
-        return float(difference @ np.linalg.lstsq(self.covariance, difference, rcond=None)[0])
-
     def deviation(self, common: Array | None = None) -> Array:
         """Return the standard deviations (p,), with a covariance that all files have in common added."""
         total = self.covariance if common is None else self.covariance + common

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dovetail.errors import Fault, ParameterError
 from dovetail.monitoring.alarm import Detector, Moments, file_probability, log_evidence
 from dovetail.monitoring.estimate import FileEstimate, KeptFile, estimate
-from dovetail.monitoring.kalman import NEARBY_VARIANCE, Belief, LinearMeasurement, RandomWalk, learn_walk
+from dovetail.monitoring.kalman import NEARBY_VARIANCE, Belief, RandomWalk, learn_walk
 from dovetail.monitoring.reference import Reference
 from dovetail.monitoring.residual_level import MeanResidual
 from dovetail.problem.observations import Observations
@@ -28,10 +28,10 @@ class Settings:
     """Step of a random walk, in fractions of the range, before it is learned."""
     unsettled: float = 0.2
     """Part of the first files whose deviations are not used, since the parameters are hardly known before them."""
-    rounds: int = 8
-    """How often the first files are linearised, each time at the parameters that they determine together."""
     contradicted: float = 1e-3
     """Probability of so much better a fit with other constants, below which a change has changed these too."""
+    rounds: int = 2
+    """How often the first files are taken again while the random walk is learned."""
     spare: int = 5
     """Files more than unknown numbers that the covariance of the deviations needs."""
 
@@ -101,8 +101,6 @@ class State:
     detector : Detector
     learning : tuple of KeptFile
         The files so far, as long as the steps are learned.
-    levels : tuple of float
-        Their residual levels.
     """
 
     files: int
@@ -112,7 +110,6 @@ class State:
     moments: Moments
     detector: Detector
     learning: tuple[KeptFile, ...] = ()
-    levels: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,6 +145,25 @@ class Step:
     alarm: bool
     change: Array
     change_deviation: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """A file next to its prediction.
+
+    Parameters
+    ----------
+    predicted : Belief
+    fresh : FileEstimate
+    level : float
+    deviation : (d,) array
+        From the prediction, in its standard deviations, and the level.
+    """
+
+    predicted: Belief
+    fresh: FileEstimate
+    level: float
+    deviation: Array
 
 
 class Tracker:
@@ -188,131 +204,87 @@ class Tracker:
     def step(self, state: State, observations: Observations, covariates: dict[str, float]) -> Step:
         """Take one more file."""
         offset = self.reference.offset(covariates)
-        predicted = state.walk.predict(state.belief)
-        fresh = estimate(self._model, observations, predicted, offset)
-        measurement = fresh.measurement.shifted(offset)
-        level = state.residual.level(fresh.residuals, self._noise(fresh))
+        seen = self._see(state, observations, offset)
+        after = replace(
+            state,
+            files=state.files + 1,
+            belief=seen.fresh.belief,
+            residual=state.residual.with_file(seen.fresh.residuals),
+        )
         if state.files < self.options.reference:
-            kept = KeptFile.of(observations, fresh, offset)
-            return self._learn(state, predicted, measurement, fresh, level, kept)
-        innovation, factor = measurement.innovation(predicted, state.walk.noise_scale)
-        deviation = np.append(scipy.linalg.solve_triangular(factor, innovation, lower=True), level)
-        statistic = state.moments.studentise(deviation)
+            after = replace(after, learning=(*state.learning, KeptFile.of(observations, seen.fresh, offset)))
+            if after.files == self.options.reference:
+                after = self._learned(after)
+            return self._made(state, after, seen, offset)
+        statistic = state.moments.studentise(seen.deviation)
         detector = state.detector.with_file(log_evidence(*statistic))
         alarm = detector.evidence >= 1.0 / self.options.false_alarms
-        belief = measurement.update(predicted, state.walk.noise_scale)
-        residual = state.residual.with_file(fresh.residuals)
-        moments = state.moments
         if alarm:
-            belief, latest = self._anew(state, predicted, observations, offset)
-            level = state.residual.level(latest.residuals, self._noise(latest))
+            latest = self._anew(state, seen.predicted, observations, offset)
+            seen = replace(seen, level=state.residual.level(latest.residuals, self._noise(latest)))
             residual = MeanResidual.none(len(latest.residuals)).with_file(latest.residuals)
+            after = replace(after, belief=latest.belief, residual=residual, detector=Detector.new())
         else:
-            moments = moments.with_file(deviation)
-        after = replace(
-            state,
-            files=state.files + 1,
-            belief=belief,
-            residual=residual,
-            moments=moments,
-            detector=Detector.new() if alarm else detector,
-        )
+            after = replace(after, moments=state.moments.with_file(seen.deviation), detector=detector)
+        made = self._made(state, after, seen, offset)
         probability = file_probability(*statistic)
-        return self._made(after, state.moments, predicted, offset, level, probability, detector.evidence, alarm=alarm)
+        return replace(made, probability=probability, evidence=detector.evidence, alarm=alarm)
 
-    def _learn(
-        self,
-        state: State,
-        predicted: Belief,
-        measurement: LinearMeasurement,
-        fresh: FileEstimate,
-        level: float,
-        kept: KeptFile,
-    ) -> Step:
-        """Take one of the first files; after the last one, learn the steps and the usual deviations."""
-        after = replace(
-            state,
-            files=state.files + 1,
-            belief=measurement.update(predicted, state.walk.noise_scale),
-            residual=state.residual.with_file(fresh.residuals),
-            learning=(*state.learning, kept),
-            levels=(*state.levels, level),
-        )
-        if after.files == self.options.reference:
-            after = self._learned(after)
-        return self._made(after, state.moments, predicted, kept.offset, level, None, 0.0, alarm=False)
+    def _see(self, state: State, observations: Observations, offset: Array) -> _Seen:
+        """Compare a file with its prediction."""
+        predicted = state.walk.predict(state.belief)
+        fresh = estimate(self._model, observations, predicted, offset, state.walk.noise_scale)
+        level = state.residual.level(fresh.residuals, self._noise(fresh))
+        innovation, factor = fresh.measurement.innovation(predicted, state.walk.noise_scale)
+        whitened = scipy.linalg.solve_triangular(factor, innovation, lower=True)
+        return _Seen(predicted, fresh, level, np.append(whitened, level))
 
     def _learned(self, state: State) -> State:
-        """Return the state with the steps and the usual deviations of the first files, all linearised at one point."""
-        start = Belief.about(self.reference.start)
-        files = self._relinearised(start, state)
-        walk = learn_walk(start, files, state.walk)
-        belief = state.belief
-        moments, unsettled = state.moments, int(_SETTINGS.unsettled * len(files))
-        followed = walk.follow(start, files)
-        for number, (level, (innovation, factor, after)) in enumerate(zip(state.levels, followed, strict=True)):
-            belief = after
-            if number >= unsettled:
-                whitened = scipy.linalg.solve_triangular(factor, innovation, lower=True)
-                moments = moments.with_file(np.append(whitened, level))
-        return replace(state, walk=walk, belief=belief, moments=moments, learning=(), levels=())
+        """Return the state with the steps and the usual deviations of the first files, which are taken once more."""
+        kept, walk, seen = state.learning, state.walk, list[_Seen]()
+        files = [each.observations(self._model) for each in kept]
+        for last in (False,) * _SETTINGS.rounds + (True,):
+            after, seen = replace(self.start(), walk=walk), []
+            for observations, each in zip(files, kept, strict=True):
+                seen.append(self._see(after, observations, each.offset))
+                residual = after.residual.with_file(seen[-1].fresh.residuals)
+                after = replace(after, belief=seen[-1].fresh.belief, residual=residual)
+            if not last:
+                walk = learn_walk(self.start().belief, [one.fresh.measurement for one in seen], walk)
+        moments = state.moments
+        for one in seen[int(_SETTINGS.unsettled * len(seen)) :]:
+            moments = moments.with_file(one.deviation)
+        return replace(after, files=state.files, moments=moments)
 
-    def _relinearised(self, start: Belief, state: State) -> list[LinearMeasurement]:
-        """Return the first files, linearised at the parameters that they determine together."""
-        mean, best, least = state.belief.mean, state.belief.mean, np.inf
-        files = list[LinearMeasurement]()
-        for _ in range(_SETTINGS.rounds):
-            tried = [kept.linearise(self._model, mean) for kept in state.learning]
-            squares = sum(file.squares for file in tried) + start.pull(mean)
-            if squares > least:
-                mean = (mean + best) / 2.0
-                continue
-            files, best, least = tried, mean, squares
-            *_, (_, _, last) = state.walk.follow(start, files)
-            mean = last.mean
-        return files
-
-    def _anew(
-        self, state: State, predicted: Belief, observations: Observations, offset: Array
-    ) -> tuple[Belief, FileEstimate]:
+    def _anew(self, state: State, predicted: Belief, observations: Observations, offset: Array) -> FileEstimate:
         """Return what the file that raised an alarm says by itself: the level from which the next is predicted.
 
         Constant parameters keep their values unless the file contradicts them.
         """
         constant = ~(self._model.is_free | (state.walk.step > 0.0))
-        wide = self._reopened(predicted, ~constant)
-        fresh = estimate(self._model, observations, wide, offset)
+        scale = state.walk.noise_scale
+        fresh = estimate(self._model, observations, self._reopened(predicted, ~constant), offset, scale)
         if constant.any():
             everything = self._reopened(predicted, np.ones_like(constant))
-            freer = estimate(self._model, observations, everything, offset)
+            freer = estimate(self._model, observations, everything, offset, scale)
             gain = fresh.measurement.squares - freer.measurement.squares
             if gain > scipy.stats.chi2.isf(_SETTINGS.contradicted, np.count_nonzero(constant)):
-                fresh, wide = freer, everything
-        belief = fresh.measurement.shifted(offset).update(wide, state.walk.noise_scale)
-        return belief, fresh
+                return freer
+        return fresh
 
     def _reopened(self, predicted: Belief, changed: NDArray[np.bool_]) -> Belief:
         """Return a prediction in which some parameters may have changed much."""
         return predicted.reset(changed & ~self._model.is_free, NEARBY_VARIANCE)
 
-    def _made(
-        self,
-        state: State,
-        before: Moments,
-        predicted: Belief,
-        offset: Array,
-        level: float,
-        probability: float | None,
-        evidence: float,
-        *,
-        alarm: bool,
-    ) -> Step:
-        belief = Belief(np.clip(state.belief.mean + offset, 0.0, 1.0), state.belief.covariance)
-        change = state.belief.mean - predicted.mean
-        deviation = np.sqrt(np.diag(state.belief.covariance) + np.diag(predicted.covariance))
-        mean, spread = before.mean[-1], np.sqrt(before.scatter[-1, -1] / max(before.count - 1, 1))
-        unusual = float((level - mean) / spread) if probability is not None and spread > 0.0 else 0.0
-        return Step(state, belief, level, unusual, probability, evidence, alarm, change, deviation)
+    def _made(self, before: State, after: State, seen: _Seen, offset: Array) -> Step:
+        """Return a step without an alarm."""
+        belief = Belief(np.clip(after.belief.mean + offset, 0.0, 1.0), after.belief.covariance)
+        change = after.belief.mean - seen.predicted.mean
+        deviation = np.sqrt(np.diag(after.belief.covariance) + np.diag(seen.predicted.covariance))
+        moments = before.moments
+        spread = float(np.sqrt(moments.scatter[-1, -1] / max(moments.count - 1, 1)))
+        unusual = float(seen.level - moments.mean[-1]) / spread if spread > 0.0 else 0.0
+        return Step(after, belief, seen.level, unusual, None, 0.0, False, change, deviation)
 
     def _noise(self, fresh: FileEstimate) -> Array:
         """Return the variance of each residual (m,) by the file's random error, over that of the first measurement."""
@@ -336,5 +308,4 @@ def state_from(plain: dict[str, Any]) -> State:
         Moments(**plain["moments"]),
         Detector(**plain["detector"]),
         tuple(KeptFile(**one) for one in plain["learning"]),
-        tuple(map(float, plain["levels"])),
     )
