@@ -38,11 +38,12 @@ def series(
     roles: Mapping[str, Role],
     noise: float,
     covariates: Sequence[float] = (),
+    seed: int = 0,
 ) -> tuple[SeriesDescription, tuple[FittedTest, ...]]:
     """Return a series with a test for each true parameter vector, and its fitted tests; the models are exact."""
     levels = covariates or [float(number) for number in range(len(truths))]
     tests = tuple(SeriesTest(f"T{n}", assembly, (), {"level": level}) for n, level in enumerate(levels))
     described = SeriesDescription("mounts", tests, {"level": Covariate("level", "1")}, roles)
-    frfs = [measured(assembly, theta, noise, seed) for seed, theta in enumerate(truths)]
+    frfs = [measured(assembly, theta, noise, seed + number) for number, theta in enumerate(truths)]
     fitted = tuple(fit_test(test, [frf], 0, 0.0) for test, frf in zip(tests, frfs, strict=True))
     return described, fitted

@@ -10,7 +10,7 @@ import typer
 from dovetail.cli.commands import exit_unless_trustworthy, say_warning
 from dovetail.cli.options import AsJson, Overwrite, PluginFiles
 from dovetail.cli.output_files import FrfFiles, check_frf_files, check_new_files
-from dovetail.cli.series import Samples, Seed, SeriesFile
+from dovetail.cli.series import ModelErrorOfTests, Samples, Seed, SeriesFile
 from dovetail.cli.terminal import heading, note, print_json, progress_bars, say, table, title
 from dovetail.errors import Fault, ParameterError
 
@@ -35,14 +35,7 @@ def predict_series(
     leave_one_out: Annotated[
         bool, typer.Option("--leave-one-out", help="Predict each test of the series from all others instead.")
     ] = False,
-    model_error: Annotated[
-        float | None,
-        typer.Option(
-            metavar="PART",
-            min=0.0,
-            help="Relative error of natural frequencies that the models are allowed; what each test shows by default.",
-        ),
-    ] = None,
+    model_error: ModelErrorOfTests = None,
     samples: Samples = 400,
     seed: Seed = None,
     output: FrfFiles = None,

@@ -20,6 +20,15 @@ if TYPE_CHECKING:
 SeriesFile = Annotated[Path, typer.Argument(metavar="SERIES", help="The description of a series of tests (YAML).")]
 Samples = Annotated[int, typer.Option(metavar="N", min=20, help="Number of posterior samples.")]
 Seed = Annotated[int | None, typer.Option(metavar="N", min=0, help="Seed; that of the description by default.")]
+ModelErrorOfTests = Annotated[
+    float | None,
+    typer.Option(
+        "--model-error",
+        metavar="PART",
+        min=0.0,
+        help="Relative error of natural frequencies that the models are allowed; what each test shows by default.",
+    ),
+]
 _FILES = ("result.json", "unknowns.csv", "tests.csv", "parameters.png")
 
 
@@ -29,6 +38,7 @@ def identify_series(
         str, typer.Option("--method", metavar="METHOD", help="posterior, or refined (least squares alone).")
     ] = "posterior",
     samples: Samples = 400,
+    model_error: ModelErrorOfTests = None,
     seed: Seed = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for tables and figures.")
@@ -53,7 +63,7 @@ def identify_series(
     prepare_folder(output, _FILES, _FILES[0])
     with progress_bars() as progress:
         result = dovetail.identify_series(
-            series, chosen, samples=samples, seed=seed, plugins=plugin or (), progress=progress
+            series, chosen, samples=samples, model_error=model_error, seed=seed, plugins=plugin or (), progress=progress
         )
     with writing(output, lambda folder: _write(result, folder), _FILES[0]):
         if as_json:
