@@ -21,6 +21,8 @@ LONG = (
     "identify {sdof} {measured}",
     "identify {sdof} {measured} {measured}",
     "identify-series {assemblies}/series/torques.yaml",
+    "predict-series {assemblies}/series/torques.yaml --at torque=70Nm",
+    "compare-models {sdof} {measured} --joints spring_damper,rigid",
     "watch {assemblies}/series/mornings.yaml {assemblies}/series -o {out}/watch",
     "train {sdof} -o {out}/model",
     "generate {sdof} -o {out}/data.zarr",

@@ -119,8 +119,8 @@ def test_help_lists_every_command(shell):
     assert listed == {
         "Describe an assembly": ["new-assembly", "check", "describe", "simulate", "explore", "schema"],
         "Measure": ["plot", "convert", "frf", "plan", "spindle"],
-        "Identify a joint": ["identify", "identify-series", "train", "generate", "merge"],
-        "Use the result": ["predict", "watch"],
+        "Identify a joint": ["identify", "identify-series", "compare-models", "train", "generate", "merge"],
+        "Use the result": ["predict", "watch", "predict-series"],
         "Extend": ["plugins", "new-plugin", "check-plugin"],
         "Evaluate": ["calibrate", "compare", "robustness", "study", "validate"],
     }

@@ -48,6 +48,10 @@ ARGUMENTS = {
     "convert": ("{measured}", "{target}"),
     "frf": ("{hits}", "-o", "{target}"),
     "predict": ("{description}", "{result}", "-o", "{target}"),
+    "predict-series": (
+        *("{series}", "--at", "torque=70Nm", "--samples", "20", "--model-error", "0"),
+        *("-o", "{target}"),
+    ),
     "simulate": ("{description}", "-o", "{target}"),
 }
 """Commands that write an FRF, each with its arguments."""
@@ -66,6 +70,7 @@ def files(run, assemblies, tmp_path_factory):
     response = np.exp(-20 * time) * np.sin(2 * np.pi * 200 * time)
     np.savez(folder / "hits.npz", force=pulse, response=response, rate=2048.0)
     names = {"description": description, "measured": measured, "result": result, "hits": folder / "hits.npz"}
+    names["series"] = assemblies / "series" / "torques.yaml"
     return {name: str(path) for name, path in names.items()} | {"plugin": str(folder / "triplets.py")}
 
 

@@ -48,7 +48,7 @@ _PANELS = {
     "Use the result": {
         "predict:predict": "Predict the FRF of another assembly.",
         "watch:watch": "Watch a folder: identify each new measurement, and report changes.",
-        "predict_series:predict_series": "Predict an FRF between or beyond the tests of a series.",
+        "predict_series:predict_series": "Predict the FRF of a test that a series does not contain.",
     },
     "Extend": {
         "components:plugins": "List the available models.",

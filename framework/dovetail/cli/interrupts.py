@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from dovetail.cli.terminal import note
+from dovetail.cli.terminal import note_from_handler
 
 if TYPE_CHECKING:
     from types import FrameType
@@ -31,7 +31,7 @@ def stopped_by_interrupt(limit: TimeLimit) -> Iterator[None]:
     def stop(_number: int, _frame: FrameType | None) -> None:
         signal.signal(signal.SIGINT, before)
         limit.stop()
-        note("\nStopping with what there is. Ctrl-C again ends at once.")
+        note_from_handler("\nStopping with what there is. Ctrl-C again ends at once.\n")
 
     signal.signal(signal.SIGINT, stop)
     try:

@@ -10,7 +10,7 @@ import sys
 import textwrap
 import threading
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from typing import TYPE_CHECKING, Any, Protocol
 
 import typer
@@ -137,6 +137,13 @@ def note(text: str) -> None:
     """Print a note on stderr, unless -q was given."""
     if not _chosen["_quiet"]:
         say_on_stderr(text)
+
+
+def note_from_handler(text: str) -> None:
+    """Print a note on stderr from a signal handler, which may interrupt the code that fills the buffer of stderr."""
+    if not _chosen["_quiet"]:
+        with suppress(OSError, ValueError):  # stderr is closed, or not a file
+            os.write(sys.stderr.fileno(), text.encode())
 
 
 @room()

@@ -100,6 +100,8 @@ def check_other_axes(
     ------
     MeasurementError
     """
+    if not np.isfinite(frequency).all():
+        return  # refused where frequencies are checked
     folder = re.match(r"(?:.*[/.])?", fields["frequency"])
     prefix = folder[0] if folder else ""
     steps = np.diff(frequency)
