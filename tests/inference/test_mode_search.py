@@ -20,8 +20,13 @@ def places(cost, position=None):
 
 def ended(course, worth, steps_left, position=None):
     """Which searches end when the costs of several steps are shown one after the other."""
-    race = _Race(worth)
-    return [race(places(cost, position), steps_left).tolist() for cost in course]
+    return raced(_Race(worth), course, steps_left, position)
+
+
+def raced(race, course, steps_left, position=None):
+    """The same for a race that may have seen other searches; so many steps are left at the end."""
+    left = range(steps_left + len(course) - 1, steps_left - 1, -1)
+    return [race(places(cost, position), steps).tolist() for cost, steps in zip(course, left, strict=True)]
 
 
 @pytest.mark.parametrize(
@@ -56,3 +61,10 @@ def test_ends_are_compared_with_the_lowest_at_their_place():
     minima = places([3.0, 1.0, 2.0, 9.0], [0.0, 0.09, 0.18, 0.5])
     assert _are_different(minima).tolist() == [False, True, False, True]
     assert _are_different(places([3.0, 1.0, 2.0], [0.0, 0.09, 0.2])).tolist() == [False, True, True]
+
+
+def test_the_pace_of_a_group_of_searches_is_not_measured_from_the_group_before():
+    race, slow = _Race(400.0), [[5.0, 5.1]] * (PACE - 3)
+    raced(race, slow, 3, [0.0, 1.0])
+    course = [[5.0, 10_005.0]] * (PACE - 1) + [[5.0, 4005.0]]
+    assert raced(race, course, 40)[-1] == [False, False]

@@ -226,12 +226,13 @@ class _Race:
     """
 
     def __init__(self, worth: float) -> None:
-        self._worth, self._steps, self._earlier = worth, 0, np.empty(0)
+        self._worth, self._earlier = worth, np.empty(0)
+        self._steps = self._left = 0
 
     def __call__(self, minima: Minima, steps_left: int) -> NDArray[np.bool_]:
-        self._steps = self._steps + 1 if len(self._earlier) == len(minima.cost) else 1
-        if self._steps == 1:
-            self._earlier = minima.cost.copy()
+        if steps_left >= self._left:  # another group of searches begins
+            self._steps, self._earlier = 0, minima.cost.copy()
+        self._steps, self._left = self._steps + 1, steps_left
         if self._steps % _SETTINGS.pace:
             return np.zeros(len(minima.cost), dtype=np.bool_)
         finite = np.isfinite(minima.cost)  # others have ended
