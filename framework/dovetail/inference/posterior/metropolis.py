@@ -136,26 +136,29 @@ class _Kind:
     chains : Chains
     steps : callable
         Takes some steps and returns their cost.
+
+    Attributes
+    ----------
+    decay : (d,) array
+        Of the logarithm of each coordinate's correlation with the starts.
+    cost : float
     """
 
     def __init__(self, chains: Chains, steps: Callable[[], float]) -> None:
         self._chains, self._steps = chains, steps
-        self._decays, self._costs = list[NDArray[np.float64]](), list[float]()
+        self.decay, self.cost = np.zeros(chains.z.shape[1]), 0.0
 
-    def take(self) -> tuple[NDArray[np.float64], float]:
-        """Take steps; return the decay of the logarithm of each coordinate's correlation (d,), and the cost."""
+    def take(self) -> None:
+        """Take steps, and add how far they have moved each coordinate."""
         before = self._chains.z.copy()
-        cost = self._steps()
+        self.cost += self._steps()
         jumps = np.mean((self._chains.z - before) ** 2, axis=0)
         variance = np.maximum(np.maximum(before.var(axis=0), self._chains.z.var(axis=0)), np.finfo(float).tiny)
-        decay = -np.log1p(-np.minimum(jumps / (2.0 * variance), _SETTINGS.largest_jump))
-        self._decays.append(decay)
-        self._costs.append(cost)
-        return decay, cost
+        self.decay -= np.log1p(-np.minimum(jumps / (2.0 * variance), _SETTINGS.largest_jump))
 
     def rate(self, column: int) -> float:
         """Return the mean decay of a coordinate's correlation for the cost."""
-        return float(np.sum(self._decays, axis=0)[column] / np.sum(self._costs))
+        return float(self.decay[column] / self.cost)
 
 
 def decorrelate(
@@ -180,8 +183,8 @@ def decorrelate(
             limit.leave_out("steps that make samples independent")
             break
         kind = untried.pop(0) if untried else max(kinds, key=partial(_Kind.rate, column=slowest))
-        decay, cost = kind.take()
-        decayed, spent = decayed + decay, spent + cost
+        kind.take()
+        decayed, spent = np.sum([each.decay for each in kinds], axis=0), sum(each.cost for each in kinds)
         chains.correlation = float(np.exp(-decayed.min()))
         progress("independence", int(100 * min(1.0, max(decayed.min() / goal, spent / _SETTINGS.most_cost))), 100)
     return chains
