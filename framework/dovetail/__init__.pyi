@@ -2,6 +2,7 @@
 # loads each name when it is first used (Scientific Python's SPEC 1).
 
 from .assembly import Assembly as Assembly
+from .assembly import CallableModel as CallableModel
 from .assembly import find_doubts as find_doubts
 from .assembly import find_omissions as find_omissions
 from .assembly import load as load
@@ -45,15 +46,20 @@ from .identification import IdentifiedParameter as IdentifiedParameter
 from .identification import Identifier as Identifier
 from .identification import Mode as Mode
 from .identification import ModelError as ModelError
+from .identification import Modes as Modes
 from .identification import ParameterMetrics as ParameterMetrics
 from .identification import Posterior as Posterior
 from .identification import PredictedBand as PredictedBand
 from .identification import TableRow as TableRow
 from .identification import Verdict as Verdict
+from .identification import damping_ratios as damping_ratios
 from .identification import identify as identify
 from .identification import identify_many as identify_many
 from .identification import load_model as load_model
 from .identification import load_result as load_result
+from .identification import mode_shapes as mode_shapes
+from .identification import modes as modes
+from .identification import natural_frequencies as natural_frequencies
 from .identification import predict as predict
 from .identification import predict_band as predict_band
 from .identification import train as train

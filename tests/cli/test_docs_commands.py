@@ -140,14 +140,15 @@ def test_the_script_and_the_commands_of_the_page_on_python(tmp_path, type_line, 
     """By default with fewer measurements and samples, and a network that learns sooner; the script in this process."""
 
     def typed(line: str) -> str:
-        if line == "python study.py":
-            return str(runpy.run_path("study.py")["result"])
+        if line.startswith("python "):
+            return str(runpy.run_path(line.removeprefix("python "))["result"])
         return type_line(line)
 
-    assert run_page("python.md", tmp_path, typed, smaller) == 8
+    assert run_page("python.md", tmp_path, typed, smaller) == 10
     text = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
-    (script,) = re.findall(r"^```python\n(.*?)^```", text, flags=re.S | re.M)
+    script, *short = re.findall(r"^```python\n(.*?)^```", text, flags=re.S | re.M)
     assert len(script.splitlines()) <= 45
+    assert all(len(example.splitlines()) <= 25 for example in short)
     assert len(list((tmp_path / "measured").iterdir())) == measurements
     with (tmp_path / "results_by_command" / "parameters.csv").open() as stream:
         rows = list(csv.DictReader(stream))

@@ -8,7 +8,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dovetail.assembly.parameters import ResponseFrfs, Theta
+from dovetail.assembly.parameters import ResponseFrfs
+from dovetail.assembly.theta import Theta
 from dovetail.description.checked import Description
 from dovetail.interfaces import Parameter
 

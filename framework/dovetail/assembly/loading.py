@@ -64,5 +64,11 @@ def as_assembly(source: AssemblySource) -> Assembly:
         return source
     if isinstance(source, (str, os.PathLike)):
         return load(source)
+    if callable(source):
+        problem = "this is a function."
+        remedy = (
+            "Wrap it with the parameters and the frequencies: dovetail.CallableModel(function, parameters, frequency)."
+        )
+        raise ParameterError(Fault("assembly", problem, remedy=remedy))
     problem = f"this is an object of the type {type(source).__name__}."
     raise ParameterError(Fault("assembly", problem, "an Assembly, or the path of its description"))

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dovetail.assembly.frf_model import FrfModel
-from dovetail.assembly.parameters import AffineMap, ParameterSpace, ResponseFrfs, Theta, points_and_pairs
+from dovetail.assembly.parameters import AffineMap, ParameterSpace, ResponseFrfs, points_and_pairs
 from dovetail.assembly.structure import entries_at_response, graph_between, graph_of
+from dovetail.assembly.theta import Theta
 from dovetail.assembly.vibration_modes import SeenPoles, VibrationMode, natural_frequencies
 from dovetail.description.checked import Description, Response
 from dovetail.description.joints import find_point
@@ -45,6 +46,9 @@ class Assembly:
     further_frequencies : sequence of (n_freq,) arrays, optional
         Hz; those of each response after the first, if they are others than the description's; see `on`.
     """
+
+    has_parts = True
+    """Whether the description's parts are what is computed."""
 
     def __init__(
         self,
@@ -197,9 +201,9 @@ class Assembly:
 
         Parameters
         ----------
-        theta : (n_params,) or (n, n_params) array, or mapping of names to values, optional
+        theta : (n_params,) or (n, n_params) array, mapping of names to values, or result, optional
             In SI; the values of a mapping may be texts with units. The middle of the ranges by default, and for
-            parameters that a mapping does not name.
+            parameters that a mapping does not name. An `Identification`, or its ``parameters``, which must be complete.
 
         Returns
         -------
@@ -253,11 +257,7 @@ class Assembly:
         return (values[0], jacobian[0].T) if single else (values, np.swapaxes(jacobian, 1, 2))
 
     def accelerance_amplitude(self, theta: Theta = None) -> NDArray[np.float32]:
-        """Amplitude of the accelerance in single precision, for all responses.
-
-        Parameters
-        ----------
-        theta : as in `frf`
+        """Amplitude of the accelerance in single precision, for all responses, at `theta` as in `frf`.
 
         Returns
         -------
@@ -276,7 +276,7 @@ class Assembly:
 
         Parameters
         ----------
-        theta : (n_params,) array or mapping of names to values, or None
+        theta : as in `frf`, without batches
         outputs, inputs : sequences of (substructure, position [m], "x" or "rz")
 
         Returns
@@ -313,7 +313,7 @@ class Assembly:
         return frequencies[0] if single else frequencies
 
     def modes(self, theta: Theta = None, count: int = 3) -> tuple[VibrationMode, ...]:
-        """Lowest modes of one parameter vector, as `natural_frequencies`, with damping ratios and shapes."""
+        """Lowest modes of one parameter vector, with damping ratios and shapes, as `natural_frequencies`."""
         return self._poles.modes(self.by_joint(self.vector(theta)[None]), count)
 
     @cached_property

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dovetail.assembly.model import Assembly
-from dovetail.assembly.parameters import Theta
+from dovetail.assembly.theta import Theta
 from dovetail.assembly.vibration_modes import VibrationMode
 from dovetail.errors import DovetailError
 

@@ -6,24 +6,20 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from dovetail.assembly.measurement_chain import Chain
+from dovetail.assembly.theta import HoldsParameters, IdentifiedValue, Theta, are_identified, si_value
 from dovetail.description.checked import ParameterEntry, Response, Tie, resolve
 from dovetail.errors import Fault, ParameterError, UnitError, did_you_mean, listing
 from dovetail.frf import conversion
 from dovetail.interfaces import Parameter
 from dovetail.interfaces.joint import Prior, RangeMap, Scale
 from dovetail.synthesis import Engine, FrfSource, Point
-from dovetail.units import format_quantity, to_si
-
-Theta: TypeAlias = ArrayLike | Mapping[str, float | str] | None
-"""Parameter values: a vector, a batch, a mapping of names to values (SI, or texts with units), or None.
-
-Parameters that a mapping does not name take the middle of their ranges, and so do all of them for None."""
+from dovetail.units import format_quantity
 
 
 class ParameterMap(ABC):
@@ -234,8 +230,10 @@ class ParameterSpace:
         Raises
         ------
         ParameterError
-            Wrong shape, unknown names, values that are not finite.
+            Wrong shape, unknown names, other units, values that are not finite; a result that lacks parameters.
         """
+        if not isinstance(theta, np.ndarray) and isinstance(theta, HoldsParameters):
+            theta = theta.parameters
         if theta is None:
             return self.nominal[None, :], True
         if isinstance(theta, Mapping):
@@ -257,18 +255,26 @@ class ParameterSpace:
             raise ParameterError(Fault("theta", f"{self.names[column]} of vector {sample} is not finite."))
         return np.atleast_2d(values), values.ndim == 1
 
-    def _from_mapping(self, theta: Mapping[str, float | str]) -> NDArray[np.float64]:
+    def _from_mapping(self, theta: Mapping[str, object]) -> NDArray[np.float64]:
         faults, values = [], {}
         units = {parameter.name: parameter.unit for parameter in self.parameters}
         for key, value in theta.items():
-            name = self._aliases.get(key, key)
+            with_owner = f"{value.joint}.{key}" if isinstance(value, IdentifiedValue) else key
+            name = self._aliases.get(key, self._aliases.get(with_owner, key))
             if name not in units:
                 faults.append(self._unknown(key))
                 continue
             try:
-                values[name] = to_si(value.item() if isinstance(value, np.generic) else value, units[name])
+                values[name] = si_value(value, units[name])
             except UnitError as error:
                 faults.append(Fault(f"parameter {key}", error.faults[0].problem))
+        missing = [name for name in self.names if name not in values] if are_identified(theta) else []
+        if missing and not faults:
+            problem = f"the identified parameters lack {listing(missing)}."
+            remedy = (
+                "For a joint in another assembly use 'dovetail.predict'; values by name leave others in the middle."
+            )
+            faults.append(Fault("theta", problem, listing(self.names, 20), remedy))
         if faults:
             raise ParameterError(*faults)
         nominal = zip(self.names, self.nominal.tolist(), strict=True)

@@ -10,7 +10,7 @@ from dovetail.assembly.doubts import find_doubts
 from dovetail.assembly.model import Assembly
 from dovetail.assembly.natural_frequencies import modes_in_band
 from dovetail.assembly.omissions import find_omissions
-from dovetail.assembly.parameters import Theta
+from dovetail.assembly.theta import Theta
 from dovetail.description import Place, Response
 
 _MOST = 10

@@ -3,6 +3,7 @@
 from dovetail.identification.batch import Batch, identify_many
 from dovetail.identification.identifier import Identifier, load_model, train
 from dovetail.identification.identify import identify
+from dovetail.identification.modal_estimates import Modes, damping_ratios, mode_shapes, modes, natural_frequencies
 from dovetail.identification.parameters import IdentifiedParameter, TableRow
 from dovetail.identification.prediction import PredictedBand, predict, predict_band
 from dovetail.identification.result import Identification, Mode
@@ -25,15 +26,20 @@ __all__ = [
     "Identifier",
     "Mode",
     "ModelError",
+    "Modes",
     "ParameterMetrics",
     "Posterior",
     "PredictedBand",
     "TableRow",
     "Verdict",
+    "damping_ratios",
     "identify",
     "identify_many",
     "load_model",
     "load_result",
+    "mode_shapes",
+    "modes",
+    "natural_frequencies",
     "predict",
     "predict_band",
     "train",

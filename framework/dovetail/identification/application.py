@@ -151,7 +151,7 @@ class Application:
 
     def _with_causes(self, result: Identification, judgement: Judgement) -> Identification:
         """Add the causes of a misfit, compared with the coherence of the result."""
-        if result.adequacy is None:
+        if result.adequacy is None or not judgement.problem.assembly.has_parts:
             return result
         adequacy = judgement.with_causes(result.adequacy, self.judgement, self.progress)
         if not adequacy.causes:

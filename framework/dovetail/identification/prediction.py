@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,15 +15,21 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly, AssemblySource, ParameterScales, as_assembly
 from dovetail.errors import Fault, ParameterError, UnitError, listing
 from dovetail.frf import Frf
+from dovetail.identification.parameters import IdentifiedParameter
 from dovetail.identification.result import Identification
 from dovetail.identification.result_file import load_result
-from dovetail.inference.posterior import LEVEL, ModelError, error_shapes
+from dovetail.inference.posterior import LEVEL, ModelError, Posterior, error_shapes
 from dovetail.inference.posterior.likelihood import normal_from_unit, unit_from_normal
 from dovetail.inference.posterior.verdicts import ends_of
 from dovetail.units import to_si
 
+_Number = TypeVar("_Number", np.float64, np.complex128)
 
-def predict(assembly: AssemblySource, result: Identification | str | Path | Mapping[str, float | str]) -> Frf:
+Joint: TypeAlias = Identification | Mapping[str, float | str] | Mapping[str, IdentifiedParameter]
+"""An identified joint: the result, its parameters, or values by name."""
+
+
+def predict(assembly: AssemblySource, result: Joint | str | Path) -> Frf:
     """Predict the FRF of an assembly with a joint that was identified in another.
 
     Parameters
@@ -32,8 +38,8 @@ def predict(assembly: AssemblySource, result: Identification | str | Path | Mapp
         Or its description; for example another tool in the same holder and joint. Parameters that its description fixes
         keep their values.
     result : Identification, path, or mapping of str to float or str
-        The identified joint, or where its result was written; or values by name, bare or as ``joint.parameter``:
-        numbers in SI, or texts with units.
+        The identified joint, or where its result was written; or its ``parameters``; or values by name, bare or as
+        ``joint.parameter``: numbers in SI, or texts with units.
 
     Returns
     -------
@@ -62,34 +68,34 @@ def predict(assembly: AssemblySource, result: Identification | str | Path | Mapp
     return predicted_frf(as_assembly(assembly), joint)
 
 
-def predicted_frf(assembly: Assembly, result: Identification | Mapping[str, float | str]) -> Frf:
+def predicted_frf(assembly: Assembly, result: Joint) -> Frf:
     """Return the same as `predict`, without a warning: the callers show the note of the FRF."""
     values, warning = joint_values(assembly, result), "" if isinstance(result, Mapping) else result.warning
     response, label = assembly.description.response, f"{assembly.name}, predicted"
-    frf = _with_signs(assembly, result).frf(values)
+    frf = with_signs_of(assembly, result).frf(values)
     return response.frf(assembly.frequency, frf, label=label, note=warning)
 
 
-def determined_signs(assembly: Assembly, result: Identification | Mapping[str, float | str]) -> dict[str, float]:
+def determined_signs(assembly: Assembly, result: Joint) -> dict[str, float]:
     """Return the signs, by response, that the measurement determined and that the description leaves unknown."""
     known = result if isinstance(result, Mapping) else result.known
     names = assembly.description.unknown_signs
     return {name: to_si(known[f"{name}.sign"], "1") for name in names if f"{name}.sign" in known}
 
 
-def _with_signs(assembly: Assembly, result: Identification | Mapping[str, float | str]) -> Assembly:
+def with_signs_of(assembly: Assembly, result: Joint) -> Assembly:
     """Return the assembly with the signs that were determined from the measurement, where its own are unknown."""
     signs = determined_signs(assembly, result)
     return assembly.with_description(assembly.description.with_signs(signs)) if signs else assembly
 
 
-def _warn(result: Identification | Mapping[str, float | str]) -> None:
+def _warn(result: Joint) -> None:
     """Warn whoever called the caller if the joint is not trustworthy."""
     if not isinstance(result, Mapping) and result.warning:
         warnings.warn(f"predicted from {result.measured.label}: {result.warning}", stacklevel=3)
 
 
-def joint_values(assembly: Assembly, result: Identification | Mapping[str, float | str]) -> dict[str, float]:
+def joint_values(assembly: Assembly, result: Joint) -> dict[str, float]:
     """Return the values of an identified joint for the identified parameters of another assembly.
 
     Parameters
@@ -139,9 +145,7 @@ def joint_values(assembly: Assembly, result: Identification | Mapping[str, float
     return matched
 
 
-def _changed_damping(
-    assembly: Assembly, result: Identification | Mapping[str, float | str], sources: Mapping[str, str | None]
-) -> list[Fault]:
+def _changed_damping(assembly: Assembly, result: Joint, sources: Mapping[str, str | None]) -> list[Fault]:
     """Return a fault for each joint whose structural damping is not the one with which it was identified.
 
     Parameters
@@ -166,7 +170,7 @@ def _changed_damping(
     return faults
 
 
-def _described_joints(result: Identification | Mapping[str, float | str]) -> dict[str, Any]:
+def _described_joints(result: Joint) -> dict[str, Any]:
     """Return the sections of the joints of the description with which a result was identified, by their names."""
     described = {} if isinstance(result, Mapping) else json.loads(result.provenance.get("description", "{}"))
     return described.get("joints") or {}
@@ -183,16 +187,15 @@ class _Value:
         return f"{self.joint}.{self.name}" if self.joint else self.name
 
 
-def _values(result: Identification | Mapping[str, float | str]) -> list[_Value]:
-    if isinstance(result, Mapping):
-        plain = {name: value.item() if isinstance(value, np.generic) else value for name, value in result.items()}
-        return [_Value(*_split_name(name), value) for name, value in plain.items()]
-    identified = [
-        _Value(*_split_name(name), value, p.unit)
-        for p in result.parameters.values()
-        for name, value in p.with_tied(p.value).items()
-    ]
-    return identified + [_Value(*_split_name(name), value) for name, value in result.known.items()]
+def _values(result: Joint) -> list[_Value]:
+    entries: Mapping[str, Any] = result if isinstance(result, Mapping) else {**result.parameters, **result.known}
+    values = []
+    for name, value in entries.items():
+        if isinstance(value, IdentifiedParameter):
+            values += [_Value(*_split_name(tied), at, value.unit) for tied, at in value.with_tied(value.value).items()]
+        else:
+            values.append(_Value(*_split_name(name), value.item() if isinstance(value, np.generic) else value))
+    return values
 
 
 def _split_name(name: str) -> tuple[str | None, str]:
@@ -211,10 +214,10 @@ def _match(values: list[_Value], joint: str, name: str, shared: bool) -> _Value 
 
 @dataclass(frozen=True)
 class Settings:
-    """How a band is computed."""
+    """How intervals of what is computed from a posterior are computed."""
 
     draws: int = 400
-    """Posterior samples whose FRFs are computed; enough for quantiles of 5 and 95 %."""
+    """Posterior samples that are drawn; enough for quantiles of 5 and 95 %."""
     step: float = 1e-4
     """Step of the normal coordinates for derivatives by central differences."""
 
@@ -286,16 +289,11 @@ def predicted_band(assembly: Assembly, result: Identification, level: float = LE
     """Return the same as `predict_band`, without a warning."""
     if not 0.0 < level < 1.0:
         raise ParameterError(Fault("level", f"{level:g} is not a probability.", "more than 0 and less than 1"))
-    posterior = result.posterior
-    if posterior is None:
+    if result.posterior is None:
         problem = f"the joint was identified by the method '{result.method}', which does not say how sure it is."
         raise ParameterError(Fault("result", problem, remedy="Identify it by the method 'posterior'."))
-    random = np.random.default_rng([seed, 3])
-    draws = random.choice(len(posterior.weight), _SETTINGS.draws, p=posterior.weight)
-    if posterior.mode is None:
-        values = _frfs(assembly, result, posterior.theta[draws])
-    else:
-        values = _linearised_frfs(assembly, result, posterior.fraction[draws], posterior.mode)
+    random, posterior, seen = np.random.default_rng([seed, 3]), result.posterior, with_signs_of(assembly, result)
+    values = drawn_values(posterior, result, lambda theta: seen.frf(theta_elsewhere(seen, result, theta)), random)
     predicted = predicted_frf(assembly, result)
     values = with_model_error(values, [predicted], posterior.model_error, random)
     lower, upper = np.quantile(np.abs(values), ends_of(level), axis=0)
@@ -323,25 +321,42 @@ def with_model_error(
     return np.asarray(values + model_error.other * np.abs(values) * scatter)
 
 
-def _frfs(assembly: Assembly, result: Identification, theta: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Return the FRFs (n, n_freq) of the assembly with samples (n, p) of the identified joint."""
-    assembly = _with_signs(assembly, result)
+def theta_elsewhere(assembly: Assembly, result: Identification, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return an assembly's parameters (n, n_params) for samples (n, p) of the identified joint."""
     samples: list[dict[str, float]] = []
     for row in theta.tolist():
         values = zip(result.parameters.values(), row, strict=True)
         samples.append({**result.known, **{k: v for p, at in values for k, v in p.with_tied(at).items()}})
-    return assembly.frf(np.stack([assembly.vector(joint_values(assembly, sample)) for sample in samples]))
+    return np.stack([assembly.vector(joint_values(assembly, sample)) for sample in samples])
 
 
-def _linearised_frfs(
-    assembly: Assembly, result: Identification, fraction: NDArray[np.float64], mode: NDArray[np.float64]
-) -> NDArray[np.complex128]:
-    """Return the FRFs (n, n_freq) of samples, linear in the normal coordinates about the posterior mode."""
+def drawn_values(
+    posterior: Posterior,
+    result: Identification,
+    function: Callable[[NDArray[np.float64]], NDArray[_Number]],
+    random: np.random.Generator,
+) -> NDArray[_Number]:
+    """Return a function's values (n, m) at samples of a posterior, drawn by their weights.
+
+    With the form "laplace" they are linear in the normal coordinates about the posterior mode.
+
+    Parameters
+    ----------
+    posterior : Posterior
+        That of `result`.
+    result : Identification
+    function : callable
+        Takes parameters (n, p) of the result, in SI, and returns values (n, m).
+    random : numpy.random.Generator
+    """
+    draws = random.choice(len(posterior.weight), _SETTINGS.draws, p=posterior.weight)
+    if posterior.mode is None:
+        return function(posterior.theta[draws])
     scales = ParameterScales([parameter.definition for parameter in result.parameters.values()])
-    centre = normal_from_unit(scales.to_unit(mode))
-    steps = _SETTINGS.step * np.eye(len(mode))
+    centre = normal_from_unit(scales.to_unit(posterior.mode))
+    steps = _SETTINGS.step * np.eye(len(centre))
     near = unit_from_normal(centre + np.concatenate([steps, -steps]))
-    theta = scales.from_unit(near)
-    ahead, behind = np.split(_frfs(assembly, result, theta), 2)
+    ahead, behind = np.split(function(scales.from_unit(near)), 2)
     jacobian = (ahead - behind) / (2.0 * _SETTINGS.step)
-    return np.asarray(_frfs(assembly, result, mode[np.newaxis]) + (normal_from_unit(fraction) - centre) @ jacobian)
+    moved = normal_from_unit(posterior.fraction[draws]) - centre
+    return np.asarray(function(posterior.mode[np.newaxis]) + moved @ jacobian)

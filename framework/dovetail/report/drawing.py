@@ -14,15 +14,15 @@ from dovetail.description import Description, Place
 from dovetail.errors import DovetailError, Fault, PluginError, listing
 from dovetail.interfaces import SubstructureModel, plugin_errors
 from dovetail.plain_text import terminal_text
-from dovetail.report.figures import INK, LINES, WIDTH, new_figure, set_title, style_axes
+from dovetail.report.figures import INK, LINES, WIDTH, figure_of, new_figure, set_title, style_axes, width_of
 from dovetail.synthesis import Attachment
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_ALONG, _LEAST, _MOST = WIDTH - 1.0, 0.9, 3.5
-"""Size in inches along the axis, and limits across it for all rows: thinner drawings are stretched, thicker reduced."""
+_LEAST, _MOST = 0.9, 3.5
+"""Limits in inches across the axis for all rows: thinner drawings are stretched, thicker reduced."""
 _STRETCHES = (1, 2, 3, 4, 5, 10, 20, 30, 50, 100)
 _SYMBOL, _GAP, _ARROW, _BESIDE, _LINE, _CHARACTER = 0.13, 0.5, 0.32, 0.07, 0.22, 0.085
 """Inches: half a box, gap between rows, arrow, distance of force and motion, line of text, width of a character."""
@@ -104,16 +104,17 @@ def drawing_text(assembly: Assembly) -> str:
     return f"Drawing of {assembly.name}. Parts: {described}. Joints: {'; '.join(joints) or 'none'}. Response: {at}."
 
 
-def assembly_figure(assembly: Assembly) -> Figure:
+def assembly_figure(assembly: Assembly, ax: Axes | None = None) -> Figure:
     """Draw an assembly as described in `dovetail.plot_assembly`."""
     description = assembly.description
     drawn = _parts(description)
     low, high = min(part.ends[0] for part in drawn.values()), max(part.ends[1] for part in drawn.values())
-    rows = _rows(drawn, 3.0 * _SYMBOL * ((high - low) or 1.0) / _ALONG)
+    room = max(width_of(ax) - 1.0, 1.0)
+    rows = _rows(drawn, 3.0 * _SYMBOL * ((high - low) or 1.0) / room)
     thick = [max((piece[2] for part in row for piece in part.pieces), default=0.0) for row in rows]
-    along = min(_ALONG / ((high - low) or 1.0), _MOST / (sum(thick) or 1.0))  # inches to a millimetre
+    along = min(room / ((high - low) or 1.0), _MOST / (sum(thick) or 1.0))  # inches to a millimetre
     stretch = next((s for s in _STRETCHES if not sum(thick) or s * along * sum(thick) >= _LEAST), _STRETCHES[-1])
-    page = _Page(along, along * stretch)
+    page = _Page(along, along * stretch, ax)
     for row, thickness in zip(rows, thick, strict=True):
         page.add_row(row, thickness / 2)
     for name, part in drawn.items():
@@ -125,7 +126,8 @@ def assembly_figure(assembly: Assembly) -> Figure:
         page.draw_arrow(drawn, response.force or response, f"force{called}", _FORCE, -_BESIDE)
         page.draw_arrow(drawn, response, f"{response.quantity}{called}", INK, _BESIDE)
     page.finish(low, high, f"Position, from the origin of {next(iter(drawn))} [mm]" if high > low else "")
-    set_title(page.figure, assembly.name, _note(drawn, stretch if any(thick) else 0, len(rows)))
+    above = page.figure if ax is None else ax
+    set_title(above, assembly.name, _note(drawn, stretch if any(thick) else 0, len(rows)))
     return page.figure
 
 
@@ -221,17 +223,24 @@ def mode_shapes(assembly: Assembly, theta: ArrayLike, count: int) -> list[dict[s
 
 @dataclass
 class _Page:
-    """Axes in millimetres, which grow downwards row by row; `along` and `across` are inches per millimetre."""
+    """Axes in millimetres, which grow downwards row by row; `along` and `across` are inches per millimetre.
+
+    They are `ax`, or those of a new figure.
+    """
 
     along: float
     across: float
+    ax: Axes | None = None
     floor: float = 0.0
     labels: list[_Label] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.figure = new_figure(1.0)
-        self.figure.set_layout_engine("compressed")  # axes of a given aspect take no more room than they need
-        self.axes: Axes = self.figure.subplots()
+        if self.ax is None:
+            self.figure = new_figure(1.0)
+            self.figure.set_layout_engine("compressed")  # axes of a given aspect take no more room than they need
+        else:
+            self.figure = figure_of(self.ax)
+        self.axes: Axes = self.figure.subplots() if self.ax is None else self.ax
 
     def add_row(self, row: Sequence[_Part], radius: float) -> None:
         """Place the axis of the parts of a row below all previous rows."""
@@ -308,7 +317,7 @@ class _Page:
 
     def finish(self, low: float, high: float, name: str) -> None:
         """Write the labels above and below the parts, and set the size of the page."""
-        middle, half = (low + high) / 2, (WIDTH / 2 - 0.3) / self.along
+        middle, half = (low + high) / 2, (width_of(self.ax) / 2 - 0.3) / self.along
         ends = []
         for up in (True, False):
             labels = sorted((label for label in self.labels if label.up is up), key=lambda label: label.along)
@@ -322,7 +331,8 @@ class _Page:
         self.axes.set(
             xlim=(middle - half, middle + half), ylim=ends[::-1], xlabel=name, aspect=self.across / self.along
         )
-        self.figure.set_size_inches(WIDTH, (ends[0] - ends[1]) * self.across + 1.4)
+        if self.ax is None:
+            self.figure.set_size_inches(WIDTH, (ends[0] - ends[1]) * self.across + 1.4)
         style_axes(self.axes)
         self.axes.grid(visible=False)
         self.axes.yaxis.set_visible(False)

@@ -48,6 +48,7 @@ def frf_figure(
     coherence: ArrayLike | None = None,
     natural_frequencies: Iterable[float] = (),
     title: str = "",
+    ax: Axes | Sequence[Axes] | None = None,
 ) -> Figure:
     """Draw a measured FRF with the reconstructed one over it, and the coherence of both below.
 
@@ -61,6 +62,8 @@ def frf_figure(
         Hz, marked in all panels; values that are not finite or beyond the axis are left out.
     title : str
         Above the figure, broken into lines if it is long.
+    ax : Axes or sequence of them, optional
+        Where amplitude, phase and coherence are drawn, as many as there are; in a new figure by default.
 
     Returns
     -------
@@ -74,30 +77,31 @@ def frf_figure(
     if measured.quantity != reconstructed.quantity:
         raise ValueError(f"{measured.quantity} and {reconstructed.quantity} do not belong in one figure.")
     with_phase = measured.has_phase and reconstructed.has_phase
-    figure, panels = _stacked(with_phase, coherence is not None)
-    remaining = iter(panels)
+    figure, panels = _stacked(with_phase, coherence is not None, ax)
     curves = (
         (measured, {"color": MEASURED, "linewidth": 2.6, "label": "measured"}),
         (reconstructed, {"color": RECONSTRUCTED, "linewidth": 1.2, "label": "reconstructed"}),
     )
-    amplitude = next(remaining)
+    amplitude, *remaining = panels
     for frf, style in curves:
         draw_amplitude(amplitude, frf, style)
     amplitude.legend(loc="lower right", ncols=2, fontsize=9.5)
-    if with_phase:
-        phase = next(remaining)
+    if with_phase and remaining:
+        phase, *remaining = remaining
         for frf, style in curves:
             draw_phase(phase, frf, style)
-    if coherence is not None:
-        _draw_coherence(next(remaining), reconstructed.frequency, np.asarray(coherence, dtype=np.float64))
+    if coherence is not None and remaining:
+        _draw_coherence(remaining[0], reconstructed.frequency, np.asarray(coherence, dtype=np.float64))
     _finish_frequency_axis(panels, reconstructed.frequency)
     _mark_frequencies(panels, natural_frequencies)
     if title:
-        set_title(figure, title)
+        set_title(figure if ax is None else amplitude, title)
     return figure
 
 
-def simulated_figure(frf: Frf, natural_frequencies: Iterable[float] = ()) -> Figure:
+def simulated_figure(
+    frf: Frf, natural_frequencies: Iterable[float] = (), ax: Axes | Sequence[Axes] | None = None
+) -> Figure:
     """Draw amplitude and phase of one FRF, with its label and its note above.
 
     Parameters
@@ -105,19 +109,21 @@ def simulated_figure(frf: Frf, natural_frequencies: Iterable[float] = ()) -> Fig
     frf : Frf
     natural_frequencies : iterable of float
         Hz, marked; values that are not finite or beyond the axis are left out.
+    ax : Axes or sequence of them, optional
+        As in `frf_figure`.
 
     Returns
     -------
     matplotlib.figure.Figure
     """
-    figure, panels = _stacked(frf.has_phase)
+    figure, panels = _stacked(frf.has_phase, False, ax)
     style = {"color": RECONSTRUCTED, "linewidth": 1.4}
     draw_amplitude(panels[0], frf, style)
-    if frf.has_phase:
-        draw_phase(panels[1], frf, style)
+    for phase in panels[1:]:
+        draw_phase(phase, frf, style)
     _finish_frequency_axis(panels, frf.frequency)
     _mark_frequencies(panels, natural_frequencies)
-    set_title(figure, frf.label, frf.note)
+    set_title(figure if ax is None else panels[0], frf.label, frf.note)
     return figure
 
 
@@ -184,8 +190,18 @@ def png_bytes(figure: Figure, title: str, *, dpi: int = 200) -> bytes:
     return buffer.getvalue()
 
 
-def _stacked(with_phase: bool, with_coherence: bool = False) -> tuple[Figure, list[Axes]]:
-    """Return a figure and its panels for amplitude, phase and coherence, which share the frequency axis."""
+def _stacked(
+    with_phase: bool, with_coherence: bool, ax: Axes | Sequence[Axes] | None = None
+) -> tuple[Figure, list[Axes]]:
+    """Return a figure and its panels for amplitude, phase and coherence, which share the frequency axis.
+
+    Of axes that the caller gives, the first ones are the panels, as many as there are.
+    """
+    if ax is not None:
+        panels = list(np.atleast_1d(np.asarray(ax, dtype=object)).ravel())[: 1 + with_phase + with_coherence]
+        for axes in panels:
+            style_axes(axes)
+        return figure_of(panels[0]), panels
     heights = [2.6] + [1.5] * with_phase + [1.2] * with_coherence
     figure = new_figure(1.0 + sum(heights))
     grid = figure.subplots(len(heights), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights})
@@ -193,6 +209,19 @@ def _stacked(with_phase: bool, with_coherence: bool = False) -> tuple[Figure, li
     for axes in panels:
         style_axes(axes)
     return figure, panels
+
+
+def figure_of(axes: Axes) -> Figure:
+    """Return the figure that axes belong to, whatever subfigures are between."""
+    figure = axes.get_figure(root=True)
+    if figure is None:
+        raise ValueError("the axes belong to no figure")
+    return figure
+
+
+def width_of(axes: Axes | None) -> float:
+    """Return the width of axes in inches; without any, that of a page."""
+    return WIDTH if axes is None else figure_of(axes).get_figwidth() * axes.get_position().width
 
 
 def new_figure(height: float) -> Figure:
@@ -239,10 +268,11 @@ def load_matplotlib() -> None:
     matplotlib.rcParams.update(defaults)
 
 
-def set_title(figure: Figure, *lines: str) -> None:
-    """Put lines of text above a figure; empty ones are left out, long ones broken."""
+def set_title(above: Figure | Axes, *lines: str) -> None:
+    """Put lines of text above a figure or axes; empty ones are left out, long ones broken."""
     text = "\n".join(textwrap.fill(terminal_text(line), _TITLE_WIDTH) for line in lines if line)
-    figure.suptitle(text, fontsize=11, color=INK, parse_math=False)
+    put = above.suptitle if hasattr(above, "suptitle") else above.set_title
+    put(text, fontsize=11, color=INK, parse_math=False)
 
 
 def style_axes(axes: Axes) -> None:
@@ -299,10 +329,10 @@ def _finish_coherence_axis(axes: Axes) -> None:
 
 
 def _finish_frequency_axis(panels: Sequence[Axes], frequency: NDArray[np.float64]) -> None:
-    if frequency.size > 1:
-        panels[-1].set_xlim(float(frequency[0]), float(frequency[-1]))
+    for axes in panels if frequency.size > 1 else ():
+        axes.set_xlim(float(frequency[0]), float(frequency[-1]))
     panels[-1].set_xlabel("Frequency [Hz]")
-    panels[0].figure.align_ylabels(panels)
+    figure_of(panels[0]).align_ylabels(panels)
 
 
 def _mark_frequencies(panels: Sequence[Axes], frequencies: Iterable[float]) -> None:

@@ -1,0 +1,70 @@
+"""Parameter values in every form that functions take: arrays, mappings, identified parameters and whole results."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol, TypeAlias, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dovetail.errors import UnitError
+from dovetail.units import to_si
+
+
+@runtime_checkable
+class IdentifiedValue(Protocol):
+    """The value of a parameter, such as an `IdentifiedParameter`."""
+
+    @property
+    def value(self) -> float:
+        """SI."""
+        ...
+
+    @property
+    def unit(self) -> str:
+        """The SI unit."""
+        ...
+
+    @property
+    def joint(self) -> str:
+        """The joint, substructure or response that has the parameter."""
+        ...
+
+
+@runtime_checkable
+class HoldsParameters(Protocol):
+    """What holds identified parameters by their names, such as an `Identification`."""
+
+    @property
+    def parameters(self) -> Mapping[str, IdentifiedValue]:
+        """By name."""
+        ...
+
+
+Theta: TypeAlias = ArrayLike | Mapping[str, float | str] | Mapping[str, IdentifiedValue] | HoldsParameters | None
+"""Parameter values: a vector, a batch, a mapping of names to values, the result of an identification, or None.
+
+The values of a mapping are numbers in SI, texts with units, or identified parameters. Parameters that a mapping of
+numbers or texts does not name take the middle of their ranges, and so do all of them for None. A result, or a mapping
+of identified parameters alone, must hold every parameter."""
+
+
+def are_identified(values: Mapping[str, object]) -> bool:
+    """Return whether all values are those of an identification, which must be complete."""
+    return bool(values) and all(isinstance(value, IdentifiedValue) for value in values.values())
+
+
+def si_value(value: object, unit: str) -> float:
+    """Return a number, a text with a unit or an identified parameter in SI.
+
+    Raises
+    ------
+    UnitError
+        It is none of them, or has another unit.
+    """
+    if isinstance(value, IdentifiedValue):
+        if value.unit != unit:
+            raise UnitError(f"it was identified in {value.unit}, and its unit is {unit} here.")
+        value = value.value
+    return to_si(value.item() if isinstance(value, np.generic) else value, unit)
