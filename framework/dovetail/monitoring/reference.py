@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from dovetail.errors import Fault, MeasurementError, ParameterError, listing
 from dovetail.frf import Frf
 from dovetail.identification.identify import lines_to_fit
+from dovetail.identification.measured_lines import batch_contradictions
 from dovetail.inference.posterior.laplace import LaplaceApproximation
 from dovetail.inference.posterior.likelihood import normal_density, normal_from_unit
 from dovetail.interfaces import Parameter, Progress, silent
@@ -110,12 +111,14 @@ class Reference:
         Raises
         ------
         DovetailError
-            It cannot be read as the first test was, does not fit its assembly, or has other lines.
+            It cannot be read as the first test was, does not fit its assembly, or has other lines or DOFs.
         """
         test = self.series.tests[0]
         frfs = tuple(read_frf(path, plugins=self.plugins, **options) for _, options in test.measured)
         lines = lines_to_fit(test.assembly, frfs, None, silent, phase=True)
         expected = self.model.problem.measured
+        if faults := batch_contradictions(test.assembly.description, [expected, frfs]):
+            raise MeasurementError(*faults.values())
         for frf, known in zip(lines.frfs, expected, strict=True):
             _check_lines(path, frf, known)
         return lines.problem.observations

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.errors import MeasurementError
 from dovetail.frf import Frf
 from dovetail.identification.identify import lines_to_fit
-from dovetail.identification.measured_lines import MeasuredLines
+from dovetail.identification.measured_lines import MeasuredLines, batch_contradictions
 from dovetail.inference.adequacy.assess import JudgedFit, JudgementOptions, judge
 from dovetail.inference.fitting import refine
 from dovetail.inference.posterior.likelihood import Likelihood
@@ -85,15 +86,30 @@ def fit_tests(
     Raises
     ------
     MeasurementError
-        A file cannot be read, or does not fit its test.
+        A file cannot be read, does not fit its test, or was measured at other points than those of other tests of the
+        same parts.
     """
     fitted = []
-    for number, test in enumerate(series.tests):
+    measured = [tuple(read_frf(file, **options) for file, options in test.measured) for test in series.tests]
+    _check_same_points(series.tests, measured)
+    for number, (test, frfs) in enumerate(zip(series.tests, measured, strict=True)):
         progress("tests", number, len(series.tests))
-        frfs = [read_frf(file, **options) for file, options in test.measured]
         fitted.append(fit_test(test, frfs, series.seed if seed is None else seed, model_error))
     progress("tests", len(series.tests), len(series.tests))
     return tuple(fitted)
+
+
+def _check_same_points(tests: Sequence[SeriesTest], measured: Sequence[Sequence[Frf]]) -> None:
+    """Raise a MeasurementError if tests of the same parts, with the same nodes and responses, have other DOFs."""
+    groups: dict[object, list[int]] = {}
+    for number, test in enumerate(tests):
+        description = test.assembly.description
+        nodes = tuple((name, part.nodes) for name, part in description.substructures.items())
+        groups.setdefault((nodes, description.responses), []).append(number)
+    for numbers in groups.values():
+        description = tests[numbers[0]].assembly.description
+        if faults := batch_contradictions(description, [measured[number] for number in numbers]):
+            raise MeasurementError(*faults.values())
 
 
 def fit_test(test: SeriesTest, frfs: Sequence[Frf], seed: int, model_error: float | None = None) -> FittedTest:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cache, partial
 from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -38,7 +39,7 @@ from dovetail.evaluation import (
     resonance_peaks,
     within_band,
 )
-from dovetail_bench.evaluation.cases import Case, Cases, JointSource
+from dovetail_bench.evaluation.cases import Case, Cases, JointSource, Measurement
 from dovetail_bench.evaluation.failures import Failures
 
 PROMINENCE = 1.5
@@ -207,7 +208,7 @@ def validate(
     """
     files = tuple(plugins)
     loaded = [load(case.assembly, plugins=files) for case in cases.cases]
-    _check_same_points(cases, loaded)
+    _check_same_points(cases, files)
     identified = partial(identify, method=method) if isinstance(method, (str, IdentificationMethod)) else method
     joint_of = cache(partial(_joint, identified=identified, plugins=files))  # what several cases share, once
     validated, failures = [], Failures()
@@ -221,19 +222,24 @@ def validate(
     return Validation(cases.title, cases.series, tuple(validated), failures.reasons)
 
 
-def _check_same_points(cases: Cases, assemblies: Sequence[Assembly]) -> None:
-    """Raise a MeasurementError if measurements of one assembly were made at different points."""
-    for described in {case.assembly for case in cases.cases}:
-        own_cases = [pair for pair in zip(cases.cases, assemblies, strict=True) if pair[0].assembly == described]
-        frfs = [_readable(case) for case, _ in own_cases]
-        if faults := batch_contradictions(own_cases[0][1].each_response[0].description, frfs):
-            raise MeasurementError(*faults.values())
+def _check_same_points(cases: Cases, plugins: tuple[str | PathLike[str], ...]) -> None:
+    """Raise a MeasurementError if measurements of one assembly, of cases or joints, were made at different points."""
+    used: dict[Path, list[tuple[str, Measurement]]] = {}
+    for case in cases.cases:
+        used.setdefault(case.assembly, []).append((case.name, case.measured))
+        if case.joint is not None and case.joint.assembly is not None and case.joint.measured is not None:
+            used.setdefault(case.joint.assembly, []).append((case.name, case.joint.measured))
+    for described, measurements in used.items():
+        if len({measured.file for _, measured in measurements}) > 1:
+            first = load(described, plugins=plugins).each_response[0]
+            if faults := batch_contradictions(first.description, [_readable(*one) for one in measurements]):
+                raise MeasurementError(*faults.values())
 
 
-def _readable(case: Case) -> Frf | None:
+def _readable(name: str, measured: Measurement) -> Frf | None:
     """Return the measurement of a case, or None where it cannot be read; its validation reports what is wrong."""
-    with Failures().of(case.name):
-        return case.measured.read(compensated=False)
+    with Failures().of(name):
+        return measured.read(compensated=False)
     return None
 
 
