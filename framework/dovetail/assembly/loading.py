@@ -10,6 +10,7 @@ from dovetail.assembly.model import Assembly
 from dovetail.description.reader import read_description
 from dovetail.errors import Fault, ParameterError
 from dovetail.interfaces import logged
+from dovetail.load_observers import observe
 from dovetail.registry import PluginPaths, components
 
 AssemblySource: TypeAlias = Assembly | str | os.PathLike[str]
@@ -47,7 +48,9 @@ def load(
     """
     with logged(__name__, f"description {'' if isinstance(source, Mapping) else os.fspath(source)} read"):
         folder = None if files_in is None else os.fspath(files_in)
-        return Assembly(read_description(source, components(plugins), folder))
+        assembly = Assembly(read_description(source, components(plugins), folder))
+    observe(assembly)
+    return assembly
 
 
 def as_assembly(source: AssemblySource) -> Assembly:

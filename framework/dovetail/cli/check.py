@@ -35,12 +35,14 @@ def check(
     """
     import dovetail
     from dovetail.assembly.summary import assembly_summary
+    from dovetail.load_observers import unobserved
 
     if output:
         from dovetail.report.svg import FIGURE_SUFFIXES
 
         check_new_files(output, FIGURE_SUFFIXES, overwrite)
-    loaded = dovetail.load(assembly, plugins=plugin or ())
+    with unobserved():  # its doubts are part of the summary
+        loaded = dovetail.load(assembly, plugins=plugin or ())
     summary = assembly_summary(loaded)
     if as_json:
         print_json(summary)

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 import typer
 
 from dovetail.cli.completion import complete_files, complete_models
-from dovetail.cli.terminal import note
 
 if TYPE_CHECKING:
     from dovetail.assembly import Assembly
@@ -95,25 +94,15 @@ def quantity_in(unit: str) -> Callable[[str], float]:
     return parse
 
 
-def note_doubts(assembly: Assembly) -> None:
-    """Print on stderr, before long work, what looks wrong in a description."""
-    from dovetail.assembly import find_doubts
-
-    for doubt in find_doubts(assembly):
-        note(f"This looks wrong: {doubt}")
-
-
 def load_assembly(file: Path, plugins: Sequence[Path] | None) -> Assembly:
-    """Read a description, and print what looks wrong in it."""
+    """Read a description."""
     import dovetail
 
-    assembly = dovetail.load(file, plugins=plugins or ())
-    note_doubts(assembly)
-    return assembly
+    return dovetail.load(file, plugins=plugins or ())
 
 
 def assembly_or_model(source: Path, plugins: Sequence[Path] | None) -> tuple[Assembly, Identifier | None]:
-    """Read a trained model (a folder) or a description, and print what looks wrong in the latter."""
+    """Read a trained model (a folder) or a description."""
     import dovetail
 
     if not source.is_dir():

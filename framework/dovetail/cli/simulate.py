@@ -16,7 +16,6 @@ from dovetail.cli.options import (
     PluginFiles,
     PointNumber,
     at_point,
-    note_doubts,
     part,
 )
 from dovetail.cli.output_files import FrfFiles, check_frf_files, check_new_files
@@ -78,7 +77,6 @@ def simulate(
         check_new_files([truth_output], [".json"], overwrite, option="--truth-output")
     chosen = _settings(settings or [])
     loaded = at_point(dovetail.load(assembly, plugins=plugin or ()), point)
-    note_doubts(loaded)
     theta = _theta(loaded, chosen)
     frf = loaded.simulate(theta)
     if noise:

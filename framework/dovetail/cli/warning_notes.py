@@ -1,4 +1,4 @@
-"""Warnings while a command runs: those of Dovetail and of plugins are printed as notes, those of libraries are not."""
+"""What a command prints as notes: warnings of Dovetail and of plugins, and what looks wrong in a description."""
 
 from __future__ import annotations
 
@@ -8,9 +8,13 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from dovetail.cli.terminal import note
+from dovetail.load_observers import observing_loads
+
+if TYPE_CHECKING:
+    from dovetail.assembly import Assembly
 
 
 @contextmanager
@@ -33,6 +37,23 @@ def warnings_as_notes() -> Iterator[None]:
 
     with warnings.catch_warnings():
         warnings.showwarning = cast("Any", show)
+        yield
+
+
+@contextmanager
+def doubts_as_notes() -> Iterator[None]:
+    """Print on stderr what looks wrong in each description that a command loads, once."""
+    printed: set[str] = set()
+
+    def show(assembly: Assembly) -> None:
+        from dovetail.assembly import find_doubts
+
+        for doubt in find_doubts(assembly):
+            if doubt not in printed:
+                note(f"This looks wrong: {doubt}")
+            printed.add(doubt)
+
+    with observing_loads(show):
         yield
 
 
