@@ -245,7 +245,7 @@ def _intervals(
     """Return which intervals of the parameters that structure and model share hold the truth, and their widths."""
     if method == "refined":
         return (), ()
-    posterior = POSTERIORS[method](assembly, measured, fit, model_error=adequacy.error_in_intervals)
+    posterior = POSTERIORS[method](Problem.of(assembly, measured), fit, model_error=adequacy.error_in_intervals)
     low, high = np.array(list(posterior.interval().values())).T
     widths = assembly.to_unit(high) - assembly.to_unit(low)
     shared = ~dampers(assembly) if kind == "law" else np.ones(len(theta), dtype=bool)
