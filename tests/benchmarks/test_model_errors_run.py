@@ -38,6 +38,11 @@ def test_a_case_has_a_row(case):
     assert row("all", [case]).startswith("| all | 1 |")
 
 
+@pytest.mark.parametrize("method", ["laplace", pytest.param("posterior", marks=pytest.mark.slow)])
+def test_intervals_of_a_case_are_compared_with_the_truth(method):
+    assert len(judged((5, "mesh", 0.0), 7601, method).held) == 7
+
+
 def test_joints_damped_by_another_law_are_judged_by_damping(case):
     case = replace(case, kind="law", known_damping=0.2, left_damping=0.1)
     assert replace(case, told=1e9, told_damping=0.06).between
