@@ -14,12 +14,14 @@ from pathlib import Path
 from dovetail import JointModel, SubstructureModel
 from dovetail_plugins.joints.bearing import Bearing
 from dovetail_plugins.joints.bolted import Bolted
+from dovetail_plugins.joints.bushing import Bushing
 from dovetail_plugins.joints.collet import Collet
 from dovetail_plugins.joints.interference_fit import InterferenceFit
 from dovetail_plugins.joints.rigid import Rigid
 from dovetail_plugins.joints.spring_damper import SpringDamper
 from dovetail_plugins.substructures.ground import Ground
 from dovetail_plugins.substructures.lumped import Lumped
+from dovetail_plugins.substructures.spatial_beam import SpatialBeam
 from dovetail_plugins.substructures.timoshenko_beam import TimoshenkoBeam
 
 FOLDER = Path(__file__).with_name("drawings")
@@ -122,6 +124,16 @@ class Sheet:
         self.path("axis", f"M{x:g} {y:g}h44")
         self.text(x + 54, y + 4, "s", "small")
 
+    def directions_in_space(self, x: float, y: float) -> None:
+        """Draw the axes of a part whose nodes move in all directions."""
+        self.path("line bold", f"M{x:g} {y:g}v-32m-4.5 8l4.5-8l4.5 8M{x:g} {y:g}l-20 16m9-1l-9 1l3-8")
+        self.text(x + 6, y - 26, "x", "name", "start")
+        self.text(x - 24, y + 18, "z", "name", "end")
+        self.path("line bold", f"M{x:g} {y:g}h-32m8-4.5l-8 4.5l8 4.5")
+        self.text(x - 30, y - 8, "y", "name", "end")
+        self.path("axis", f"M{x:g} {y:g}h34")
+        self.text(x + 44, y + 4, "s", "small")
+
     def ground(self, x: float, y: float) -> None:
         """Draw what does not move, below a point."""
         self.path("line", f"M{x - 26:g} {y:g}h52")
@@ -137,19 +149,27 @@ class Sheet:
         )
 
 
-def joint_dofs(joint: JointModel, internal: Sequence[str] = ()) -> list[tuple[str, int, int]]:
-    """Return each node of a joint in the order of its local DOFs, with the numbers of its x and its rz."""
+def joint_dofs(joint: JointModel, internal: Sequence[str] = ()) -> list[tuple[str, dict[str, int]]]:
+    """Return each node of a joint in the order of its local DOFs, with their numbers by direction.
+
+    Inner nodes, named in `internal`, have x and rz.
+    """
     names = [
         f"{port.name} {node}" if port.nodes > 1 else port.name
         for port in joint.ports
         for node in range(1, port.nodes + 1)
     ]
-    names += internal
-    return [(name, 2 * index, 2 * index + 1) for index, name in enumerate(names)]
+    directions = [*joint.node_dofs.directions, *[("x", "rz")] * len(internal)]
+    numbers = iter(range(joint.size))
+    return [
+        (name, {direction: next(numbers) for direction in each})
+        for name, each in zip([*names, *internal], directions, strict=True)
+    ]
 
 
-def _numbers(joint: JointModel, index: int) -> str:
-    return f"DOFs {2 * index}, {2 * index + 1}"
+def _numbers(joint: JointModel | SubstructureModel, index: int) -> str:
+    dofs = joint.node_dofs.of_node(index)
+    return f"DOFs {dofs[0]}, {dofs[1]}" if len(dofs) == 2 else f"DOFs {dofs[0]} to {dofs[-1]}"
 
 
 def draw_collet(collet: Collet) -> Sheet:
@@ -213,7 +233,7 @@ def draw_facing(joint: JointModel, what: str, labels: Sequence[str], axes: str =
     for index, x in enumerate(across):
         for number, y, row in ((index, lower, 18), (nodes + index, upper, -8)):
             sheet.node(x, y)
-            label, _, _ = joint_dofs(joint)[number]
+            label, _ = joint_dofs(joint)[number]
             sheet.text(x, y + row + (0 if row > 0 else -14), label if nodes > 1 else "", "name")
             sheet.text(
                 x, y + row + (14 if row > 0 and nodes > 1 else 4 if row > 0 else 0), _numbers(joint, number), "small"
@@ -273,11 +293,17 @@ def draw_spring_damper(joint: SpringDamper) -> Sheet:
     return draw_facing(joint, "Spring and damper", ("k, c: x", "kr, cr: rz"))
 
 
-def draw_beam(beam: TimoshenkoBeam) -> Sheet:
+def draw_bushing(bushing: Bushing) -> Sheet:
+    """Draw springs and dampers in six directions between two nodes."""
+    sheet = draw_facing(bushing, "Bushing", ("k_x, c_x", "...", "k_rz, c_rz"))
+    return sheet
+
+
+def draw_beam(beam: TimoshenkoBeam | SpatialBeam) -> Sheet:
     """Draw a stepped, hollow and tapered beam with its elements and nodes."""
-    sheet = Sheet(
-        790, 256, "Timoshenko beam: sections one behind the other, divided into elements with nodes n1, n2, ..."
-    )
+    in_space = isinstance(beam, SpatialBeam)
+    what = "Beam in space" if in_space else "Timoshenko beam"
+    sheet = Sheet(790, 256, f"{what}: sections one behind the other, divided into elements with nodes n1, n2, ...")
     scale, left, middle = 4600.0, 130.0, 130.0
     for start, stop, outer, inner in beam.outline:
         x, width = left + scale * start, scale * (stop - start)
@@ -293,11 +319,14 @@ def draw_beam(beam: TimoshenkoBeam) -> Sheet:
         sheet.node(x, middle)
         sheet.text(x, middle + 78, node.label, "name")
         sheet.text(x, middle + 93, f"{1e3 * node.position:g} mm", "small")
-        sheet.text(x, middle + 108, f"{2 * index}, {2 * index + 1}", "small")
+        sheet.text(x, middle + 108, _numbers(beam, index).removeprefix("DOFs "), "small")
     sheet.text(ends[0] - 14, middle + 108, "DOFs", "small", "end")
     sheet.text((ends[0] + ends[3]) / 2, 44, "sections.0: outer, inner", "")
     sheet.text((ends[3] + ends[6]) / 2, 44, "sections.1: outer to outer_end", "")
-    sheet.directions(34, 90)
+    if in_space:
+        sheet.directions_in_space(60, 96)
+    else:
+        sheet.directions(34, 90)
     return sheet
 
 
@@ -400,6 +429,8 @@ CAPTIONS = {
     "spring_damper": "With `direction: x` only k and c are there, with `direction: rz` only kr and cr.",
     "rigid": "With `direction: x` facing nodes share the displacement alone, as in a hinge; with `direction: rz` the "
     "rotation.",
+    "bushing": "In each of its `directions` a spring and a damper; they may be along `axes` of the joint's own.",
+    "spatial_beam": "Positions run along -y, or where `place` says. The DOFs of a node are x, y, z, rx, ry and rz.",
     "timoshenko_beam": "A tapered section becomes uniform elements, each with the diameters at its middle.",
     "lumped": "Without `inertia` a rotation is free of effort.",
     "ground": "What is joined to such a point by `rigid` is held.",
@@ -426,7 +457,9 @@ def examples() -> dict[str, JointModel | SubstructureModel]:
         "interference_fit": _example(InterferenceFit, length=0.04, nodes=3, pressure="linear"),
         "bearing": _example(Bearing),
         "spring_damper": _example(SpringDamper),
+        "bushing": _example(Bushing),
         "rigid": _example(Rigid),
+        "spatial_beam": _example(SpatialBeam, material=STEEL, sections=[tube, taper]),
         "timoshenko_beam": _example(TimoshenkoBeam, material=STEEL, sections=[tube, taper]),
         "lumped": _example(Lumped, masses=[{"mass": 1.0}, {"mass": 1.0, "inertia": 1e-4, "position": 0.01}]),
         "ground": _example(Ground, positions=[0.0, 0.1]),
@@ -442,7 +475,9 @@ def drawings() -> dict[str, str]:
         ("interference_fit", draw_interference),
         ("bearing", draw_bearing),
         ("spring_damper", draw_spring_damper),
+        ("bushing", draw_bushing),
         ("rigid", draw_rigid),
+        ("spatial_beam", draw_beam),
         ("timoshenko_beam", draw_beam),
         ("lumped", draw_lumped),
         ("ground", draw_ground),

@@ -42,8 +42,9 @@ Here you find what each model that ships with Dovetail represents, what it leave
 and ranges, and the order of its DOFs. `dovetail describe MODEL` prints options and parameters on a
 terminal, for models of plugins too.
 
-Parts vibrate in one plane. Each node has two DOFs: `x`, the displacement across the axis, and `rz`, the rotation,
-$r_z = dx/ds$ along the axis $s$. In the drawings a zigzag is a spring and a cylinder a damper, both in `x`. A spiral
+Most parts vibrate in one plane: each node has `x`, the displacement across the axis, and `rz`, the rotation,
+$r_z = dx/ds$ along the axis $s$. `spatial_beam` and `bushing` move in all directions, `x y z rx ry rz`; see
+[structures in space](space.md). In the drawings a zigzag is a spring and a cylinder a damper, both in `x`. A spiral
 is a spring with a damper in `rz`. The ranges are defaults, which a description may change.
 
 This page is made by `python docs/make_reference.py` from the models themselves, the drawings by
@@ -68,7 +69,10 @@ SECTIONS = {
     "description": "The whole",
     "frequency": "`frequency`",
     "orientation": "`substructures.NAME`, in addition to the keys of its model",
+    "orientation.PlaceSection": "`substructures.NAME.place`",
+    "orientation.TurnSection": "`rotate` of a place or of axes, each",
     "damping": "`joints.NAME`, in addition to the keys of its model",
+    "axes": "`joints.NAME.axes`",
     "attachment": "`joints.NAME.connect.PORT`",
     "parameter": "`joints.NAME.parameters.NAME`, and any number with a unit of a part",
     "response": "`response`, and each of `responses`",
@@ -122,8 +126,7 @@ def _model(offer: Offer) -> str:
     if isinstance(shown, JointModel):
         text += "\n" + _parameters(shown) + "\n" + _dofs(shown)
     if isinstance(shown, SubstructureModel):
-        rows = [(f"`{n.label}`", f"{1e3 * n.position:g} mm", 2 * i, 2 * i + 1) for i, n in enumerate(shown.nodes)]
-        text += "\nNodes and DOFs of the drawing:\n\n" + table(("node", "position", "x", "rz"), rows)
+        text += "\nNodes and DOFs of the drawing:\n\n" + _nodes(shown)
     text += "\n" + _options(described["options"])
     if model.references:
         text += "\nSource: " + "; ".join(model.references) + ".\n"
@@ -147,9 +150,20 @@ def _parameters(joint: JointModel) -> str:
 
 def _dofs(joint: JointModel) -> str:
     dofs = make_drawings.joint_dofs(joint, INTERNAL.get(joint.name, ()))
-    assert 2 * len(dofs) == joint.size
-    rows = [(f"`{name}`", x, rz) for name, x, rz in dofs]
-    return "Local DOFs, in the order of the joint's matrices:\n\n" + table(("node", "x", "rz"), rows)
+    assert sum(len(numbers) for _, numbers in dofs) == joint.size
+    directions = list(dofs[0][1])
+    rows = [(f"`{name}`", *(numbers[direction] for direction in directions)) for name, numbers in dofs]
+    return "Local DOFs, in the order of the joint's matrices:\n\n" + table(("node", *directions), rows)
+
+
+def _nodes(part: SubstructureModel) -> str:
+    """Return the table of a part's nodes; their DOFs, unless it is held."""
+    directions = () if part.grounded else part.nodes[0].directions
+    rows = [
+        (f"`{node.label}`", f"{1e3 * node.position:g} mm", *(part.node_dofs.find(number, each) for each in directions))
+        for number, node in enumerate(part.nodes)
+    ]
+    return table(("node", "position", *directions), rows)
 
 
 def _options(options: Sequence[Mapping[str, Any]]) -> str:

@@ -72,11 +72,15 @@ from .inference.fitting import multistart as multistart
 from .inference.fitting import refine as refine
 from .inference.posterior import laplace_posterior as laplace_posterior
 from .inference.posterior import sample_posterior as sample_posterior
+from .interfaces import DIRECTIONS as DIRECTIONS
 from .interfaces import INTERFACE_VERSION as INTERFACE_VERSION
+from .interfaces import PLANAR as PLANAR
 from .interfaces import ArrayEntry as ArrayEntry
 from .interfaces import Component as Component
 from .interfaces import ComponentConfig as ComponentConfig
 from .interfaces import ComponentState as ComponentState
+from .interfaces import Coordinates as Coordinates
+from .interfaces import Direction as Direction
 from .interfaces import Estimate as Estimate
 from .interfaces import FeatureContext as FeatureContext
 from .interfaces import FileName as FileName
@@ -91,6 +95,7 @@ from .interfaces import JointModel as JointModel
 from .interfaces import Law as Law
 from .interfaces import LawUnknown as LawUnknown
 from .interfaces import Node as Node
+from .interfaces import NodeDofs as NodeDofs
 from .interfaces import Omission as Omission
 from .interfaces import Parameter as Parameter
 from .interfaces import Port as Port
@@ -111,6 +116,7 @@ from .interfaces import SubstructureModel as SubstructureModel
 from .interfaces import TargetDistribution as TargetDistribution
 from .interfaces import TimeLimit as TimeLimit
 from .interfaces import TrainingEpoch as TrainingEpoch
+from .interfaces import carried as carried
 from .interfaces import silent as silent
 from .interfaces import spread_normal as spread_normal
 from .measurement import EstimatedFrf as EstimatedFrf

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any
@@ -329,3 +330,8 @@ def format_quantity(value: float, unit: str, digits: int = 5) -> str:
     if abs(value) < least:
         factor, name = 1.0, unit
     return f"{value * factor:.{digits}g} {name}".rstrip() if name != "1" else f"{value:.{digits}g}"
+
+
+def format_point(point: Sequence[float]) -> str:
+    """Return coordinates [m] in words: ``"(0, 10, 25) mm"``."""
+    return f"({', '.join(f'{1e3 * coordinate + 0.0:.6g}' for coordinate in point)}) mm"

@@ -167,7 +167,7 @@ def _check_tests(holder: Assembly, tests: tuple[Frf, Frf, Frf], points: tuple[fl
         ModelDof(
             f"{name}, {format_quantity(position, 'm')}",
             part=part,
-            label=labels[holder.point(part, position)[1] // 2],
+            label=labels[holder.description.placed_parts[part].node_dofs[holder.point(part, position)[1]][0]],
             labels=labels,
         )
         for name, position in zip(("a", "b"), points, strict=True)

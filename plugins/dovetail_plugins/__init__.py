@@ -13,6 +13,7 @@ def dovetail_components() -> list[type[dovetail.Component]]:
     """Return the built-in components; they are imported here, so that the list of commands does not wait for them."""
     from dovetail_plugins.joints.bearing import Bearing
     from dovetail_plugins.joints.bolted import Bolted
+    from dovetail_plugins.joints.bushing import Bushing
     from dovetail_plugins.joints.collet import Collet
     from dovetail_plugins.joints.interference_fit import InterferenceFit
     from dovetail_plugins.joints.rigid import Rigid
@@ -33,10 +34,12 @@ def dovetail_components() -> list[type[dovetail.Component]]:
     from dovetail_plugins.substructures.lumped import Lumped
     from dovetail_plugins.substructures.matrices import Matrices
     from dovetail_plugins.substructures.measured import Measured
+    from dovetail_plugins.substructures.spatial_beam import SpatialBeam
     from dovetail_plugins.substructures.timoshenko_beam import TimoshenkoBeam
 
     return [
         TimoshenkoBeam,
+        SpatialBeam,
         Lumped,
         Ground,
         Measured,
@@ -46,6 +49,7 @@ def dovetail_components() -> list[type[dovetail.Component]]:
         InterferenceFit,
         Bearing,
         SpringDamper,
+        Bushing,
         Rigid,
         UMAP,
         PCA,

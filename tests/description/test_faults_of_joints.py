@@ -25,7 +25,7 @@ CASES = {
         {"    model: clamp": "    model: clamp\n    segment: 10 mm"},
         "test.yaml:17:5  joints.collet.segment\n"
         "  'segment' is not a key of joint model 'clamp' (fake 1.0).\n"
-        "  Accepted: model, connect, parameters, structural_damping",
+        "  Accepted: model, connect, parameters, structural_damping, axes",
     ),
     "ports_crash": (
         {"model: clamp": "model: portless"},

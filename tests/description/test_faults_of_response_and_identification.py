@@ -24,7 +24,7 @@ CASES = {
     ),
     "response_direction": (
         {"position: 10 mm": "position: 10 mm, direction: y"},
-        "test.yaml:23:50  response.direction\n  'y' is not one of the choices.\n  Accepted: x, rz",
+        "test.yaml:23:50  response.direction\n  'tool' does not move in the direction y there.\n  Accepted: x, rz",
     ),
     "response_quantity": (
         {"position: 10 mm": "position: 10 mm, quantity: acelerance"},

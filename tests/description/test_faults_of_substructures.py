@@ -84,7 +84,7 @@ CASES = {
         {"    material: {young: 200 GPa": "    colour: red\n    material: {young: 200 GPa"},
         "test.yaml:11:5  substructures.holder.colour\n"
         "  'colour' is not a key of substructure model 'rod' (fake 1.0).\n"
-        "  Accepted: model, reversed, material, sections",
+        "  Accepted: model, reversed, place, material, sections",
     ),
     "option_missing": (
         {"    material: {young: 200 GPa, density: 7800 kg/m^3}\n": ""},

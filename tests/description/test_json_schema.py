@@ -110,7 +110,7 @@ def test_a_missing_key_fails_except_in_an_extension(path):
         (("substructures", "tool", "sections"), []),
         (("joints", "collet", "parameters", "kt_tc"), ["1e8 N/m", "2e9 N/m"]),
         (("joints", "collet", "parameters", "kt_tc"), {"range": ["1e8 N/m"]}),
-        (("response", "direction"), "y"),
+        (("response", "direction"), "w"),
         (("joints", "collet", "model"), "colet"),
         (("identification", "regressor"), {"model": "umap"}),
     ],
@@ -130,7 +130,7 @@ def test_one_response_or_a_list_of_them():
     assert faults(description) != []
     assert faults({**description, "responses": [one, {**one, "position": "0 mm"}]}) == []
     assert faults({**description, "response": one, "responses": [one]}) != []
-    assert faults({**description, "responses": [{**one, "direction": "y"}]}) != []
+    assert faults({**description, "responses": [{**one, "direction": "w"}]}) != []
     assert faults({**description, "responses": []}) != []
     assert faults({"extends": "other.yaml", "dovetail": 1, "responses": [one]}) == []
 

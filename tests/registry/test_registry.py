@@ -203,12 +203,12 @@ class NoConfig:
             "Pad.Config has the option 'model', which is a key of descriptions; choose another name.",
         ),
         (
-            joint(interface_versions=(2, 3)),
-            "Pad was written for versions 2 to 3 of the plugin interface; this dovetail-frf has 1.",
+            joint(interface_versions=(3, 4)),
+            "Pad was written for versions 3 to 4 of the plugin interface; this dovetail-frf knows 1 to 2.",
         ),
         (
-            joint(interface_versions=(2, 2), matrices=None),
-            "Pad was written for version 2 of the plugin interface; this dovetail-frf has 1.",
+            joint(interface_versions=(3, 3), matrices=None),
+            "Pad was written for version 3 of the plugin interface; this dovetail-frf knows 1 to 2.",
         ),
         (
             joint(interface_versions=(2, 1)),
@@ -238,11 +238,13 @@ def test_an_unfit_component_is_put_aside_with_its_reason(component, reason):
 def test_a_component_for_this_and_other_interface_versions_comes_in(monkeypatch):
     registry = Registry()
     registry.add(plugin(joint(interface_versions=(1, 2))), "pads 1.0", strict=True)
-    monkeypatch.setattr("dovetail.registry.component_checks.INTERFACE_VERSION", 2)
-    registry.add(plugin(joint(name="felt", interface_versions=(1, 2))), "felt 1.0", strict=True)
+    registry.add(plugin(joint(name="felt", interface_versions=(1, 1))), "felt 1.0", strict=True)
+    monkeypatch.setattr("dovetail.registry.component_checks.INTERFACE_VERSION", 4)
+    monkeypatch.setattr("dovetail.registry.component_checks.OLDEST_INTERFACE", 3)
+    registry.add(plugin(joint(name="cork", interface_versions=(2, 3))), "cork 1.0", strict=True)
     registry.add(plugin(joint(name="old")), "old 1.0")
-    assert registry.names("joint") == ("felt", "pad")
-    reason = "Pad was written for version 1 of the plugin interface; this dovetail-frf has 2."
+    assert registry.names("joint") == ("cork", "felt", "pad")
+    reason = "Pad was written for versions 1 to 2 of the plugin interface; this dovetail-frf knows 3 to 4."
     assert [(failure.source, failure.reason) for failure in registry.failures] == [("old 1.0", reason)]
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import dovetail
+from dovetail.description.placed_parts import OrientationSection
 from dovetail.description.unknown_parts import UnknownPart
 from dovetail.registry import components
 
@@ -51,7 +52,8 @@ def unknown_part(model, options, places, *, reversed=False):
         for step in place.split("."):
             value = value[int(step)] if step.isdecimal() else getattr(value, step)
         parameters.append(dovetail.Parameter(place, "1", 0.9 * value, 1.1 * value))
-    return UnknownPart(part, parameters, reversed=reversed)
+    turned = OrientationSection(reversed=reversed).placement
+    return UnknownPart(part, parameters, turned)
 
 
 def random_theta(model, count, seed=0):

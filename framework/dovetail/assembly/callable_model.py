@@ -208,7 +208,7 @@ def _described(
     frame = load(_FRAME).description
     (joint,) = frame.joints.values()
     entries = {"function": JointEntry(parameters=parameters, connection=joint.connection)}
-    force = None if drive_point else Place("structure", 1, "x")
+    force = None if drive_point else Place("structure", 1, "x", frame.response.dofs)
     ranges = {p.name: {"lower": p.lower, "upper": p.upper, "unit": p.unit, "scale": p.scale} for p in parameters}
     content = {"dovetail": 1, "name": name, "function": name, "parameters": ranges, "quantity": quantity}
     return replace(

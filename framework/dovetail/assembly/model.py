@@ -277,7 +277,7 @@ class Assembly:
         Parameters
         ----------
         theta : as in `frf`, without batches
-        outputs, inputs : sequences of (substructure, position [m], "x" or "rz")
+        outputs, inputs : sequences of (substructure, position [m], direction)
 
         Returns
         -------
@@ -297,7 +297,7 @@ class Assembly:
         ParameterError
             No such substructure, node or direction.
         """
-        return find_point(self.description.substructures, substructure, position, direction)
+        return find_point(self.description.placed_parts, substructure, position, direction)
 
     def natural_frequencies(self, theta: Theta = None, count: int = 3) -> NDArray[np.float64]:
         """Lowest natural frequencies (count,) or (n, count) [Hz] of the damped assembly; NaN where it has fewer.

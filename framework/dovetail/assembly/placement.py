@@ -13,7 +13,7 @@ from dovetail.assembly.model import Assembly
 from dovetail.description.checked import Description, JointEntry
 from dovetail.description.facing import Side, facing_faults, has_positions, sides_of
 from dovetail.description.unknown_parts import UnknownPart
-from dovetail.interfaces import DIRECTIONS, JointModel, SubstructureModel
+from dovetail.interfaces import JointModel, SubstructureModel
 from dovetail.synthesis.joint_evaluation import depends_on_frequency, joint_matrices
 from dovetail.units import format_quantity
 
@@ -39,10 +39,12 @@ def placement_doubts(assembly: Assembly) -> Iterator[str]:
     description = assembly.description
     pairs: dict[tuple[str, str], list[tuple[str, float]]] = {}
     for name, joint in description.joints.items():
-        sides = sides_of(joint.connection, description.substructures, description.reversed_parts)
+        sides = sides_of(joint.connection, description.substructures, description.placements)
         yield from _without_positions(name, joint.connection.model, sides)
         for first, second in joint.connection.model.facing_ports:
             side, other = sides[first], sides[second]
+            if side.in_space:  # their points were compared
+                continue
             if side.part != other.part and has_positions(side.model) and has_positions(other.model):
                 offset = float(np.mean(side.along) - np.mean(other.along))
                 parts = sorted([side.part, other.part])
@@ -65,7 +67,7 @@ def _moved_away(assembly: Assembly) -> Iterator[str]:
             fraction[column] = end
             moved = _parts_at(assembly, fraction)
             for name, joint in description.joints.items():
-                sides = sides_of(joint.connection, {**description.substructures, **moved}, description.reversed_parts)
+                sides = sides_of(joint.connection, {**description.substructures, **moved}, description.placements)
                 fault = next(facing_faults(joint.connection.model, sides), None)
                 if fault is not None and name not in doubted:
                     doubted.add(name)
@@ -124,15 +126,15 @@ def _reach(side: Side) -> tuple[float, float]:
 
 def _holds_rotations(name: str, joint: JointEntry) -> bool:
     """Return whether a joint couples rotations of its parts, which have another sign if one of them is reversed."""
-    model, axes = joint.connection.model, len(DIRECTIONS)
-    ports = axes * sum(port.nodes for port in model.ports)
-    if any(dof < ports and dof % axes for pair in model.merged_dofs for dof in pair):
+    model = joint.connection.model
+    rotations = np.flatnonzero(model.node_dofs.rotations)
+    if any(dof in rotations for pair in model.merged_dofs for dof in pair):
         return True
     if depends_on_frequency(model):
         return True
     middle = [joint.fixed.get(p.name, float(p.from_unit(np.array(0.5)))) for p in joint.parameters]
     matrices = joint_matrices(name, model, np.array([middle], dtype=np.float64)).sets[0]
-    return any(bool(getattr(matrices, letter)[0, 1:ports:axes, :].any()) for letter in "KCD")
+    return any(bool(getattr(matrices, letter)[0, rotations, :].any()) for letter in "KCD")
 
 
 def _placed_differently(

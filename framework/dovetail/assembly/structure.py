@@ -13,29 +13,43 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly.changed_joints import ChangedJoint, structurally_damped
+from dovetail.assembly.changed_joints import structurally_damped
 from dovetail.description.calibration import MASS, WINDOW
+from dovetail.description.changed_joint import ChangedJoint
 from dovetail.description.checked import SHARED, Description, JointEntry, Place, Tie
-from dovetail.description.reversed_parts import ReversedPart
 from dovetail.description.unknown_parts import UnknownPart, UnknownReceptance
 from dovetail.errors import Fault, ParameterError
-from dovetail.interfaces import JointModel, Node, Parameter, Port, StructuralMatrices, SubstructureModel
+from dovetail.interfaces import JointModel, Node, Parameter, Port, StructuralMatrices, SubstructureModel, is_rotation
 from dovetail.synthesis import Attachment, Connection, Graph
 from dovetail.synthesis.joint_evaluation import depends_on_frequency
 
 
 class _SensorMass(JointModel):
-    """The mass of a sensor at a node."""
+    """The mass of a sensor at a node.
+
+    Parameters
+    ----------
+    directions : tuple of str
+        The displacements of the node, all of which it resists.
+    """
 
     name = "sensor_mass"
     summary = "Mass of a sensor"
     parameters = (MASS,)
     linear_parameters = (MASS.name,)
-    ports = (Port("sensor", 1),)
+
+    def __init__(self, directions: tuple[str, ...]) -> None:
+        super().__init__()
+        self._directions = directions
+
+    @property
+    def ports(self) -> tuple[Port, ...]:
+        return (Port("sensor", 1, directions=self._directions),)
 
     def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
         matrices = StructuralMatrices.zeros(len(theta), self.size)
-        matrices.M[:, 0, 0] = theta[:, 0]
+        for dof in range(self.size):
+            matrices.M[:, dof, dof] = theta[:, 0]
         return matrices
 
 
@@ -68,7 +82,7 @@ class _NodesAlone(SubstructureModel):
 
     def __init__(self, part: SubstructureModel) -> None:
         super().__init__()
-        self._nodes = part.nodes
+        self._nodes, self._size = part.nodes, part.node_dofs.size
 
     @property
     def nodes(self) -> tuple[Node, ...]:
@@ -77,7 +91,7 @@ class _NodesAlone(SubstructureModel):
 
     def matrices(self) -> StructuralMatrices:
         """Return (d, d) matrices of zeros."""
-        return StructuralMatrices.zeros(2 * len(self._nodes))
+        return StructuralMatrices.zeros(self._size)
 
 
 def entries_at_response(description: Description) -> dict[str, JointEntry]:
@@ -101,15 +115,15 @@ def entries_at_response(description: Description) -> dict[str, JointEntry]:
         return entries
     for name, part in description.substructures.items():
         if name not in description.unknown_parts and not part.grounded:
-            nodes = Attachment(name, tuple(range(len(part.nodes))))
-            model = UnknownPart(part, (), reversed=name in description.reversed_parts)
-            entries[f"part {name}"] = JointEntry(connection=Connection(model, (nodes,)))
+            model = UnknownPart(part, (), description.placements.get(name))
+            entries[f"part {name}"] = JointEntry(connection=Connection(model, Attachment.to_all(name, part)))
     window = chain.ties.get("window", Tie(response.name, "window"))
     return {f"{name} windowed": _windowed(name, entry, window) for name, entry in entries.items()}
 
 
 def _sensor(place: Place, owner: str) -> JointEntry:
-    sensor = Connection(_SensorMass(), (Attachment(place.substructure, (place.node,)),))
+    directions = tuple(d for d in place.dofs.directions[place.node] if not is_rotation(d))
+    sensor = Connection(_SensorMass(directions), (Attachment(place.substructure, (place.node,)),))
     return JointEntry(connection=sensor, parameters=_SensorMass.parameters, ties={"mass": Tie(owner, "mass")})
 
 
@@ -145,8 +159,7 @@ def graph_of(description: Description, entries: Mapping[str, JointEntry], *, rig
         model = entry.connection.model
         if isinstance(model.model if isinstance(model, _Windowed) else model, UnknownPart):
             alone.add(entry.connection.attachments[0].substructure)
-    parts: dict[str, SubstructureModel] = dict(description.substructures)
-    parts |= {name: ReversedPart(parts[name]) for name in description.reversed_parts}
+    parts: dict[str, SubstructureModel] = dict(description.placed_parts)
     parts |= {name: _NodesAlone(parts[name]) for name in alone}
     return Graph(parts, connections)
 
@@ -164,9 +177,9 @@ def graph_between(graph: Graph, points: Sequence[tuple[str, int]]) -> Graph:
     for name, connection in graph.connections.items():
         if isinstance(connection.model, UnknownReceptance):
             owner = connection.attachments[0].substructure
-            others = [other for key, other in graph.connections.items() if key != name]
-            ports = [port for other in others for port in other.attachments if port.substructure == owner]
-            used = {dof for port in ports for dof in port.dofs} | {dof for part, dof in points if part == owner}
+            attached = [port for other in graph.connections if other != name for port in graph.attached_dofs(other)]
+            used = {dof for part, dofs in attached if part == owner for dof in dofs}
+            used |= {dof for part, dof in points if part == owner}
             connections[name] = replace(connection, model=connection.model.between(sorted(used)))
     return Graph(graph.substructures, connections)
 

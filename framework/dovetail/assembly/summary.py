@@ -32,9 +32,9 @@ def assembly_summary(assembly: Assembly) -> dict[str, Any]:
         {
             "name": name,
             "model": part.name,
-            "dofs": 2 * len(part.nodes),
+            "dofs": part.node_dofs.size,
             "held": part.grounded,
-            "reversed": name in description.reversed_parts,
+            "reversed": name in description.placements and description.placements[name].reversed,
             "nodes": [{"label": node.label, "position": node.position} for node in part.nodes],
         }
         for name, part in description.substructures.items()

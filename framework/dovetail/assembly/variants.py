@@ -28,10 +28,9 @@ def at_drive_point(assembly: Assembly) -> Assembly:
 def measured_at(assembly: Assembly, node: Node, *, with_force: bool) -> Assembly:
     """Return an assembly of one response that is measured at another node, with the force there too or as described."""
     described = assembly.description.response
-    force = described.force or Place(described.substructure, described.node, described.direction)
-    return _with_responses(
-        assembly, replace(described, substructure=node[0], node=node[1], force=None if with_force else force)
-    )
+    force = described.force or Place(described.substructure, described.node, described.direction, described.dofs)
+    moved = assembly.description.moved(described, *node)
+    return _with_responses(assembly, replace(moved, force=None if with_force else force))
 
 
 def _with_responses(assembly: Assembly, *responses: Response) -> Assembly:
@@ -48,10 +47,13 @@ def movable_nodes(assembly: Assembly) -> list[Node]:
 
 def motion_at(assembly: Assembly, node: Node) -> Point:
     """Return the DOF of a node in the direction of the response."""
-    return Place(*node, assembly.description.response.direction).point
+    return assembly.description.moved(assembly.description.response, *node).point
 
 
 def _can_move(assembly: Assembly, node: Node) -> bool:
+    description = assembly.description
+    if description.response.direction not in description.placed_parts[node[0]].nodes[node[1]].directions:
+        return False
     substructure, dof = motion_at(assembly, node)
     return bool(assembly.graph.substructure_dofs(substructure)[dof] >= 0)
 

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly.structure import without_window
-from dovetail.interfaces import DIRECTIONS
 from dovetail.synthesis import DampedModes, Graph, Point, Poles
 from dovetail.synthesis.joint_evaluation import Theta
 
@@ -25,9 +24,9 @@ class VibrationMode:
         Hz: the magnitude of the pole over 2 pi.
     damping_ratio : float
         Of the critical damping: minus the pole's real part over its magnitude.
-    shapes : mapping of str to (n_nodes, 2) complex array
-        By the part's name: displacement x and rotation rz of its nodes, scaled so that the receptance between two DOFs
-        has the residue x_o x_i at the pole.
+    shapes : mapping of str to (n_nodes, n_directions) complex array
+        By the part's name: the motion of its nodes in their directions, scaled so that the receptance between two DOFs
+        has the residue x_o x_i at the pole. One row, (1, n_dofs), for a part whose nodes differ in their directions.
     """
 
     natural_frequency: float
@@ -65,6 +64,8 @@ class SeenPoles:
 
     def __init__(self, graph: Graph) -> None:
         self._graph, self._modes = graph, DampedModes(graph)
+        every = {name: [node.directions for node in part.nodes] for name, part in graph.substructures.items()}
+        self._rows = {name: len(each) if len(set(each)) == 1 else 1 for name, each in every.items()}
 
     def at(self, theta: Theta, vectors: int, count: int) -> Iterator[Poles]:
         """Return the poles of the `count` lowest modes for each of some parameter vectors, by joint."""
@@ -79,7 +80,7 @@ class SeenPoles:
         modes = []
         for s, shape in zip(poles.values.tolist(), poles.shapes, strict=True):
             moved = np.append(shape, 0.0)  # what is held has the number -1
-            shapes = {name: moved[dofs].reshape(-1, len(DIRECTIONS)) for name, dofs in numbers.items()}
+            shapes = {name: moved[dofs].reshape(self._rows[name], -1) for name, dofs in numbers.items()}
             modes.append(VibrationMode(abs(s) / (2.0 * np.pi), -s.real / abs(s), shapes))
         return tuple(modes)
 

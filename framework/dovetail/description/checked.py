@@ -7,15 +7,25 @@ import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from functools import cached_property
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.description.placed_parts import PlacedPart, Placement
 from dovetail.description.sections import AugmentationSection, CorrectionSection
 from dovetail.description.study_section import StudySection
 from dovetail.frf import Frf, Quantity
-from dovetail.interfaces import DIRECTIONS, IdentificationMethod, Parameter, Reducer, Regressor, SubstructureModel
+from dovetail.interfaces import (
+    ROTATIONS,
+    IdentificationMethod,
+    NodeDofs,
+    Parameter,
+    Reducer,
+    Regressor,
+    SubstructureModel,
+)
 from dovetail.synthesis import Connection, Point
 from dovetail.units import format_quantity
 
@@ -80,21 +90,36 @@ class JointEntry(ParameterEntry):
 
 @dataclass(frozen=True)
 class Place:
-    """A DOF: a node of a substructure and a direction."""
+    """A DOF: a node of a substructure and a direction.
+
+    Parameters
+    ----------
+    substructure : str
+    node : int
+    direction : str
+        In the assembly: x, y, z, rx, ry or rz.
+    dofs : NodeDofs
+        The DOFs of the substructure's nodes.
+    """
 
     substructure: str
     node: int
-    direction: Literal["x", "rz"]
+    direction: str
+    dofs: NodeDofs = field(repr=False, compare=False)
 
     @property
     def rotation(self) -> bool:
         """Whether it is a rotation, by a moment, instead of a displacement, by a force."""
-        return self.direction == "rz"
+        return self.direction in ROTATIONS
 
     @property
     def point(self) -> Point:
         """The substructure and the number of the DOF there."""
-        return self.substructure, len(DIRECTIONS) * self.node + DIRECTIONS.index(self.direction)
+        (dof,) = self.dofs.among([self.node], [self.direction])
+        return self.substructure, dof
+
+
+_Place = TypeVar("_Place", bound=Place)
 
 
 @dataclass(frozen=True)
@@ -176,8 +201,9 @@ class Description:
     study : StudySection or None
     files : mapping of tuple to str
         The files that options of components name, by the places of these options in the text.
-    reversed_parts : frozenset of str
-        The substructures whose axis runs against that of the assembly; `substructures` has them as they are described.
+    placements : mapping of str to Placement
+        How substructures lie in the assembly, if their axes are not those of the assembly; `substructures` has them
+        as they are described.
     """
 
     name: str
@@ -194,7 +220,18 @@ class Description:
     left_out: tuple[tuple[float, float], ...] = ()
     study: StudySection | None = None
     files: Mapping[tuple[str | int, ...], str] = field(default_factory=dict)
-    reversed_parts: frozenset[str] = frozenset()
+    placements: Mapping[str, Placement] = field(default_factory=dict)
+
+    @cached_property
+    def placed_parts(self) -> Mapping[str, SubstructureModel]:
+        """The substructures as they lie in the assembly, with DOFs along its axes."""
+        moved = {name: PlacedPart(self.substructures[name], placement) for name, placement in self.placements.items()}
+        return {**self.substructures, **moved}
+
+    def moved(self, place: _Place, substructure: str, node: int) -> _Place:
+        """Return the same direction at another node."""
+        dofs = self.placed_parts[substructure].node_dofs
+        return replace(place, substructure=substructure, node=node, dofs=dofs)
 
     @property
     def response(self) -> Response:
@@ -231,7 +268,7 @@ class Description:
         return f"{self._place_label(response)}, force at {self._place_label(response.force)}"
 
     def _place_label(self, place: Place) -> str:
-        return f"{self.point_label(place)}{', rz' if place.rotation else ''}"
+        return f"{self.point_label(place)}{'' if place.direction == 'x' else f', {place.direction}'}"
 
     def point_label(self, place: Place) -> str:
         """Return the point of a DOF in words: ``"tool, 10 mm"``."""

@@ -1,25 +1,28 @@
 """Whether the nodes that a joint brings together can lie at the same places: their order, their sense, their spacing.
 
 Each part counts positions from an origin of its own, so differences of positions are compared. The axis of a reversed
-part runs against that of the assembly.
+part runs against that of the assembly. If a part has a place in space, all have one, and facing nodes meet there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.description.placed_parts import Placement
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.tree import Path
 from dovetail.interfaces import JointModel, Port, SubstructureModel
 from dovetail.synthesis import Attachment, Connection
-from dovetail.units import format_quantity
+from dovetail.units import format_point, format_quantity
 
 _ROUNDING = 1e-3
 """Difference of two distances, over the span of the port, that positions rounded to three digits may have."""
+_SMALL = 1e-6
+"""Distance of two points in space, over the extent of the larger part, that their rounded digits may have."""
 _LEAST = 1e-9
 """Difference [m] of two positions that is due to binary fractions."""
 
@@ -36,15 +39,35 @@ class Side:
     model : SubstructureModel
     nodes : tuple of int
         In the port's order.
-    reversed : bool
-        Whether the part is reversed.
+    placement : Placement or None
+        How the part lies in the assembly, if its axes are not the assembly's.
+    in_space : bool
+        Whether the assembly's parts have places in space.
     """
 
     port: Port
     part: str
     model: SubstructureModel
     nodes: tuple[int, ...]
-    reversed: bool
+    placement: Placement | None = None
+    in_space: bool = False
+
+    @property
+    def points(self) -> NDArray[np.float64]:
+        """Coordinates (n, 3) of the nodes in the assembly [m]."""
+        chosen = [self.model.nodes[node] for node in self.nodes]
+        there = [node if self.placement is None else self.placement.node(node) for node in chosen]
+        return np.array([node.coordinates for node in there])
+
+    @property
+    def has_points(self) -> bool:
+        """Whether the coordinates are known: not those of a ground that only says how its points lie on a line."""
+        return not self.model.grounded or any(node.point is not None for node in self.model.nodes)
+
+    @property
+    def reversed(self) -> bool:
+        """Whether the part is described from its other end."""
+        return self.placement is not None and self.placement.reversed
 
     @property
     def positions(self) -> NDArray[np.float64]:
@@ -68,15 +91,15 @@ class Side:
 
 
 def sides_of(
-    connection: Connection, substructures: Mapping[str, SubstructureModel], reversed_parts: Collection[str]
+    connection: Connection, substructures: Mapping[str, SubstructureModel], placements: Mapping[str, Placement]
 ) -> dict[str, Side]:
     """Return the sides of a joint by the names of its ports."""
     pairs: Iterator[tuple[Port, Attachment]] = zip(connection.model.ports, connection.attachments, strict=True)
+    in_space = any(placement.in_space for placement in placements.values())
     return {
-        port.name: Side(
-            port, at.substructure, substructures[at.substructure], at.nodes, at.substructure in reversed_parts
-        )
+        port.name: Side(port, name, substructures[name], at.nodes, placements.get(name), in_space)
         for port, at in pairs
+        for name in (at.substructure,)
     }
 
 
@@ -124,7 +147,11 @@ def facing_faults(model: JointModel, sides: Mapping[str, Side]) -> Iterator[tupl
         refused |= {name} if problem else set()
         reported |= {same} if problem else set()
     for first, second in (*facing, *_declared_pairs(model)):
-        if {first, second} <= comparable.keys() - refused:
+        if sides[first].in_space:
+            if not refused and (problem := _apart(sides[first], sides[second], model.spans_a_distance)):
+                refused.add(second)
+                yield second, problem, "Correct the places of the parts, or list the nodes that face each other."
+        elif {first, second} <= comparable.keys() - refused:
             problem, remedy = _mismatch(comparable[first], comparable[second])
             if problem:
                 refused.add(second)
@@ -189,6 +216,30 @@ def _mismatch(side: Side, other: Side) -> tuple[str, str]:
         f"{_mm(expected[node])} from the first one there, at {_mm(side.positions[0])}."
     )
     return problem, "Facing nodes lie at the same places of the assembly: list nodes with equal distances."
+
+
+def _apart(side: Side, other: Side, spans_a_distance: bool) -> str:
+    """Return how two nodes that face each other lie at different points of the assembly, or an empty text."""
+    if not side.has_points or not other.has_points:
+        return ""
+    gaps = other.points - side.points
+    gaps = gaps - gaps[0] if spans_a_distance else gaps
+    distances = np.linalg.norm(gaps, axis=1)
+    node = int(np.argmax(distances))
+    extent = max(float(np.ptp(_all_points(one), axis=0).max()) for one in (side, other))
+    if distances[node] <= _LEAST + _SMALL * extent:
+        return ""
+    apart = f"it is {_mm(distances[node])} away"
+    if spans_a_distance:
+        apart = f"the way between them differs by {_mm(distances[node])} from that of the first pair"
+    return (
+        f"the node of '{other.part}' at {format_point(other.points[node])} faces that of '{side.part}' at "
+        f"{format_point(side.points[node])}, but {apart}."
+    )
+
+
+def _all_points(side: Side) -> NDArray[np.float64]:
+    return np.array([node.coordinates for node in side.model.nodes])
 
 
 def _because(*sides: Side) -> str:

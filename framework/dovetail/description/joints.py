@@ -8,21 +8,24 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from dovetail.description.checked import JointEntry, ParameterEntry, Response
 from dovetail.description.component_sections import LabelledComponent, build_component
 from dovetail.description.damping import DampingSection, has_dampers
+from dovetail.description.oriented_joints import AxesSection, oriented
 from dovetail.description.parameter_sections import check_ranges, ends_of, read_parameters
-from dovetail.description.sections import AttachmentSection
+from dovetail.description.sections import AttachmentSection, NodePosition
 from dovetail.documents.fault_list import FaultList
-from dovetail.documents.tree import Path, format_value
+from dovetail.documents.tree import Path, format_path, format_value
 from dovetail.documents.validation import validate
-from dovetail.errors import Fault, ParameterError, did_you_mean, listing
-from dovetail.interfaces import DIRECTIONS, Node, Port, SubstructureModel, joint_faults, source_file
+from dovetail.errors import Fault, ParameterError, PluginError, did_you_mean, listing
+from dovetail.interfaces import JointModel, Node, Port, SubstructureModel, joint_faults, source_file
 from dovetail.registry import Registry
 from dovetail.synthesis import Attachment, Connection
-from dovetail.units import format_quantity
+from dovetail.units import format_point, format_quantity
 
-_KEYS = ("connect", "parameters", "structural_damping")
+_KEYS = ("connect", "parameters", "structural_damping", "axes")
 """Keys of a joint in addition to the options of its model."""
 
 Substructures = Mapping[str, SubstructureModel | None]
@@ -39,6 +42,9 @@ def read_joint(name: str, substructures: Substructures, faults: FaultList, regis
     add_model_faults(model, joint_faults(model.component), path, faults)
     if len(faults) > before:
         return None
+    model = _with_axes(model, path, faults)
+    if model is None:
+        return None
     attachments = _Connect(model, path, substructures, faults).read(model.component.ports)
     described = read_parameters(model, path, model.component.parameters, faults)
     if len(faults) == before and not described.ties:  # those of tied ones are known when all has been read
@@ -49,6 +55,30 @@ def read_joint(name: str, substructures: Substructures, faults: FaultList, regis
     complete = tuple(attachment for attachment in attachments if attachment is not None)
     joint = JointEntry(connection=Connection(model.component, complete), **described.entry)
     return _with_damping(joint, model, path, faults)
+
+
+def _with_axes(model: LabelledComponent, path: Path, faults: FaultList) -> LabelledComponent | None:
+    """Return the joint's model along axes of its own, if its section gives them; None if they have faults."""
+    place = (*path, "axes")
+    if "axes" in model.component.Config.model_fields or faults.root.at(place) is None:
+        return model  # an option of the model, or absent
+    section = validate(AxesSection, place, faults, f"'{format_path(place)}'")
+    if section is None:
+        return None
+    component: JointModel = model.component
+    if len(section.known_axes) == 1:
+        (axis,) = section.known_axes
+        if others := {d for port in component.ports for d in port.directions} - {axis, f"r{axis}"}:
+            problem = f"{model.label} acts in {', '.join(sorted(others))} too, so two axes are needed."
+            faults.add(place, problem, "two of x, y, z")
+            return None
+    joint = oriented(component, section.rotation)
+    try:
+        joint.merged_dofs  # noqa: B018  # refuses what cannot be turned so
+    except PluginError as error:
+        faults.add(place, error.faults[0].problem, "axes along those of the assembly")
+        return None
+    return replace(model, component=joint)
 
 
 def _with_damping(joint: JointEntry, model: LabelledComponent, path: Path, faults: FaultList) -> JointEntry | None:
@@ -127,15 +157,28 @@ class _Connect:
             self._faults.add((*path, "at"), f"the port '{port.name}' of {self._model.label} {takes}.")
             return None
         substructure = self._substructures[section.to]
-        return None if substructure is None else self._on_nodes(section, substructure, path)
+        return None if substructure is None else self._on_nodes(section, substructure, port, path)
 
-    def _on_nodes(self, section: AttachmentSection, substructure: SubstructureModel, path: Path) -> Attachment | None:
+    def _on_nodes(
+        self, section: AttachmentSection, substructure: SubstructureModel, port: Port, path: Path
+    ) -> Attachment | None:
         nodes = [
             find_node(section.to, substructure, position, (*path, "at", index), self._faults)
             for index, position in enumerate(section.at)
         ]
         complete = tuple(node for node in nodes if node is not None)
-        return Attachment(section.to, complete) if len(complete) == len(nodes) else None
+        if len(complete) < len(nodes):
+            return None
+        for index, node in enumerate(complete):
+            directions = substructure.nodes[node].directions
+            if lacking := [direction for direction in port.directions if direction not in directions]:
+                problem = (
+                    f"{self._model.label} acts in {', '.join(port.directions)}, but this node of '{section.to}' does "
+                    f"not move in {', '.join(lacking)}."
+                )
+                self._faults.add((*path, "at", index), problem, f"a node with {', '.join(port.directions)}")
+                return None
+        return Attachment(section.to, complete)
 
     def _check_distinct(self, ports: tuple[Port, ...], attachments: tuple[Attachment | None, ...]) -> None:
         taken: set[tuple[str, int]] = set()
@@ -180,11 +223,13 @@ def check_connected(
 
 
 def find_node(
-    name: str, substructure: SubstructureModel, position: float | str, path: Path, faults: FaultList
+    name: str, substructure: SubstructureModel, position: NodePosition, path: Path, faults: FaultList
 ) -> int | None:
-    """Return the index of the node at a position [m] or with a label; None, with a fault, if there is none."""
+    """Return the index of the node at a position or point [m] or with a label; None, with a fault, if there is none."""
     if isinstance(position, str):
         return _find_label(name, substructure, position, path, faults)
+    if isinstance(position, tuple):
+        return _find_coordinates(name, substructure, position, path, faults)
     nodes = substructure.nodes
     indices = [index for index, node in enumerate(nodes) if _is_at(node.position, position)]
     text = format_quantity(position, "m", 8)
@@ -215,14 +260,15 @@ def find_point(
     if name not in substructures:
         problem, hint = f"there is no substructure '{name}'.", did_you_mean(name, substructures)
         raise ParameterError(Fault("point", problem, listing(substructures), hint))
-    if direction not in DIRECTIONS:
-        raise ParameterError(Fault("point", f"'{direction}' is not a direction.", listing(DIRECTIONS)))
-    nodes = [node.position for node in substructures[name].nodes]
+    nodes, dofs = [node.position for node in substructures[name].nodes], substructures[name].node_dofs
     nearest = min(range(len(nodes)), key=lambda index: abs(nodes[index] - position))
     if not _is_at(nodes[nearest], position):
         problem = f"'{name}' has no node at {position * 1e3:g} mm."
         raise ParameterError(Fault("point", problem, f"the nearest is at {nodes[nearest] * 1e3:g} mm"))
-    return name, len(DIRECTIONS) * nearest + DIRECTIONS.index(direction)
+    if (dof := dofs.find(nearest, direction)) is None:
+        problem = f"'{direction}' is not a direction of '{name}' there."
+        raise ParameterError(Fault("point", problem, listing(dofs.directions[nearest])))
+    return name, dof
 
 
 def _is_at(node: float, position: float) -> bool:
@@ -236,6 +282,25 @@ def _find_label(name: str, substructure: SubstructureModel, label: str, path: Pa
         return labels.index(label)
     problem = f"substructure '{name}' has no node '{label}'."
     faults.add(path, problem, f"{listing(labels)}; or a position", did_you_mean(label, labels))
+    return None
+
+
+def _find_coordinates(
+    name: str, substructure: SubstructureModel, point: tuple[float, float, float], path: Path, faults: FaultList
+) -> int | None:
+    """Return the index of the node at a point of the assembly [m]."""
+    distances = np.linalg.norm([np.subtract(node.coordinates, point) for node in substructure.nodes], axis=1)
+    span = float(np.ptp([node.coordinates for node in substructure.nodes], axis=0).max())
+    near = np.flatnonzero(distances <= 1e-9 + 1e-6 * span)
+    if len(near) == 1 or (len(near) and substructure.grounded):
+        return int(near[0])
+    if len(near):
+        labels = listing(substructure.nodes[index].label for index in near)
+        faults.add(path, f"several nodes of '{name}' are there: {labels}.", "the label of one of them")
+        return None
+    closest = substructure.nodes[int(np.argmin(distances))]
+    remedy = f"The nearest is '{closest.label}' at {format_point(closest.coordinates)}."
+    faults.add(path, f"substructure '{name}' has no node at {format_point(point)}.", remedy=remedy)
     return None
 
 

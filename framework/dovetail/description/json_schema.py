@@ -9,9 +9,12 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from pydantic import BaseModel
+
 from dovetail.description.calibration import CHAIN, SIGN
 from dovetail.description.damping import DampingSection
-from dovetail.description.reversed_parts import OrientationSection
+from dovetail.description.oriented_joints import AxesSection
+from dovetail.description.placed_parts import OrientationSection
 from dovetail.description.sections import (
     FORMAT,
     AttachmentSection,
@@ -59,7 +62,7 @@ def description_schema(registry: Registry) -> Schema:
     """
     definitions: dict[str, Schema] = {}
     sections = (FrequencySection, ForceSection, ResponseSection, SensorSection, AttachmentSection, ParameterSection)
-    for model in (*sections, DampingSection, OrientationSection, IdentificationSection, StudySection):
+    for model in (*sections, DampingSection, OrientationSection, AxesSection, IdentificationSection, StudySection):
         _define(definitions, model.__name__.removesuffix("Section").lower(), option_schema(model))
     _complete_sections(definitions)
     for kind in (kind for kind in KINDS if kind not in ("reader", "law")):  # no assembly names these
@@ -190,13 +193,22 @@ def _component_schema(offer: Offer) -> Schema:
     schema.setdefault("required", []).append("model")
     if issubclass(component, SubstructureModel):
         schema |= {key: _with_unknowns(schema[key]) for key in ("properties", "$defs") if key in schema}
-        schema["properties"] = option_schema(OrientationSection)["properties"] | schema["properties"]
+        schema["properties"] = _references(OrientationSection) | schema["properties"]
     if issubclass(component, JointModel):
         schema["properties"]["connect"] = _connect(component)
         schema["properties"]["parameters"] = _parameters(component)
-        schema["properties"] = option_schema(DampingSection)["properties"] | schema["properties"]
+        axes = {"$ref": "#/$defs/axes", "description": "Its axes, if they are not those of the assembly."}
+        schema["properties"] = {**_references(DampingSection), "axes": axes, **schema["properties"]}
         schema["required"].append("connect")
     return schema
+
+
+def _references(model: type[BaseModel]) -> Schema:
+    """Return the properties of a section whose own sections are defined under its name."""
+    schema, name = option_schema(model), model.__name__.removesuffix("Section").lower()
+    references = {f"#/$defs/{key}": f"#/$defs/{name}.{key}" for key in schema.get("$defs", {})}
+    properties: Schema = _redirect(schema["properties"], references)
+    return properties
 
 
 def _with_unknowns(node: Any) -> Any:

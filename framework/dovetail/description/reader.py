@@ -28,8 +28,8 @@ from dovetail.description.frequency_lines import read_frequency
 from dovetail.description.identification_settings import read_identification
 from dovetail.description.joints import Substructures, add_model_faults, check_connected, read_joint
 from dovetail.description.parameter_sections import check_ranges, check_ties, ends_of
+from dovetail.description.placed_parts import OrientationSection, PlacedPart, Placement
 from dovetail.description.responses import RESPONSE, RESPONSES, calibration_place, read_responses
-from dovetail.description.reversed_parts import OrientationSection
 from dovetail.description.sections import (
     FORMAT,
     DescriptionSection,
@@ -82,9 +82,10 @@ def read_description(
     several = faults.root.at(RESPONSES) is not None
     top = validate(DescriptionSectionOfSeveral if several else DescriptionSection, (), faults, "the description")
     frequency, left_out = read_frequency(faults)
-    substructures, unknown_parts, reversed_parts = _read_substructures(faults, registry)
-    joints = _read_joints(substructures, reversed_parts, faults, registry)
-    responses, calibrations, sensors = read_responses(substructures, faults)
+    substructures, unknown_parts, placements = _read_substructures(faults, registry)
+    placed_parts = _placed(substructures, placements)
+    joints = _read_joints(placed_parts, substructures, placements, faults, registry)
+    responses, calibrations, sensors = read_responses(placed_parts, faults)
     identification = read_identification(responses, faults, registry)
     study = read_study(faults)
     faults.raise_if_any()
@@ -110,7 +111,7 @@ def read_description(
         left_out=left_out,
         study=study,
         files=MappingProxyType(faults.files),
-        reversed_parts=reversed_parts,
+        placements=MappingProxyType(placements),
     )
 
 
@@ -164,13 +165,13 @@ def _names(section: str, noun: str, faults: FaultList) -> list[str]:
 
 def _read_substructures(
     faults: FaultList, registry: Registry
-) -> tuple[dict[str, SubstructureModel | None], dict[str, JointEntry], frozenset[str]]:
-    """Return the substructures, with the middles of unknown options, the entries of those with some, the reversed."""
+) -> tuple[dict[str, SubstructureModel | None], dict[str, JointEntry], dict[str, Placement]]:
+    """Return the substructures, with the middles of unknown options, the entries of those with some, the placements."""
     section = faults.root.at(("substructures",))
     if section is not None and section.is_mapping and not section.entries:
         faults.add(("substructures",), "there are no substructures.", key=True)
     substructures, unknown_parts = dict[str, SubstructureModel | None](), dict[str, JointEntry]()
-    reversed_parts = set[str]()
+    placements = dict[str, Placement]()
     for name in _names("substructures", "substructure", faults):
         substructures[name] = None
         offer = find_model("substructure", ("substructures", name), faults, registry)
@@ -181,24 +182,41 @@ def _read_substructures(
         part = _make_substructure(name, offer, options, faults) if len(faults) == before else None
         if part is None:
             continue
+        placement = _read_placement(name, part, faults)
+        if len(faults) > before:
+            continue
         substructures[name] = part
-        is_reversed = _is_reversed(name, part, faults)
-        reversed_parts |= {name} if is_reversed else set()
+        placements |= {} if placement is None else {name: placement}
         if options.parameters.known:
-            entry = add_unknown_part(name, part, options.parameters, faults, reversed=is_reversed)
+            entry = add_unknown_part(name, part, options.parameters, faults, placement)
             unknown_parts |= {} if entry is None else {name: entry}
-    return substructures, unknown_parts, frozenset(reversed_parts)
+    return substructures, unknown_parts, placements
 
 
-def _is_reversed(name: str, part: SubstructureModel, faults: FaultList) -> bool:
-    """Return whether a substructure's section says that its axis runs against that of the assembly."""
+def _placed(
+    substructures: Mapping[str, SubstructureModel | None], placements: Mapping[str, Placement]
+) -> dict[str, SubstructureModel | None]:
+    """Return the parts as they lie in the assembly."""
+    return {
+        name: part if part is None or name not in placements else PlacedPart(part, placements[name])
+        for name, part in substructures.items()
+    }
+
+
+def _read_placement(name: str, part: SubstructureModel, faults: FaultList) -> Placement | None:
+    """Return how a substructure lies in the assembly; None if its axes are the assembly's."""
     path: Path = ("substructures", name)
     section = faults.root.at(path)
-    if section is None or "reversed" not in section.entries or "reversed" in part.Config.model_fields:
-        return False  # absent, or an option of the model itself
-    others = [key for key in section.entries if key != "reversed"]
+    keys = OrientationSection.model_fields.keys() - part.Config.model_fields.keys()
+    if section is None or keys.isdisjoint(section.entries):
+        return None  # absent, or an option of the model itself
+    others = [key for key in section.entries if key not in keys]
     orientation = validate(OrientationSection, path, faults, f"'{name}'", reserved=others)
-    return orientation is not None and orientation.reversed
+    placement = None if orientation is None else orientation.placement
+    if placement is not None and (problem := placement.problem(part.nodes)):
+        faults.add((*path, "place"), problem)
+        return None
+    return placement
 
 
 def _make_substructure(name: str, offer: Offer, options: UnknownOptions, faults: FaultList) -> SubstructureModel | None:
@@ -217,12 +235,16 @@ def _make_substructure(name: str, offer: Offer, options: UnknownOptions, faults:
 
 
 def _read_joints(
-    substructures: Substructures, reversed_parts: frozenset[str], faults: FaultList, registry: Registry
+    placed_parts: Substructures,
+    described: Substructures,
+    placements: Mapping[str, Placement],
+    faults: FaultList,
+    registry: Registry,
 ) -> dict[str, JointEntry | None]:
-    joints = {name: read_joint(name, substructures, faults, registry) for name in _names("joints", "joint", faults)}
-    sound = {name: part for name, part in substructures.items() if part is not None}
+    joints = {name: read_joint(name, placed_parts, faults, registry) for name in _names("joints", "joint", faults)}
+    sound = {name: part for name, part in described.items() if part is not None}
     for name, joint in joints.items():
         if joint is not None:
-            sides = sides_of(joint.connection, sound, reversed_parts)
+            sides = sides_of(joint.connection, sound, placements)
             check_facing(("joints", name), joint.connection.model, sides, faults)
     return joints

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
 
 from dovetail.description.calibration import read_calibration, shared_by
 from dovetail.description.checked import SHARED, ParameterEntry, Place, Response
 from dovetail.description.joints import Substructures, find_node
-from dovetail.description.sections import ForceSection, ResponseSection, SensorSection
+from dovetail.description.sections import ForceSection, NodePosition, ResponseSection, SensorSection
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.tree import Path, format_path, format_value
 from dovetail.documents.validation import validate
@@ -65,7 +64,7 @@ def _read_sensors(
             faults.add(path, "sensors have places and no 'mass'.", key=True)
         return ()
     if section is None:
-        return tuple(dict.fromkeys(Place(r.substructure, r.node, "x") for r in responses))
+        return tuple(dict.fromkeys(Place(r.substructure, r.node, "x", r.dofs) for r in responses))
     if not isinstance(section.value, tuple):
         faults.add(path, f"{format_value(section.value)} is not a list of places.", key=True)
         return ()
@@ -134,7 +133,7 @@ def _read_response(
     force = _read_force((*path, "force"), section.at, substructures, faults)
     if place is None:
         return None
-    return Response(place.substructure, place.node, place.direction, section.quantity, name, force)
+    return Response(place.substructure, place.node, place.direction, place.dofs, section.quantity, name, force)
 
 
 def _read_force(path: Path, at: str, substructures: Substructures, faults: FaultList) -> Place | None:
@@ -149,8 +148,8 @@ def _read_force(path: Path, at: str, substructures: Substructures, faults: Fault
 def _read_place(
     path: Path,
     at: str,
-    position: float | str,
-    direction: Literal["x", "rz"],
+    position: NodePosition,
+    direction: str,
     substructures: Substructures,
     faults: FaultList,
 ) -> Place | None:
@@ -168,4 +167,11 @@ def _read_place(
         faults.add((*path, "at"), f"the {noun} cannot be at '{at}', which does not move.", listing(moving))
         return None
     node = find_node(at, substructure, position, (*path, "position"), faults)
-    return None if node is None else Place(at, node, direction)
+    if node is None:
+        return None
+    dofs = substructure.node_dofs
+    if direction not in dofs.directions[node]:
+        problem = f"'{at}' does not move in the direction {direction} there."
+        faults.add((*path, "direction"), problem, listing(dofs.directions[node]))
+        return None
+    return Place(at, node, direction, dofs)

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, RootModel, model_validator
 
 from dovetail.description.noise_levels import NoiseLevel
 from dovetail.frf import Quantity
-from dovetail.interfaces import FileName
+from dovetail.interfaces import Direction, FileName
 from dovetail.units import Frequency, InUnit, Mass, refuse_marks
 
 FORMAT = 1
@@ -99,7 +99,7 @@ class AttachmentSection(Section):
     to : str
         Name of the substructure.
     at : place or sequence of places
-        Of its nodes, positions [m] or labels, as many as the port takes.
+        Of its nodes, positions [m], labels, or coordinates in the assembly as [x, y, z]; as many as the port takes.
     """
 
     to: str
@@ -144,13 +144,13 @@ class ForceSection(Section):
         Name of the substructure; that of the response by default.
     position : place
         Of its node, a position [m] or a label.
-    direction : 'x' or 'rz'
-        A force, or a moment.
+    direction : 'x', 'y', 'z', 'rx', 'ry' or 'rz'
+        A force along an axis of the assembly, or a moment about it.
     """
 
     at: str | None = None
     position: NodePlace
-    direction: Literal["x", "rz"] = "x"
+    direction: Direction = "x"
 
 
 class SensorSection(Section):
@@ -177,8 +177,8 @@ class ResponseSection(Section):
         Name of the substructure whose motion is measured.
     position : place
         Of its node, a position [m] or a label.
-    direction : 'x' or 'rz'
-        Displacement by a force, or rotation by a moment.
+    direction : 'x', 'y', 'z', 'rx', 'ry' or 'rz'
+        Displacement along an axis of the assembly by a force, or rotation about it by a moment.
     quantity : 'receptance', 'mobility' or 'accelerance'
         Of the FRF.
     force : section
@@ -191,7 +191,7 @@ class ResponseSection(Section):
 
     at: str
     position: NodePlace
-    direction: Literal["x", "rz"] = "x"
+    direction: Direction = "x"
     quantity: Quantity = "accelerance"
     force: Any = None
     name: Annotated[str, Field(pattern=r"^[^\W\d]\w*$", max_length=50)] | None = None
@@ -375,13 +375,22 @@ _LABEL = re.compile(r"node\s+(\S.*)|([^\W\d][\w.-]*)")
 """``node 1042``, or a word that begins with a letter."""
 
 
-class _LabelOrPosition(InUnit):
-    """A float in metres that may be written with a unit; a text that names a node stays a text."""
+NodePosition: TypeAlias = float | str | tuple[float, float, float]
+"""Of a node: its position along the part [m], its label, or its coordinates in the assembly [m]."""
 
-    def _parse(self, value: object) -> float | str:  # type: ignore[override]
+
+class _LabelOrPosition(InUnit):
+    """One or three floats in metres that may be written with a unit; a text that names a node stays a text."""
+
+    def _parse(self, value: object) -> NodePosition:  # type: ignore[override]
         if isinstance(value, str) and (label := _LABEL.fullmatch(value.strip())):
             return str(label[1] or label[2])
+        if isinstance(value, (list, tuple)):
+            if len(value) != 3:
+                raise ValueError(f"a point in space has three coordinates, but this list has {len(value)} elements")
+            first, second, third = (super(_LabelOrPosition, self)._parse(coordinate) for coordinate in value)
+            return first, second, third
         return super()._parse(value)
 
 
-NodePlace = Annotated[float | str, _LabelOrPosition("m")]
+NodePlace = Annotated[float | str | tuple[float, float, float], _LabelOrPosition("m")]

@@ -11,6 +11,7 @@ from pydantic import BaseModel, ValidationError
 
 from dovetail.description.checked import JointEntry, ParameterEntry, Tie, resolve
 from dovetail.description.parameter_sections import DescribedParameters, ends_of, steps_of
+from dovetail.description.placed_parts import Placement
 from dovetail.description.unknown_parts import UnknownPart, UnknownReceptance
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.option_fields import number_unit
@@ -150,7 +151,11 @@ def _tied_item(tie: Tie, faults: FaultList) -> Item | None:
 
 
 def add_unknown_part(
-    name: str, part: SubstructureModel, described: DescribedParameters, faults: FaultList, *, reversed: bool = False
+    name: str,
+    part: SubstructureModel,
+    described: DescribedParameters,
+    faults: FaultList,
+    placement: Placement | None = None,
 ) -> JointEntry | None:
     """Return the entry of a substructure with unknown options; if its ranges are impossible, add a fault, return None.
 
@@ -162,12 +167,12 @@ def add_unknown_part(
         With the middles of the ranges as options.
     described : DescribedParameters
     faults : FaultList
-    reversed : bool
-        Whether the part is reversed.
+    placement : Placement, optional
+        How the part lies in the assembly, if its axes are not the assembly's.
     """
     with plugin_errors(part, f"substructure '{name}' ({part.name})"):
         kind = UnknownReceptance if part.matrices() is None else UnknownPart
-    model = kind(part, tuple(described.known.values()), reversed=reversed)
+    model = kind(part, tuple(described.known.values()), placement)
     if model.size > _MOST_DOFS:
         problem = f"its options must be known: it has {model.size} DOFs, and its matrices are made anew for each FRF."
         faults.add(("substructures", name), problem, f"{_MOST_DOFS} DOFs or fewer", key=True)
@@ -178,8 +183,7 @@ def add_unknown_part(
         if problem := _objection(model, corner):
             faults.add(("substructures", name, *steps_of(next(iter(corner)))), problem)
             return None
-    connection = Connection(model, (Attachment(name, tuple(range(len(part.nodes)))),))
-    return JointEntry(connection=connection, **described.entry)
+    return JointEntry(connection=Connection(model, Attachment.to_all(name, part)), **described.entry)
 
 
 def check_tied_options(name: str, entries: Mapping[str, ParameterEntry], faults: FaultList) -> None:

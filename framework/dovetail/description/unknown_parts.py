@@ -8,9 +8,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.description.reversed_parts import ReversedPart, opposite_rotations
+from dovetail.description.placed_parts import Placement, placed
 from dovetail.errors import DovetailError, PluginError
 from dovetail.interfaces import (
+    Coordinates,
     JointModel,
     Parameter,
     Port,
@@ -34,22 +35,24 @@ class UnknownPart(JointModel):
         With the middles of the ranges as options.
     parameters : sequence of Parameter
         The unknown options, tied ones included, named by their path in the section.
-    reversed : bool
-        Whether its axis runs against the assembly's, so that its rotations have the opposite sign.
+    placement : Placement, optional
+        How it lies in the assembly, if its axes are not the assembly's.
     """
 
     kind = "substructure"  # for messages
     summary = "A substructure with unknown options"
 
-    def __init__(self, part: SubstructureModel, parameters: Sequence[Parameter], *, reversed: bool = False) -> None:
+    def __init__(
+        self, part: SubstructureModel, parameters: Sequence[Parameter], placement: Placement | None = None
+    ) -> None:
         super().__init__()
         self.name = part.name  # type: ignore[misc]  # for messages
-        self.part, self.reversed = part, reversed
+        self.part, self.placement = part, placement
         self._parameters = tuple(parameters)
         with plugin_errors(part, f"substructure model '{part.name}'"):
             matrices = substructure_matrices(part)
         self.has_matrices = matrices is not None
-        self._internal = 0 if matrices is None else matrices.size - 2 * len(part.nodes)
+        self._internal = 0 if matrices is None else matrices.size - part.node_dofs.size
         self._latest: tuple[NDArray[np.float64], StructuralMatrices] | None = None
 
     @property
@@ -59,8 +62,13 @@ class UnknownPart(JointModel):
 
     @cached_property
     def ports(self) -> tuple[Port, ...]:
-        """All nodes."""
-        return (Port("nodes", len(self.part.nodes)),)
+        """Each node."""
+        nodes = placed(self.part, self.placement).nodes
+        return tuple(Port(f"node_{number}", 1, directions=node.directions) for number, node in enumerate(nodes))
+
+    @cached_property
+    def _coordinates(self) -> Coordinates | None:
+        return None if self.placement is None else self.placement.coordinates(self.part.nodes)
 
     @property
     def internal_dofs(self) -> int:
@@ -80,9 +88,9 @@ class UnknownPart(JointModel):
         if not others or not describes_matrices(self.part, "scaled_matrices"):
             return None
         scaled = self.part.scaled_matrices(others)
-        if scaled is None or not self.reversed:
+        if scaled is None or self._coordinates is None:
             return scaled
-        return scaled.changed(lambda matrices: opposite_rotations(matrices, len(self.part.nodes)))
+        return scaled.changed(self._coordinates.transformed)
 
     @cached_property
     def superposition(self) -> Superposition | None:
@@ -93,7 +101,7 @@ class UnknownPart(JointModel):
     def refined(self, factor: int) -> UnknownPart | None:
         """Return the same part with a finer mesh and the same options, or None if the model has no mesh."""
         finer = self.part.refined(factor)
-        return None if finer is None else type(self)(finer, self._parameters, reversed=self.reversed)
+        return None if finer is None else type(self)(finer, self._parameters, self.placement)
 
     def made_with(self, options: Mapping[str, float]) -> SubstructureModel:
         """Return the part with other values of some options, by their paths in the section.
@@ -120,8 +128,8 @@ class UnknownPart(JointModel):
         if latest is not None and np.array_equal(latest[0], theta):
             return latest[1]
         matrices = self._made(theta) if self._parameters else _dense(substructure_matrices(self.part))
-        if self.reversed:
-            matrices = opposite_rotations(matrices, len(self.part.nodes))
+        if self._coordinates is not None:
+            matrices = self._coordinates.transformed(matrices)
         matrices = _for_each(matrices, len(theta))
         if len(theta) == 1:
             self._latest = theta.copy(), matrices
@@ -155,13 +163,13 @@ class UnknownReceptance(UnknownPart):
         stiffness = np.zeros((len(theta), len(frequency), self.size, self.size), dtype=np.complex128)
         with plugin_errors(self.part, f"substructure model '{self.part.name}'"):
             for row, part in enumerate(self._each(theta)):
-                turned = ReversedPart(part) if self.reversed else part
-                stiffness[row][:, np.array(dofs)[:, None], dofs] = inverted_receptance(turned, dofs, frequency)
+                there = placed(part, self.placement)
+                stiffness[row][:, np.array(dofs)[:, None], dofs] = inverted_receptance(there, dofs, frequency)
         return stiffness
 
     def between(self, dofs: Sequence[int]) -> UnknownReceptance:
         """Return the same part between some of its DOFs only, so that less of its receptance is inverted."""
-        part = UnknownReceptance(self.part, self._parameters, reversed=self.reversed)
+        part = UnknownReceptance(self.part, self._parameters, self.placement)
         part._used = tuple(dofs)
         return part
 

@@ -219,15 +219,15 @@ def _candidates(assembly: Assembly, substructures: Sequence[str]) -> list[Assemb
     chosen = list(substructures) or [name for name, substructure in available.items() if not substructure.grounded]
     response = description.response
     attachments = [port for joint in description.joints.values() for port in joint.connection.attachments]
-    inside = {(port.substructure, dof) for port in attachments for dof in port.dofs}
+    inside = {(port.substructure, node) for port in attachments for node in port.nodes}
     if response.substructure not in chosen:
         chosen.append(response.substructure)
     return [
-        assembly.with_description(replace(description, responses=(replace(response, substructure=name, node=node),)))
+        assembly.with_description(replace(description, responses=(description.moved(response, name, number),)))
         for name in chosen
-        for node in range(len(available[name].nodes))
-        if not inside.intersection({(name, 2 * node), (name, 2 * node + 1)})
-        or (response.substructure, response.node) == (name, node)
+        for number, node in enumerate(description.placed_parts[name].nodes)
+        if response.direction in node.directions
+        and ((name, number) not in inside or (response.substructure, response.node) == (name, number))
     ]
 
 

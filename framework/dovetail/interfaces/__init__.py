@@ -3,6 +3,7 @@
 from dovetail.interfaces.component import (
     INTERFACE_VERSION,
     KINDS,
+    OLDEST_INTERFACE,
     Component,
     ComponentConfig,
     Kind,
@@ -10,6 +11,7 @@ from dovetail.interfaces.component import (
     source_file,
 )
 from dovetail.interfaces.context import FeatureContext, fit_in_context, takes_context
+from dovetail.interfaces.coordinates import Coordinates, carried, exact_rotation, rigid_body_motions, six_directions
 from dovetail.interfaces.declarations import joint_faults, node_faults, parameter_faults, port_faults
 from dovetail.interfaces.file_name import FileName
 from dovetail.interfaces.fit_options import FIT_OPTIONS, FitOptions, PosteriorOptions
@@ -17,10 +19,15 @@ from dovetail.interfaces.joint import JointModel, Parameter, Prior, Scale
 from dovetail.interfaces.law import Law, LawUnknown
 from dovetail.interfaces.matrices import (
     DIRECTIONS,
+    PLANAR,
+    ROTATIONS,
+    Direction,
+    NodeDofs,
     ScaledMatrices,
     SparseMatrices,
     StructuralMatrices,
     describes_matrices,
+    is_rotation,
 )
 from dovetail.interfaces.method import Estimate, IdentificationMethod, IdentificationProblem
 from dovetail.interfaces.option_schema import option_schema
@@ -50,13 +57,18 @@ __all__ = [
     "INTERFACE_VERSION",
     "KINDS",
     "NO_LIMIT",
+    "OLDEST_INTERFACE",
+    "PLANAR",
+    "ROTATIONS",
     "About",
     "ArrayEntry",
     "Component",
     "ComponentConfig",
     "ComponentState",
+    "Coordinates",
     "CutShort",
     "Declaration",
+    "Direction",
     "Estimate",
     "FeatureContext",
     "FileName",
@@ -72,6 +84,7 @@ __all__ = [
     "Law",
     "LawUnknown",
     "Node",
+    "NodeDofs",
     "Omission",
     "Parameter",
     "Port",
@@ -96,8 +109,11 @@ __all__ = [
     "TargetDistribution",
     "TimeLimit",
     "TrainingEpoch",
+    "carried",
     "describes_matrices",
+    "exact_rotation",
     "fit_in_context",
+    "is_rotation",
     "joint_faults",
     "logged",
     "node_faults",
@@ -106,7 +122,9 @@ __all__ = [
     "plugin_errors",
     "port_faults",
     "progress_reporter",
+    "rigid_body_motions",
     "silent",
+    "six_directions",
     "source_file",
     "spread_normal",
     "takes_context",

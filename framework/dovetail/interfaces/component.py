@@ -18,8 +18,10 @@ from dovetail.units import refuse_marks
 
 Kind = Literal["substructure", "joint", "reducer", "regressor", "reader", "method", "law"]
 KINDS: tuple[Kind, ...] = ("substructure", "joint", "reducer", "regressor", "reader", "method", "law")
-INTERFACE_VERSION = 1
+INTERFACE_VERSION = 2
 """Version of the plugin interface; it increases with each change that can break a component."""
+OLDEST_INTERFACE = 1
+"""Oldest version whose components still work: their nodes and ports have the directions x and rz, as then."""
 
 
 class ComponentConfig(BaseModel):
@@ -87,14 +89,14 @@ class Component(ABC):
         Publications of the model.
     interface_versions : tuple of int
         Lowest and highest version of the plugin interface for which the component was written, as in ``(1, 2)``.
-        Dovetail refuses the component if its `INTERFACE_VERSION` is outside this range.
+        Dovetail refuses the component if it has none of these versions: `OLDEST_INTERFACE` to `INTERFACE_VERSION`.
     """
 
     kind: ClassVar[Kind]
     name: ClassVar[str]
     summary: ClassVar[str]
     references: ClassVar[tuple[str, ...]] = ()
-    interface_versions: ClassVar[tuple[int, int]] = (1, 1)
+    interface_versions: ClassVar[tuple[int, int]] = (1, 2)
 
     class Config(ComponentConfig):
         """A component without options."""

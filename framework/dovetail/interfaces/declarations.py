@@ -11,7 +11,7 @@ from typing import Any
 from dovetail.errors import Fault, PluginError
 from dovetail.interfaces.component import Component
 from dovetail.interfaces.joint import JointModel, Parameter
-from dovetail.interfaces.matrices import DIRECTIONS
+from dovetail.interfaces.matrices import direction_problem
 from dovetail.interfaces.substructure import Node, Port
 from dovetail.units import is_unit
 
@@ -69,7 +69,23 @@ def node_faults(nodes: object) -> list[Fault]:
         if isinstance(node.position, bool) or not isinstance(node.position, Real) or not math.isfinite(node.position):
             problem = f"has {_shortened(node.position)} for the position of the node '{node.label}'."
             return [Fault("nodes", problem, "a finite number of metres")]
+        if problem := direction_problem(node.directions) or _point_problem(node.point):
+            problem = f"has a node '{node.label}' of which {problem}."
+            return [Fault("nodes", problem, 'directions such as ("x", "rz"); for its point three finite numbers [m]')]
     return []
+
+
+def _point_problem(point: object) -> str:
+    """Return what is wrong with the coordinates of a node, or an empty text."""
+    if point is None:
+        return ""
+    if (
+        isinstance(point, tuple)
+        and len(point) == 3
+        and all(isinstance(c, Real) and not isinstance(c, bool) and math.isfinite(c) for c in point)
+    ):
+        return ""
+    return f"the point is {_shortened(point)}"
 
 
 def _read(model: Component, name: str, faults_of: Callable[[Any], list[Fault]]) -> list[Fault]:
@@ -119,7 +135,7 @@ def _internal_faults(count: object) -> list[Fault]:
 
 
 def _pair_faults(pairs: object, size: int) -> list[Fault]:
-    accepted = f"pairs of local DOFs from 0 to {size - 1}; {len(DIRECTIONS)} to a node of each port"
+    accepted = f"pairs of local DOFs from 0 to {size - 1}; those of the ports' nodes first"
     if not isinstance(pairs, (tuple, list)):
         return [Fault("merged_dofs", f"has {_shortened(pairs)} for its merged_dofs, not a tuple.", accepted)]
     for pair in pairs:

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from dovetail.errors import Fault, PluginError, listing
 from dovetail.interfaces.component import Component, Kind
 from dovetail.interfaces.differentiation import Differentiation, differences
-from dovetail.interfaces.matrices import DIRECTIONS, ScaledMatrices, StructuralMatrices, describes_matrices
+from dovetail.interfaces.matrices import NodeDofs, ScaledMatrices, StructuralMatrices, describes_matrices
 from dovetail.interfaces.substructure import Omission, Port, SubstructureModel
 from dovetail.interfaces.superposition import Declaration, Superposition
 
@@ -165,10 +165,13 @@ class Parameter:
 class JointModel(Component):
     """A connection with parameters to identify.
 
-    Its local DOFs are those of its ports, port by port and node by node, x then rz; its internal DOFs follow.
+    Its local DOFs are those of its ports (`node_dofs`): port by port and node by node, each in the order of the port's
+    directions, by default x then rz. Its internal DOFs follow. Facing nodes may lie apart in space, all by the same
+    vector, if it `spans_a_distance`, as on the axes of two lapped bars.
     """
 
     kind: ClassVar[Kind] = "joint"
+    spans_a_distance: ClassVar[bool] = False
 
     @property
     @abstractmethod
@@ -186,9 +189,14 @@ class JointModel(Component):
         return 0
 
     @cached_property
+    def node_dofs(self) -> NodeDofs:
+        """The numbers of the DOFs of the ports' nodes."""
+        return NodeDofs(tuple(port.directions for port in self.ports for _ in range(port.nodes)))
+
+    @cached_property
     def size(self) -> int:
         """Number d of local DOFs."""
-        return self.internal_dofs + len(DIRECTIONS) * sum(port.nodes for port in self.ports)
+        return self.internal_dofs + self.node_dofs.size
 
     def refined(self, factor: int) -> JointModel | None:  # noqa: ARG002
         """Return the same joint with a mesh `factor` times as fine, or None if it has no mesh."""
@@ -204,7 +212,7 @@ class JointModel(Component):
         """Pairs of ports whose nodes face each other in order, the first facing the first, and so on.
 
         A description in which the nodes of such a pair have other spacings, or the reverse order, is refused. By
-        default, two ports with the same number of nodes; override it with ``()`` if their nodes do not face.
+        default, two ports with the same number of nodes; ``()`` if their nodes do not face.
         """
         if len(self.ports) != 2 or self.ports[0].nodes != self.ports[1].nodes:
             return ()
@@ -214,12 +222,12 @@ class JointModel(Component):
     def contact_dofs(self) -> tuple[tuple[int, int], ...]:
         """Pairs of local DOFs that become the same DOF when the joint's contacts are taken as rigid.
 
-        By default, the DOFs of two ports with the same number of nodes, in order.
+        By default, the DOFs of two ports with the same number of nodes and the same directions, in order.
         """
-        if len(self.ports) != 2 or self.ports[0].nodes != self.ports[1].nodes:
+        shapes = {(port.nodes, port.directions) for port in self.ports}
+        if len(self.ports) != 2 or len(shapes) != 1:
             raise NotImplementedError(f"joint model '{self.name}' does not define its contact_dofs.")
-        half = len(DIRECTIONS) * self.ports[0].nodes
-        return tuple((dof, half + dof) for dof in range(half))
+        return tuple((dof, dof + self.node_dofs.size // 2) for dof in range(self.node_dofs.size // 2))
 
     def omission(
         self,
@@ -240,20 +248,15 @@ class JointModel(Component):
         return None
 
     def range_objections(self, lower: Mapping[str, float], upper: Mapping[str, float]) -> Mapping[str, str]:
-        """Return objections to ranges that contain impossible values.
+        """Return objections to ranges that contain impossible values: a sentence by the name of the parameter.
 
-        A description with objections is refused. By default, a parameter whose default range is not negative must not
-        be negative in a description either. Override this to relate parameters to each other, or to allow more.
+        By default, a parameter whose default range is not negative must not be negative in a description either.
+        Override this to relate parameters to each other, or to allow more.
 
         Parameters
         ----------
         lower, upper : mapping of str to float
             Ends of the ranges in a description, by the parameter's name, in SI; equal for a known value.
-
-        Returns
-        -------
-        mapping of str to str
-            A sentence about what is wrong with a range, by the name of the parameter.
         """
         objections = {}
         for parameter in self.parameters:
@@ -283,8 +286,8 @@ class JointModel(Component):
     def linear_parameters(self) -> tuple[str, ...]:
         """Names of parameters in which `matrices` is linear, each with a slope that no parameter changes.
 
-        With it a joint costs a product of constant matrices and these parameters, whatever the number of parameter
-        vectors. The declaration is verified. It does not count for a derived class with other `matrices`.
+        With it a joint costs a product of constant matrices and these parameters, for any number of vectors. The
+        declaration is verified. It does not count for a derived class with other `matrices`.
         """
         return ()
 
@@ -323,10 +326,9 @@ class JointModel(Component):
     def matrices_jacobian(self, theta: NDArray[np.float64]) -> Sequence[StructuralMatrices]:
         """Return the derivatives of `matrices` by each parameter.
 
-        A joint need not override it. The derivatives are exact for `linear_parameters` and `scaled_matrices`, and where
-        the matrices are linear in a parameter over its whole range, for any values of the others. Otherwise they are
-        differences of fourth order, with an error of about 1e-12 of the entry over the parameter; they are one-sided at
-        the ends of a range and, at a kink such as a stop, on the side where the parameter lies.
+        A joint need not override it. The derivatives are exact for `linear_parameters` and `scaled_matrices`, and for a
+        parameter in which the matrices are linear over its whole range. Otherwise they are differences of fourth order,
+        with an error of about 1e-12 of the entry over the parameter, one-sided at the ends of a range and at a kink.
 
         Parameters
         ----------
@@ -375,9 +377,8 @@ class JointModel(Component):
     ) -> Iterable[NDArray[np.complex128]]:
         """Return the derivatives of `dynamic_stiffness` by each parameter.
 
-        By default they follow from `matrices_jacobian`. For a joint that overrides `dynamic_stiffness` they are
-        differences of fourth order, with an error below 1e-9 of the derivative where the parameter matters. Override
-        this method if exact derivatives are available.
+        By default they follow from `matrices_jacobian`; for a joint that overrides `dynamic_stiffness` they are
+        differences of fourth order, with an error below 1e-9 of the derivative where the parameter matters.
 
         Parameters
         ----------

@@ -1,19 +1,116 @@
-"""Structural matrices, dense or sparse: mass, stiffness, viscous and structural damping."""
+"""Structural matrices, dense or sparse, and the DOFs of their rows: mass, stiffness and damping."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import cached_property
+from itertools import accumulate
+from typing import Any, Literal
 
 import numpy as np
 import scipy  # loads a part of it when that is first used
 from numpy.typing import ArrayLike, NDArray
 
-DIRECTIONS = ("x", "rz")
-"""The DOFs of a node, in their order: displacement along x [m] and rotation about z [rad]."""
+Direction = Literal["x", "y", "z", "rx", "ry", "rz"]
+DIRECTIONS: tuple[Direction, ...] = ("x", "y", "z", "rx", "ry", "rz")
+"""Displacements along x, y and z [m], and rotations about them by the right-hand rule [rad], in their order."""
+
+ROTATIONS = DIRECTIONS[3:]
+PLANAR: tuple[Direction, ...] = ("x", "rz")
+"""The directions of a part that bends in one plane.
+
+Its axis runs along -y, so that the rotation about z is the slope of the displacement x along the axis.
+"""
+
+
+def is_rotation(direction: str) -> bool:
+    """Return whether a direction is a rotation, in rad, and not a displacement, in m."""
+    return direction in ROTATIONS
+
+
+def direction_problem(directions: object) -> str:
+    """Return what is wrong with the directions of a node, or an empty text.
+
+    Parameters
+    ----------
+    directions : object
+        Right are some of `DIRECTIONS`, in their order, as a tuple.
+    """
+    if not isinstance(directions, tuple) or not directions:
+        return f"{directions!r:.60} is not a tuple of directions"
+    if strange := [one for one in directions if one not in DIRECTIONS]:
+        return f"{strange[0]!r:.40} is not a direction"
+    if directions != tuple(one for one in DIRECTIONS if one in directions):
+        return f"{directions!r:.60} are not different directions in their order"
+    return ""
+
+
+@dataclass(frozen=True)
+class NodeDofs:
+    """The DOFs of some nodes: node after node, each with its directions in their order.
+
+    Parameters
+    ----------
+    directions : tuple of tuple of str
+        The directions of each node.
+    """
+
+    directions: tuple[tuple[str, ...], ...]
+
+    @staticmethod
+    def of_nodes(nodes: Iterable[Any]) -> NodeDofs:
+        """Return the DOFs of nodes with `directions`."""
+        return NodeDofs(tuple(node.directions for node in nodes))
+
+    @cached_property
+    def _first(self) -> tuple[int, ...]:
+        return tuple(accumulate((len(each) for each in self.directions), initial=0))
+
+    @property
+    def size(self) -> int:
+        """Number of DOFs."""
+        return self._first[-1]
+
+    def of_node(self, node: int) -> range:
+        """Return the DOFs of a node."""
+        return range(self._first[node], self._first[node + 1])
+
+    def find(self, node: int, direction: str) -> int | None:
+        """Return the DOF of a node in a direction; None if the node has no such DOF."""
+        if direction not in self.directions[node]:
+            return None
+        return self._first[node] + self.directions[node].index(direction)
+
+    def among(self, nodes: Iterable[int], directions: Iterable[str]) -> tuple[int, ...]:
+        """Return the DOFs of some nodes in some directions, node by node.
+
+        Raises
+        ------
+        ValueError
+            A node has no DOF in one of the directions.
+        """
+        wanted = tuple(directions)
+        return tuple(self._first[node] + self.directions[node].index(each) for node in nodes for each in wanted)
+
+    @cached_property
+    def _owners(self) -> tuple[tuple[int, str], ...]:
+        return tuple((node, each) for node, directions in enumerate(self.directions) for each in directions)
+
+    def __getitem__(self, dof: int) -> tuple[int, str]:
+        """Return the node and the direction of a DOF."""
+        return self._owners[dof]
+
+    def __iter__(self) -> Iterator[tuple[int, str]]:
+        """Yield the node and the direction of each DOF."""
+        return iter(self._owners)
+
+    @cached_property
+    def rotations(self) -> NDArray[np.bool_]:
+        """Which of the DOFs are rotations, (size,)."""
+        return np.array([is_rotation(direction) for _, direction in self._owners], dtype=bool)
 
 
 def refuse_complex(name: str, values: Any) -> None:

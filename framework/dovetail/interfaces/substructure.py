@@ -14,22 +14,40 @@ from numpy.typing import NDArray
 
 from dovetail.errors import Fault, PluginError
 from dovetail.interfaces.component import Component, Kind
-from dovetail.interfaces.matrices import DIRECTIONS, ScaledMatrices, SparseMatrices, StructuralMatrices
+from dovetail.interfaces.matrices import (
+    PLANAR,
+    NodeDofs,
+    ScaledMatrices,
+    SparseMatrices,
+    StructuralMatrices,
+    direction_problem,
+)
 
 
 @dataclass(frozen=True)
 class Node:
-    """A point of a substructure with the DOFs x and rz.
+    """A point of a substructure and the directions in which it can move.
 
     Parameters
     ----------
     label : str
     position : float
-        Distance from the origin of the substructure [m], by which descriptions refer to the node.
+        Distance from the origin along the axis of the substructure [m], by which descriptions refer to the node.
+    directions : tuple of str
+        Some of ``x y z rx ry rz``, in this order.
+    point : tuple of three floats, optional
+        Coordinates in the substructure [m]; by default on its axis, which runs along -y.
     """
 
     label: str
     position: float
+    directions: tuple[str, ...] = PLANAR
+    point: tuple[float, float, float] | None = None
+
+    @property
+    def coordinates(self) -> tuple[float, float, float]:
+        """Coordinates in the substructure [m]."""
+        return (0.0, -self.position, 0.0) if self.point is None else self.point
 
 
 @dataclass(frozen=True)
@@ -45,16 +63,20 @@ class Port:
     positions : tuple of float, optional
         Where these nodes lie in the joint's own model [m], increasing, from any origin; give them if the matrices
         depend on the distances of the nodes. A description whose nodes are at other distances is refused.
+    directions : tuple of str
+        Directions of each node in which the joint acts: some of ``x y z rx ry rz``, in this order.
 
     Raises
     ------
     PluginError
-        The name is not a text, the number is not a positive integer, or there are not as many increasing positions.
+        The name is not a text, the number is not a positive integer, there are not as many increasing positions, or
+        the directions are not different ones in their order.
     """
 
     name: str
     nodes: int
     positions: tuple[float, ...] | None = None
+    directions: tuple[str, ...] = PLANAR
 
     def __post_init__(self) -> None:
         where = f"port {self.name!r:.40}"
@@ -64,6 +86,8 @@ class Port:
             raise PluginError(Fault(where, f"its number of nodes is {self.nodes!r:.40}.", "a whole number from 1"))
         if self.positions is not None:
             self._check_positions(where)
+        if problem := direction_problem(self.directions):
+            raise PluginError(Fault(where, f"{problem}.", 'a tuple such as ("x", "rz")'))
 
     def _check_positions(self, where: str) -> None:
         accepted = f"a tuple of {self.nodes} increasing numbers of metres"
@@ -95,8 +119,8 @@ class Omission:
 class SubstructureModel(Component):
     """A part with known dynamics.
 
-    DOF ``2 * i`` is x of node ``i`` and DOF ``2 * i + 1`` its rz. Further DOFs of the matrices are inner DOFs, to which
-    no joint and no response can attach.
+    Its DOFs are those of its nodes (`node_dofs`): node by node, each in the order of its directions. Further DOFs of
+    the matrices are inner DOFs, to which no joint and no response can attach.
 
     Attributes
     ----------
@@ -142,6 +166,11 @@ class SubstructureModel(Component):
     @abstractmethod
     def nodes(self) -> tuple[Node, ...]:
         """The nodes, in the order of their DOFs."""
+
+    @property
+    def node_dofs(self) -> NodeDofs:
+        """The numbers of the nodes' DOFs."""
+        return NodeDofs.of_nodes(self.nodes)
 
     @abstractmethod
     def matrices(self) -> StructuralMatrices | SparseMatrices | None:
@@ -216,16 +245,20 @@ class SubstructureModel(Component):
         active = np.union1d(np.flatnonzero(filled), ports)
         rows = np.searchsorted(active, ports)
         unit_loads = np.eye(len(active))[:, rows]
-        receptance: list[NDArray[np.complex128]] = [
-            np.linalg.solve(matrices.dynamic_stiffness(line)[0][np.ix_(active, active)], unit_loads)[rows]
-            for line in lines[:, None]
-        ]
-        return np.stack(receptance)
+        stiffness = (matrices.dynamic_stiffness(line)[0][np.ix_(active, active)] for line in lines[:, None])
+        return np.stack([_scaled_solution(Z, unit_loads)[rows] for Z in stiffness])
 
     def dof_label(self, dof: int) -> str:
         """Return a label with the position and direction of a DOF."""
-        node = self.nodes[dof // len(DIRECTIONS)]
-        return f"{node.position * 1e3:g} mm {DIRECTIONS[dof % len(DIRECTIONS)]}"
+        number, direction = self.node_dofs[dof]
+        return f"{self.nodes[number].position * 1e3:g} mm {direction}"
+
+
+def _scaled_solution(Z: NDArray[np.complex128], loads: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Solve with a diagonal of ones, since the units of displacements and rotations differ."""
+    size = np.abs(np.diagonal(Z))
+    scale = 1.0 / np.sqrt(np.where(size > 0, size, 1.0))
+    return np.asarray(scale[:, None] * np.linalg.solve(scale[:, None] * Z * scale, scale[:, None] * loads))
 
 
 def _sparse_receptance(matrices: SparseMatrices, frequency: float, ports: NDArray[np.intp]) -> NDArray[np.complex128]:

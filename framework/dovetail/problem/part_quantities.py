@@ -85,7 +85,7 @@ def known_quantities(assembly: Assembly) -> Iterator[tuple[str, ConfigQuantity, 
     The last is a function from the logarithm of the ratio to the described value to the changed assembly.
     """
     for name, model in assembly.description.known_parts.items():
-        if 2 * len(model.nodes) <= MOST_DOFS:
+        if model.node_dofs.size <= MOST_DOFS:
             for quantity in list_quantities(model):
                 yield name, quantity, partial(_with_quantity, assembly, name, quantity)
 

@@ -8,6 +8,7 @@ from typing import Any
 from dovetail.errors import PluginError, contained
 from dovetail.interfaces import (
     INTERFACE_VERSION,
+    OLDEST_INTERFACE,
     ComponentConfig,
     FrfReader,
     IdentificationMethod,
@@ -84,8 +85,9 @@ def _version_problem(versions: Any) -> str:
     """Return why a component with this range of interface versions cannot be used, or an empty text."""
     match versions:
         case (int(lowest), int(highest)) if lowest <= highest:
-            if lowest <= INTERFACE_VERSION <= highest:
+            if lowest <= INTERFACE_VERSION and highest >= OLDEST_INTERFACE:
                 return ""
-            accepted = f"version {lowest}" if lowest == highest else f"versions {lowest} to {highest}"
-            return f"was written for {accepted} of the plugin interface; this dovetail-frf has {INTERFACE_VERSION}."
+            written = f"version {lowest}" if lowest == highest else f"versions {lowest} to {highest}"
+            known = f"{OLDEST_INTERFACE} to {INTERFACE_VERSION}"
+            return f"was written for {written} of the plugin interface; this dovetail-frf knows {known}."
     return f"has {versions!r:.60} for its interface_versions, not its lowest and highest version, such as (1, 1)."

@@ -134,7 +134,8 @@ def assembly_figure(assembly: Assembly, ax: Axes | None = None) -> Figure:
 def _parts(description: Description) -> dict[str, _Part]:
     """Return the parts, moved along the axis so that each joint connects nodes at the same position."""
     substructures, starts = description.substructures, dict[str, float]()
-    sense = {name: -1.0 if name in description.reversed_parts else 1.0 for name in substructures}
+    reversed_parts = {name for name, placement in description.placements.items() if placement.reversed}
+    sense = {name: -1.0 if name in reversed_parts else 1.0 for name in substructures}
     ports = [
         {
             part: sense[part] * np.mean([substructures[part].nodes[n].position for n in nodes]).item()

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import DovetailError, Fault, PluginError
-from dovetail.interfaces import DIRECTIONS, SparseMatrices, StructuralMatrices, SubstructureModel
+from dovetail.interfaces import NodeDofs, SparseMatrices, StructuralMatrices, SubstructureModel
 from dovetail.interfaces.matrices import refusing_complex_values
 from dovetail.synthesis.elimination import plan_elimination, run_elimination
 from dovetail.synthesis.sparse_condensation import PartitionedMatrices, condense_on_basis
@@ -193,7 +193,7 @@ def substructure_matrices(substructure: SubstructureModel) -> StructuralMatrices
     where = f"substructure model '{substructure.name}'"
     if not isinstance(matrices, (StructuralMatrices, SparseMatrices)):
         raise PluginError(Fault(where, f"it returns {type(matrices).__name__}.", "StructuralMatrices, SparseMatrices"))
-    least = len(DIRECTIONS) * len(substructure.nodes)
+    least = NodeDofs.of_nodes(substructure.nodes).size
     if matrices.K.ndim != 2 or matrices.size < least:
         problem = (
             f"its matrices have the shape {matrices.K.shape}, but its {len(substructure.nodes)} nodes need {least}"

@@ -48,9 +48,9 @@ def condense(
         By the substructure's name, without held DOFs.
     """
     needed: dict[str, set[int]] = {name: set() for name in graph.substructures}
-    for connection in graph.connections.values():
-        for port in connection.attachments:
-            needed[port.substructure].update(port.dofs)
+    for joint in graph.connections:
+        for name, attached in graph.attached_dofs(joint):
+            needed[name].update(attached)
     for name, dof in points:
         needed[name].add(dof)
     condensed = {}

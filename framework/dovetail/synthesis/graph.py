@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.interfaces import DIRECTIONS, JointModel, SubstructureModel
+from dovetail.interfaces import JointModel, NodeDofs, SubstructureModel
 
 HELD = -1
 """Global number of a DOF that does not move."""
@@ -29,10 +29,10 @@ class Attachment:
     substructure: str
     nodes: tuple[int, ...]
 
-    @property
-    def dofs(self) -> tuple[int, ...]:
-        """The substructure's DOFs, node by node, x then rz."""
-        return tuple(len(DIRECTIONS) * node + axis for node in self.nodes for axis in range(len(DIRECTIONS)))
+    @staticmethod
+    def to_all(name: str, part: SubstructureModel) -> tuple[Attachment, ...]:
+        """Return an attachment to each node of a substructure."""
+        return tuple(Attachment(name, (node,)) for node in range(len(part.nodes)))
 
 
 @dataclass(frozen=True)
@@ -63,25 +63,32 @@ class Graph:
     connections: Mapping[str, Connection]
 
     @cached_property
+    def _dofs(self) -> dict[str, NodeDofs]:
+        """The DOFs of each substructure's nodes."""
+        return {name: NodeDofs.of_nodes(part.nodes) for name, part in self.substructures.items()}
+
+    @cached_property
     def _numbering(self) -> tuple[dict[str, NDArray[np.intp]], dict[str, NDArray[np.intp]], int]:
         first: dict[str, int] = {}
         count = 0
-        for name, substructure in self.substructures.items():
+        for name in self.substructures:
             first[name] = count
-            count += len(DIRECTIONS) * len(substructure.nodes)
+            count += self._dofs[name].size
+        ends = dict(zip(first, [*first.values(), count][1:], strict=True))
         local: dict[str, NDArray[np.intp]] = {}
         for name, connection in self.connections.items():
-            attached = [first[port.substructure] + dof for port in connection.attachments for dof in port.dofs]
+            attached = [first[part] + dof for part, dofs in self.attached_dofs(name) for dof in dofs]
             internal = range(count, count + connection.model.internal_dofs)
             local[name] = np.array([*attached, *internal], dtype=np.intp)
             count += connection.model.internal_dofs
-        number = self._merged(first, local, count)
-        ends = {name: first[name] + len(DIRECTIONS) * len(s.nodes) for name, s in self.substructures.items()}
+        number = self._merged(first, ends, local, count)
         substructure_numbers = {name: number[first[name] : ends[name]] for name in self.substructures}
         joint_numbers = {name: number[dofs] for name, dofs in local.items()}
         return substructure_numbers, joint_numbers, int(number.max(initial=HELD)) + 1
 
-    def _merged(self, first: dict[str, int], local: dict[str, NDArray[np.intp]], count: int) -> NDArray[np.intp]:
+    def _merged(
+        self, first: dict[str, int], ends: dict[str, int], local: dict[str, NDArray[np.intp]], count: int
+    ) -> NDArray[np.intp]:
         """Give one number to each set of merged DOFs."""
         leader = np.arange(count)
 
@@ -97,10 +104,10 @@ class Graph:
                 leader[high] = low
         roots = np.array([find(dof) for dof in range(count)], dtype=np.intp)
         held = {
-            int(roots[first[name] + dof])
+            int(roots[dof])
             for name, substructure in self.substructures.items()
             if substructure.grounded
-            for dof in range(len(DIRECTIONS) * len(substructure.nodes))
+            for dof in range(first[name], ends[name])
         }
         free = [root for root in np.unique(roots) if root not in held]
         new = np.full(count, HELD, dtype=np.intp)
@@ -112,6 +119,20 @@ class Graph:
     def size(self) -> int:
         """Number of global DOFs."""
         return self._numbering[2]
+
+    def attached_dofs(self, name: str) -> tuple[tuple[str, tuple[int, ...]], ...]:
+        """Return the substructure and its DOFs at each port of a joint, node by node.
+
+        Raises
+        ------
+        ValueError
+            A node lacks a direction in which the joint acts.
+        """
+        connection = self.connections[name]
+        pairs = zip(connection.model.ports, connection.attachments, strict=True)
+        return tuple(
+            (at.substructure, self._dofs[at.substructure].among(at.nodes, port.directions)) for port, at in pairs
+        )
 
     def substructure_dofs(self, name: str) -> NDArray[np.intp]:
         """Return the global number of each DOF of a substructure; `HELD` where it does not move."""

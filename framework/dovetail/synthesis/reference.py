@@ -154,8 +154,8 @@ class LiteralSynthesis:
     def __init__(self, graph: Graph, frequency: NDArray[np.float64], substructure: str, dof: int) -> None:
         self._graph = graph
         self._frequency = frequency
-        ports = [port for connection in graph.connections.values() for port in connection.attachments]
-        interface = [(port.substructure, number) for port in ports for number in port.dofs]
+        ports = [port for name in graph.connections for port in graph.attached_dofs(name)]
+        interface = [(part, number) for part, dofs in ports for number in dofs]
         size = len(interface)
         self._H_bb = np.zeros((len(frequency), size, size), dtype=np.complex128)
         self._H_br = np.zeros((len(frequency), size, 1), dtype=np.complex128)

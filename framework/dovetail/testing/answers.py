@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.interfaces import DIRECTIONS, JointModel, SparseMatrices, StructuralMatrices, SubstructureModel
+from dovetail.interfaces import JointModel, SparseMatrices, StructuralMatrices, SubstructureModel
 from dovetail.testing.linear_algebra import dense, has_idle_motion
 
 PARTS = {"M": "mass", "K": "stiffness", "C": "viscous damping", "D": "structural damping"}
@@ -47,7 +47,7 @@ def declarations(component: Any) -> dict[str, str]:
         return values
     values = {name: _read(component, name) for name in _SUBSTRUCTURE}
     values["absent_dofs"] = repr(sorted(component.absent_dofs))
-    values["dof_label"] = repr([component.dof_label(dof) for dof in range(len(DIRECTIONS) * len(component.nodes))])
+    values["dof_label"] = repr([component.dof_label(dof) for dof in range(component.node_dofs.size)])
     return values
 
 
@@ -59,7 +59,7 @@ def has_receptance(part: SubstructureModel, matrices: StructuralMatrices | Spars
     if part.grounded or matrices is None:
         return not part.grounded
     whole = [dense(getattr(matrices, name)) for name in "KMCD"]
-    count = len(DIRECTIONS) * len(part.nodes)
+    count = part.node_dofs.size
     return not has_idle_motion(*whole) or has_idle_motion(*(matrix[count:, count:] for matrix in whole))
 
 
@@ -132,8 +132,8 @@ def _substructure_answers(substructure: SubstructureModel, lines: NDArray[np.flo
         matrix = getattr(matrices, part)
         values[f"the {noun} matrix"] = matrix if isinstance(matrices, StructuralMatrices) else matrix.data
     if has_receptance(substructure, matrices):
-        absent = {*substructure.absent_dofs, *_empty(matrices, len(DIRECTIONS) * len(substructure.nodes))}
-        dofs = [dof for dof in range(len(DIRECTIONS) * len(substructure.nodes)) if dof not in absent]
+        absent = {*substructure.absent_dofs, *_empty(matrices, substructure.node_dofs.size)}
+        dofs = [dof for dof in range(substructure.node_dofs.size) if dof not in absent]
         values["the receptance"] = substructure.receptance(lines.copy(), dofs[:4])
     return values
 

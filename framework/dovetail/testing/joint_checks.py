@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -167,7 +168,7 @@ def check_every_port_and_dof_is_used(specimen: JointSpecimen) -> None:
     filled = (Z != 0).any(axis=(0, 1, 2))
     filled[[dof for pair in component.merged_dofs for dof in pair]] = True
     for port in component.ports:
-        dofs = slice(first, first := first + len(DIRECTIONS) * port.nodes)
+        dofs = slice(first, first := first + len(port.directions) * port.nodes)
         if not filled[dofs].any():
             raise Nonconformity(f"no matrix has an entry for the port '{port.name}'.", "Attach it, or remove it.")
     if not filled[first:].all():
@@ -180,12 +181,12 @@ def check_every_port_and_dof_is_used(specimen: JointSpecimen) -> None:
 
 def check_translation_costs_nothing(specimen: JointSpecimen) -> None:
     """A common translation of all parts needs no force: a joint acts between them, not against the ground."""
-    _check_costs_nothing(specimen, 0, "moving")
+    _check_costs_nothing(specimen, "moving", DIRECTIONS[:3])
 
 
 def check_rotation_costs_nothing(specimen: JointSpecimen) -> None:
     """A common rotation of all parts, with the displacements of a rigid body, needs no moment."""
-    _check_costs_nothing(specimen, 1, "turning")
+    _check_costs_nothing(specimen, "turning", DIRECTIONS[3:])
 
 
 def check_contact_dofs_are_pairs(specimen: JointSpecimen) -> None:
@@ -199,7 +200,7 @@ def check_contact_dofs_are_pairs(specimen: JointSpecimen) -> None:
         whole = isinstance(pair, tuple) and len(pair) == 2 and all(isinstance(dof, (int, np.integer)) for dof in pair)
         if not whole or not all(0 <= dof < size for dof in pair) or pair[0] == pair[1]:
             problem = f"{pair!r:.60} among contact_dofs is not a pair of two of the {size} local DOFs."
-            raise Nonconformity(problem, "Give pairs of DOFs: port by port, node by node, x then rz.")
+            raise Nonconformity(problem, "Give pairs of DOFs: port by port, node by node, direction by direction.")
         _check_direction(specimen, pair, "contact_dofs")
 
 
@@ -238,12 +239,11 @@ def check_results_are_new_arrays(specimen: JointSpecimen) -> None:
 
 def _check_direction(specimen: JointSpecimen, pair: tuple[int, int], said: str) -> None:
     """Compare the directions of two DOFs of ports; those of internal DOFs are unknown."""
-    on_ports = specimen.component.size - specimen.component.internal_dofs
-    first, second = pair
-    if max(pair) < on_ports and (first - second) % len(DIRECTIONS):
-        words = [DIRECTIONS[dof % len(DIRECTIONS)] for dof in pair]
+    dofs = specimen.component.node_dofs
+    words = [dofs[dof][1] for dof in pair if dof < dofs.size]
+    if len(set(words)) == 2:
         problem = f"the pair {pair} among {said} combines a DOF {words[0]} with a DOF {words[1]}."
-        raise Nonconformity(problem, "Even local DOFs of ports are x, odd ones rz.")
+        raise Nonconformity(problem, "Combine DOFs of one direction, see JointModel.node_dofs.")
 
 
 def _check_semidefinite(specimen: JointSpecimen, part: str) -> None:
@@ -254,7 +254,7 @@ def _check_semidefinite(specimen: JointSpecimen, part: str) -> None:
         raise Nonconformity(problem, "Look for a wrong sign; a spring adds k to two diagonal entries and -k between.")
 
 
-def _check_costs_nothing(specimen: JointSpecimen, axis: int, verb: str) -> None:
+def _check_costs_nothing(specimen: JointSpecimen, verb: str, directions: Sequence[str]) -> None:
     """Find the motion with the least effort in which one DOF is the same for all port nodes; it must be zero.
 
     In a translation the rotations of the nodes are zero; in a rotation their displacements are free, since a joint
@@ -263,15 +263,18 @@ def _check_costs_nothing(specimen: JointSpecimen, axis: int, verb: str) -> None:
     component = specimen.component
     if len(component.ports) < 2:
         raise NotApplicable("the joint has a single port, and so acts against the ground.")
-    on_ports = component.size - component.internal_dofs
-    held = np.arange(on_ports) if axis == 0 else np.arange(1, on_ports, 2)
-    motion = (held % 2 == axis).astype(np.float64)
+    dofs = component.node_dofs
+    held = np.flatnonzero(dofs.rotations) if verb == "turning" else np.arange(dofs.size)
+    motions = [np.array([dofs[int(dof)][1] == each for dof in held], dtype=np.float64) for each in directions]
     total = np.sum([_normalised(getattr(specimen.matrices, part)) for part in "KCD"], axis=0)
     if specimen.own_law:
         chosen = specimen.some(200)
         at_rest = specimen.stiffness(np.array([_AT_REST]), chosen)[:, 0].real
         total = np.concatenate([total, _normalised(at_rest)])
-    costly = least_effort(total, held, motion) > _LEAST_EFFORT
+    efforts = [least_effort(total, held, motion) for motion in motions if motion.any()]
+    if not efforts:
+        raise NotApplicable("it does not act in such directions.")
+    costly = np.max(efforts, axis=0) > _LEAST_EFFORT
     if costly.any():
         row = int(np.argmax(costly))
         vectors = [*specimen.theta, *(specimen.some(200) if specimen.own_law else ())]

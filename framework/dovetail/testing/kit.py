@@ -32,6 +32,7 @@ from dovetail.testing import (
     method_checks,
     reader_checks,
     reducer_checks,
+    refinement_checks,
     regressor_checks,
     substructure_checks,
     training_checks,
@@ -45,7 +46,14 @@ _Check = Callable[[Any], str | None]
 """A check raises an exception if something is wrong, and may return a text with what it measured."""
 
 _MODULES: Mapping[Kind, tuple[ModuleType, ...]] = {
-    "substructure": (substructure_checks, declared_part_checks, history_checks, unit_checks, general_checks),
+    "substructure": (
+        substructure_checks,
+        refinement_checks,
+        declared_part_checks,
+        history_checks,
+        unit_checks,
+        general_checks,
+    ),
     "joint": (
         joint_checks,
         joint_derivative_checks,

@@ -145,7 +145,7 @@ class SubstructureSpecimen(Specimen):
     @cached_property
     def dofs(self) -> list[int]:
         """A few active DOFs of the nodes, evenly spaced in their list."""
-        taking_part = np.arange(2 * len(self.component.nodes))
+        taking_part = np.arange(self.component.node_dofs.size)
         if self.matrices is not None:
             parts = (dense(getattr(self.matrices, name)) for name in "MKCD")
             filled = np.logical_or.reduce([(part != 0).any(axis=0) for part in parts])

@@ -4,27 +4,32 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.documents.option_fields import numbers_within
-from dovetail.interfaces import DIRECTIONS, Node, SparseMatrices, StructuralMatrices, SubstructureModel
+from dovetail.interfaces import (
+    Node,
+    SparseMatrices,
+    StructuralMatrices,
+    SubstructureModel,
+    node_faults,
+    rigid_body_motions,
+)
 from dovetail.testing.answers import PARTS
 from dovetail.testing.linear_algebra import asymmetry, dense, least_effort, least_eigenvalue, relative_difference
 from dovetail.testing.outcomes import Nonconformity, NotApplicable, Reservation
-from dovetail.testing.specimens import FREQUENCY, SubstructureSpecimen
+from dovetail.testing.specimens import SubstructureSpecimen
 
 _ROUNDING = 1e-9
 _SOLVED = 1e-6
-_FACTORS = (2, 4)
 _TOLERANCE = 1e-3
 """Error of a condensation that would be visible in a measured FRF."""
 _NEIGHBOURS = (0.99, 1.0, 1.02)
 """Values of an option in a batch of matrices, relative to its value; their differences from the first if that is 0."""
-_ORDER = 64.0
-"""Largest reduction of an error with a mesh twice as fine, that of order six; with more it is a different part."""
 
 
 def check_nodes_are_distinct(specimen: SubstructureSpecimen) -> None:
@@ -35,21 +40,21 @@ def check_nodes_are_distinct(specimen: SubstructureSpecimen) -> None:
     labels = [node.label for node in nodes]
     if len(set(labels)) < len(labels):
         raise Nonconformity("two nodes have the same label.", "Use different labels; positions may be equal.")
-    if not all(np.isfinite(float(node.position)) for node in nodes):
-        raise Nonconformity("the position of a node is not finite.", "Give positions in metres.")
+    for fault in node_faults(nodes):
+        raise Nonconformity(f"it {fault.problem}", f"Accepted: {fault.accepted}.")
 
 
 def check_matrices_have_the_shape_of_the_nodes(specimen: SubstructureSpecimen) -> None:
-    """`matrices` returns finite matrices of the DOFs x and rz of all nodes, followed by inner DOFs, or None."""
-    matrices, least = specimen.matrices, len(DIRECTIONS) * len(specimen.component.nodes)
+    """`matrices` returns finite matrices of the DOFs of all nodes, followed by inner DOFs, or None."""
+    matrices, least = specimen.matrices, specimen.component.node_dofs.size
     if matrices is None:
         return
     if not isinstance(matrices, (StructuralMatrices, SparseMatrices)):
         raise Nonconformity(f"matrices returned {type(matrices).__name__}.", "Return a dovetail.StructuralMatrices.")
     shape = matrices.K.shape
     if len(shape) != 2 or shape[0] != shape[1] or shape[0] < least:
-        problem = f"matrices returned arrays of shape {shape} for {least // 2} nodes."
-        raise Nonconformity(problem, f"Give two DOFs to each node, x then rz: ({least}, {least}) or more.")
+        problem = f"matrices returned arrays of shape {shape} for {len(specimen.component.nodes)} nodes."
+        raise Nonconformity(problem, f"Give each node a DOF in each of its directions: ({least}, {least}) or more.")
     for part, noun in PARTS.items():
         if not np.isfinite(dense(getattr(matrices, part))).all():
             raise Nonconformity(f"the {noun} matrix is not finite.", "Check the options where they enter.")
@@ -57,10 +62,11 @@ def check_matrices_have_the_shape_of_the_nodes(specimen: SubstructureSpecimen) -
 
 def check_every_node_and_dof_is_used(specimen: SubstructureSpecimen) -> None:
     """Each node, and each inner DOF, has an entry in a matrix."""
-    matrices, count = _matrices(specimen), len(DIRECTIONS) * len(specimen.component.nodes)
+    matrices, dofs = part_matrices(specimen), specimen.component.node_dofs
+    count = dofs.size
     _only_if_movable(specimen)
     filled = np.any([(dense(getattr(matrices, part)) != 0).any(axis=0) for part in PARTS], axis=0)
-    idle = ~filled[:count].reshape(-1, len(DIRECTIONS)).any(axis=1)
+    idle = ~np.array([filled[list(dofs.of_node(node))].any() for node in range(len(dofs.directions))])
     if idle.any():
         label = specimen.component.nodes[int(np.argmax(idle))].label
         raise Nonconformity(f"no matrix has an entry for the node '{label}'.", "Connect it to the part, or remove it.")
@@ -71,10 +77,10 @@ def check_every_node_and_dof_is_used(specimen: SubstructureSpecimen) -> None:
 
 def check_absent_dofs_and_tolerance_are_in_range(specimen: SubstructureSpecimen) -> None:
     """`absent_dofs` is a set of DOFs, empty for a part with matrices; `condensation_tolerance` is a small number."""
-    absent, count = specimen.component.absent_dofs, len(DIRECTIONS) * len(specimen.component.nodes)
+    absent, count = specimen.component.absent_dofs, specimen.component.node_dofs.size
     if not isinstance(absent, frozenset) or not all(isinstance(dof, int) and 0 <= dof < count for dof in absent):
         problem = f"absent_dofs is {absent!r:.60}, and the nodes have {count} DOFs."
-        raise Nonconformity(problem, "Return a frozenset of DOFs of the nodes: 2 i for x of node i, 2 i + 1 for rz.")
+        raise Nonconformity(problem, "Return a frozenset of DOFs of the nodes, as node_dofs numbers them.")
     if absent and specimen.matrices is not None:
         problem = "it names absent_dofs, and has matrices."
         raise Nonconformity(problem, "Leave rows and columns of zeros in the matrices instead.")
@@ -101,7 +107,7 @@ def check_outline_is_sections_in_order(specimen: SubstructureSpecimen) -> None:
 
 def check_receptance_has_its_shape(specimen: SubstructureSpecimen) -> str:
     """`receptance` is a finite complex (n_freq, n, n) array for n DOFs."""
-    _only_with_receptance(specimen)
+    only_with_receptance(specimen)
     count = len(specimen.dofs)
     H = specimen.component.receptance(specimen.lines.copy(), list(specimen.dofs))
     wanted = (len(specimen.lines), count, count)
@@ -116,9 +122,10 @@ def check_receptance_has_its_shape(specimen: SubstructureSpecimen) -> str:
 def check_mass_is_symmetric_and_positive(specimen: SubstructureSpecimen) -> None:
     """The mass matrix is symmetric and positive semi-definite, and a part with rotary inertia has mass."""
     _check_semidefinite(specimen, "M")
-    outer = np.diag(dense(_matrices(specimen).M))[: len(DIRECTIONS) * len(specimen.component.nodes)]
-    if (outer[1::2] > 0).any() and not (outer[0::2] > 0).any():
-        raise Nonconformity("it has rotary inertia but no mass.", "The DOFs of a node are x, then rz.")
+    rotations = specimen.component.node_dofs.rotations
+    outer = np.diag(dense(part_matrices(specimen).M))[: len(rotations)]
+    if (outer[rotations] > 0).any() and not (outer[~rotations] > 0).any():
+        raise Nonconformity("it has rotary inertia but no mass.", "A node's rotations follow its displacements.")
     if not specimen.component.grounded and not specimen.has_receptance:
         raise Reservation(
             "a motion of the free part meets no mass.", "Give it mass, or use it between parts with mass."
@@ -138,14 +145,16 @@ def check_damping_is_symmetric_and_positive(specimen: SubstructureSpecimen) -> N
 
 def check_rigid_body_modes(specimen: SubstructureSpecimen) -> None:
     """Rigid-body motion of a free part needs no effort, except for a part that is `held`."""
-    K = dense(_matrices(specimen).K)
+    K = dense(part_matrices(specimen).K)
     _only_if_movable(specimen)
-    motions = {"displaced": np.tile([1.0, 0.0], len(specimen.component.nodes))}
-    outer = np.arange(len(motions["displaced"]))
-    if (np.diag(K)[outer[1::2]] > 0).all():
-        positions = np.array([node.position for node in specimen.component.nodes])
-        motions["turned"] = np.stack([positions - positions.mean(), np.ones(len(positions))], axis=1).ravel()
-    costly = [name for name, motion in motions.items() if float(least_effort(K, outer, motion)) > _ROUNDING]
+    nodes, rotations = specimen.component.nodes, specimen.component.node_dofs.rotations
+    middle = np.mean([node.coordinates for node in nodes], axis=0)
+    centred = [replace(node, point=tuple(np.subtract(node.coordinates, middle).tolist())) for node in nodes]
+    whole, outer = rigid_body_motions(centred), np.arange(len(rotations))
+    motions = [("displaced", whole[:, axis]) for axis in range(3) if whole[~rotations, axis].any()]
+    if (np.diag(K)[outer[rotations]] > 0).all():
+        motions += [("turned", whole[:, axis]) for axis in range(3, 6) if whole[rotations, axis].any()]
+    costly = [name for name, motion in motions if float(least_effort(K, outer, motion)) > _ROUNDING]
     if specimen.component.held and not costly:
         raise Nonconformity(
             "the part sets `held`, but its rigid-body motion needs no force.", "Do not override `held`."
@@ -159,7 +168,7 @@ def check_rigid_body_modes(specimen: SubstructureSpecimen) -> None:
 
 def check_receptance_is_reciprocal(specimen: SubstructureSpecimen) -> None:
     """The motion at i per force at j equals the motion at j per force at i."""
-    _only_with_receptance(specimen)
+    only_with_receptance(specimen)
     if max(asymmetry(_unit_free(H)) for H in specimen.receptance) > _SOLVED:
         raise Nonconformity(
             "the receptance matrix is not symmetric.", "Mend receptance, or symmetrise what was measured."
@@ -168,7 +177,7 @@ def check_receptance_is_reciprocal(specimen: SubstructureSpecimen) -> None:
 
 def check_receptance_is_passive(specimen: SubstructureSpecimen) -> None:
     """No forces take energy out of the part: the imaginary part of the receptance is negative semi-definite."""
-    _only_with_receptance(specimen)
+    only_with_receptance(specimen)
     for line, H in zip(specimen.lines, specimen.receptance, strict=True):
         loss = -_unit_free(H).imag
         least = float(np.linalg.eigvalsh(0.5 * (loss + loss.T)).min())
@@ -181,8 +190,8 @@ def check_receptance_is_passive(specimen: SubstructureSpecimen) -> None:
 
 def check_receptance_meets_the_matrices(specimen: SubstructureSpecimen) -> None:
     """`receptance` is the inverse of the dynamic stiffness from `matrices`."""
-    matrices = _matrices(specimen)
-    _only_with_receptance(specimen)
+    matrices = part_matrices(specimen)
+    only_with_receptance(specimen)
     M, K, C, D = (dense(getattr(matrices, part)) for part in "MKCD")
     active = np.union1d(np.flatnonzero(((M != 0) | (K != 0) | (C != 0) | (D != 0)).any(axis=0)), specimen.dofs)
     rows = np.searchsorted(active, specimen.dofs)
@@ -200,7 +209,7 @@ def check_receptance_meets_the_matrices(specimen: SubstructureSpecimen) -> None:
 
 def check_dofs_can_be_asked_for_in_any_order(specimen: SubstructureSpecimen) -> None:
     """The receptance between any sequence of DOFs, even with repetition, is the same part of that between all."""
-    _only_with_receptance(specimen)
+    only_with_receptance(specimen)
     count = len(specimen.dofs)
     for order in (np.arange(count)[::-2], np.array([count - 1]), np.array([0, count - 1, 0])):
         part = specimen.component.receptance(specimen.lines.copy(), [specimen.dofs[index] for index in order])
@@ -212,7 +221,7 @@ def check_dofs_can_be_asked_for_in_any_order(specimen: SubstructureSpecimen) -> 
 
 def check_each_line_is_treated_alone(specimen: SubstructureSpecimen) -> None:
     """The receptance at a line is the same for one line and for many, which may be unsorted or repeated."""
-    _only_with_receptance(specimen)
+    only_with_receptance(specimen)
     for order in ([1, 4, 7], [3], [6, 0, 2, 2, 5]):
         result, whole = specimen.component.receptance(specimen.lines[order], specimen.dofs), specimen.receptance[order]
         if result.shape != whole.shape or relative_difference(result, whole) > _SOLVED:
@@ -222,7 +231,7 @@ def check_each_line_is_treated_alone(specimen: SubstructureSpecimen) -> None:
 
 def check_dofs_and_frequencies_may_be_any_sequence(specimen: SubstructureSpecimen) -> None:
     """DOFs may be a list, a tuple or an array; frequencies may be integers or read-only."""
-    _only_with_receptance(specimen)
+    only_with_receptance(specimen)
     whole = np.array([1500, 20, 333])
     read_only = whole.astype(np.float64)
     read_only.flags.writeable = False
@@ -236,51 +245,6 @@ def check_dofs_and_frequencies_may_be_any_sequence(specimen: SubstructureSpecime
         if relative_difference(specimen.component.receptance(frequency, dofs), wanted) > _SOLVED:  # type: ignore[arg-type]
             problem = f"for {kind} the receptance differs."
             raise Nonconformity(problem, "Begin with numpy.asarray(frequency, dtype=float) and numpy.asarray(dofs).")
-
-
-def check_refinement_converges(specimen: SubstructureSpecimen) -> None:
-    """The receptance converges with meshes twice and four times as fine."""
-    _matrices(specimen)
-    _only_with_receptance(specimen)
-    finer = [specimen.component.refined(factor) for factor in _FACTORS]
-    if finer == [None, None]:
-        raise NotApplicable("the part has no mesh to refine.")
-    if not all(isinstance(part, SubstructureModel) for part in finer):
-        raise Nonconformity("refined returned no substructure.", "Return the same part with a finer mesh.")
-    parts = [specimen.component, *(part for part in finer if part is not None)]
-    if not len(parts[0].nodes) < len(parts[1].nodes) < len(parts[2].nodes):
-        raise Nonconformity("refined returned a part without more nodes.", "Multiply its elements by the factor.")
-    coarse, fine, finest = (_at_the_ends(part) for part in parts)
-    first, second = relative_difference(coarse, finest), relative_difference(fine, finest)
-    if not second < 0.5 * first + _SOLVED:
-        problem = (
-            f"twice as fine its receptance is off by {second:.2g} of that four times as fine; unrefined by {first:.2g}."
-        )
-        raise Nonconformity(problem, "Check how the matrices depend on the length of an element.")
-
-
-def check_refinement_keeps_the_mass(specimen: SubstructureSpecimen) -> None:
-    """A finer mesh has the same ends and, up to convergence, the same mass; refining twice equals refining once."""
-    _matrices(specimen)
-    finer = [specimen.component.refined(factor) for factor in (1, *_FACTORS)]
-    if any(part is None for part in finer):
-        raise NotApplicable("the part has no mesh to refine.")
-    twice = finer[1].refined(2)  # type: ignore[union-attr]
-    same = {"refined(1) is": (specimen.component, finer[0]), "refined(2).refined(2) is": (finer[2], twice)}
-    for phrase, (part, other) in same.items():
-        if not np.isclose(_mass(part), _mass(other), rtol=_ROUNDING, atol=0.0):
-            raise Nonconformity(
-                f"{phrase} a part of another mass.", "Multiply only the number of elements by the factor."
-            )
-    ends = [sorted(node.position for node in part.nodes) for part in (specimen.component, *finer[1:])]  # type: ignore[union-attr]
-    if not all(np.allclose([each[0], each[-1]], [ends[0][0], ends[0][-1]]) for each in ends):
-        raise Nonconformity("with a finer mesh its ends move.", "Keep the length.")
-    masses = [_mass(part) for part in (specimen.component, *finer[1:])]
-    first, second = abs(masses[1] - masses[0]), abs(masses[2] - masses[1])
-    if not second <= 0.5 * first + _SOLVED * masses[0] or first > _ORDER * second + _SOLVED * masses[0]:
-        refined = " and ".join(f"{mass:.6g}" for mass in masses[1:])
-        problem = f"its mass is {masses[0]:.6g} kg, but {refined} kg with meshes twice and four times as fine."
-        raise Nonconformity(problem, "Give each element the mass of its own length, and keep all masses.")
 
 
 def check_batched_matrices_are_those_of_each_value(specimen: SubstructureSpecimen) -> None:
@@ -320,14 +284,14 @@ def _check_batch(part: SubstructureModel, options: Mapping[str, NDArray[np.float
 
 def check_dofs_have_labels(specimen: SubstructureSpecimen) -> None:
     """Each DOF has a different label for messages."""
-    labels = [specimen.component.dof_label(dof) for dof in range(2 * len(specimen.component.nodes))]
+    labels = [specimen.component.dof_label(dof) for dof in range(specimen.component.node_dofs.size)]
     if len(set(labels)) < len(labels) or not all(isinstance(label, str) and label for label in labels):
         raise Nonconformity("dof_label returns equal or empty labels.", "Inherit dof_label from the base class.")
 
 
 def check_inputs_are_left_unchanged(specimen: SubstructureSpecimen) -> None:
     """The caller's `frequency` and `dofs` are not changed."""
-    _only_with_receptance(specimen)
+    only_with_receptance(specimen)
     frequency, dofs = specimen.lines.copy(), list(specimen.dofs)
     specimen.component.receptance(frequency, dofs)
     if not np.array_equal(frequency, specimen.lines) or dofs != specimen.dofs:
@@ -336,7 +300,7 @@ def check_inputs_are_left_unchanged(specimen: SubstructureSpecimen) -> None:
 
 def check_results_are_new_arrays(specimen: SubstructureSpecimen) -> None:
     """Writing into a returned array does not change later results."""
-    _only_with_receptance(specimen)
+    only_with_receptance(specimen)
     kept = specimen.receptance.copy()
     first = specimen.component.receptance(specimen.lines.copy(), specimen.dofs)
     if first.flags.writeable:
@@ -348,7 +312,8 @@ def check_results_are_new_arrays(specimen: SubstructureSpecimen) -> None:
         raise Nonconformity("a second call with the same input gave another result.", "Return new or read-only arrays.")
 
 
-def _matrices(specimen: SubstructureSpecimen) -> StructuralMatrices | SparseMatrices:
+def part_matrices(specimen: SubstructureSpecimen) -> StructuralMatrices | SparseMatrices:
+    """Return the matrices of a part; the check does not apply to one that is known by its FRFs only."""
     if specimen.matrices is None:
         raise NotApplicable("the part is known by its FRFs only.")
     return specimen.matrices
@@ -359,14 +324,15 @@ def _only_if_movable(specimen: SubstructureSpecimen) -> None:
         raise NotApplicable("the part does not move.")
 
 
-def _only_with_receptance(specimen: SubstructureSpecimen) -> None:
+def only_with_receptance(specimen: SubstructureSpecimen) -> None:
+    """Leave the check out for a part that forces do not move by finite amounts."""
     _only_if_movable(specimen)
     if not specimen.has_receptance:
         raise NotApplicable("some motion of the uncoupled part needs no force, so it has no receptance.")
 
 
 def _check_semidefinite(specimen: SubstructureSpecimen, part: str) -> None:
-    matrix = dense(getattr(_matrices(specimen), part))
+    matrix = dense(getattr(part_matrices(specimen), part))
     if asymmetry(matrix) > _ROUNDING:
         raise Nonconformity(
             f"the {PARTS[part]} matrix is not symmetric.", "Fill [row, column] and [column, row] equally."
@@ -379,20 +345,3 @@ def _unit_free(H: NDArray[Any]) -> NDArray[Any]:
     """Return a matrix with rows and columns over the roots of its diagonal, so that x and rz compare."""
     scale = 1.0 / np.sqrt(np.abs(np.diag(H)))
     return np.asarray(scale[:, None] * H * scale)
-
-
-def _mass(part: SubstructureModel | None) -> float:
-    """Return the mass [kg] in translation, with all nodes displaced equally and inner DOFs following."""
-    assert part is not None
-    matrices = part.matrices()
-    assert matrices is not None
-    M, K, outer = dense(matrices.M), dense(matrices.K), len(DIRECTIONS) * len(part.nodes)
-    motion = np.concatenate([np.tile([1.0, 0.0], outer // 2), np.zeros(len(M) - outer)])
-    motion[outer:] = -np.linalg.pinv(K[outer:, outer:], hermitian=True) @ K[outer:, :outer] @ motion[:outer]
-    return float(motion @ M @ motion)
-
-
-def _at_the_ends(part: SubstructureModel) -> NDArray[np.complex128]:
-    positions = [node.position for node in part.nodes]
-    ends = [2 * int(np.argmin(positions)), 2 * int(np.argmax(positions))]
-    return part.receptance(FREQUENCY.copy(), ends)

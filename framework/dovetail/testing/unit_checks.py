@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import chain, repeat
 from typing import Any
 
 import numpy as np
@@ -93,7 +94,9 @@ def _port_dynamics(specimen: Specimen, name: str) -> NDArray[np.complex128]:
 def _agree(specimen: Specimen, before: NDArray[np.complex128], after: NDArray[np.complex128], name: str) -> bool:
     """Compare the result in the changed unit with the converted result in the original unit."""
     dofs = np.array(specimen.dofs if isinstance(specimen, SubstructureSpecimen) else range(before.shape[-1]))
-    stiffness = _factor("N/m", name) * _factor("m", name) ** np.add.outer(dofs % 2, dofs % 2)
+    assert isinstance(specimen, (SubstructureSpecimen, JointSpecimen))
+    rotations = specimen.component.node_dofs.rotations[dofs].astype(np.intp)
+    stiffness = _factor("N/m", name) * _factor("m", name) ** np.add.outer(rotations, rotations)
     converted = before * (1.0 / stiffness if isinstance(specimen, SubstructureSpecimen) else stiffness)
     scale = np.abs(np.diagonal(converted, axis1=-2, axis2=-1))
     return bool(np.abs(unit_free(after - converted, scale)).max(initial=0.0) <= SETTINGS.wrong)
@@ -110,7 +113,7 @@ def _check_parameter_units(specimen: JointSpecimen) -> None:
             slopes = np.diagonal(getattr(derivative, part), axis1=1, axis2=2)[:, :on_ports]
             pure = np.isclose(np.abs(slopes)[..., None], SETTINGS.pure, rtol=1e-9, atol=0.0).any(axis=(-1)).all(axis=0)
             for dof in np.flatnonzero(pure).tolist():
-                units[f"{unit} m^2" if dof % 2 else unit] = (PARTS[part], dof)
+                units[f"{unit} m^2" if component.node_dofs.rotations[dof] else unit] = (PARTS[part], dof)
         if units and not any(dimension(unit) == dimension(parameter.unit) for unit in units):
             wanted, (noun, at) = next(iter(units.items()))
             problem = f"'{parameter.name}' in {parameter.unit} is entry ({at}, {at}) of the {noun} matrix, in {wanted}."
@@ -128,7 +131,8 @@ def _rescaled(value: Any, entry: Mapping[str, Any], definitions: Mapping[str, An
         inner = {key: properties.get(key, others if isinstance(others, dict) else {}) for key in value}
         value = {key: _rescaled(member, inner[key], definitions, name) for key, member in value.items()}
     if isinstance(value, list):
-        value = [_rescaled(member, entry.get("items", {}), definitions, name) for member in value]
+        each = chain(entry.get("prefixItems", ()), repeat(entry.get("items", {})))
+        value = [_rescaled(member, inside, definitions, name) for member, inside in zip(value, each, strict=False)]
     for choice in (*entry.get("anyOf", ()), *entry.get("allOf", ())):
         if (changed := _rescaled(value, choice, definitions, name)) != value:
             return changed

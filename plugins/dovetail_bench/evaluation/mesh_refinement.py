@@ -55,18 +55,20 @@ def finer(assembly: Assembly, factor: int) -> Assembly:
 
     def moved(place: Any) -> Any:
         name = place.substructure
-        return replace(place, node=_node(description.substructures[name], place.node, refined[name]))
+        node = _node(description.substructures[name], place.node, refined[name])
+        return whole.moved(place, name, node)
 
+    whole = replace(description, substructures=refined, joints=joints, unknown_parts=unknown_parts)
     responses = tuple(replace(moved(r), force=r.force and moved(r.force)) for r in description.responses)
-    sensors = tuple(map(moved, description.sensors))
-    whole = replace(description, substructures=refined, joints=joints, responses=responses, unknown_parts=unknown_parts)
-    return assembly.with_description(replace(whole, sensors=sensors))
+    return assembly.with_description(
+        replace(whole, responses=responses, sensors=tuple(map(moved, description.sensors)))
+    )
 
 
 def _refined_part(connection: Connection, name: str, factor: int) -> Connection:
     """Return a substructure with unknown options with a finer mesh."""
     model = connection.model.refined(factor) or connection.model
-    return Connection(model, (Attachment(name, tuple(range(model.ports[0].nodes))),))
+    return Connection(model, tuple(Attachment(name, (node,)) for node in range(len(model.ports))))
 
 
 def _moved(

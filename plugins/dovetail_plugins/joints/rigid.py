@@ -10,18 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from dovetail import ComponentConfig, JointModel, Parameter, Port, StructuralMatrices
+from dovetail import DIRECTIONS, PLANAR, ComponentConfig, Direction, JointModel, Parameter, Port, StructuralMatrices
 
 
 class Rigid(JointModel):
-    """Facing nodes share displacement and rotation, or only the displacement (a hinge).
+    """Facing nodes share displacement and rotation, or only some directions, as in a hinge or a ball joint.
 
     Two bars that lie on each other and are joined at several nodes bend with the sum of their own stiffnesses: nothing
     resists the sliding of their faces, see `bolted`.
     """
 
     name = "rigid"
-    summary = "Rigid connection or hinge: facing nodes share their DOFs"
+    summary = "Rigid connection, hinge or ball joint: facing nodes share their DOFs"
     parameters: tuple[Parameter, ...] = ()
 
     class Config(ComponentConfig):
@@ -31,29 +31,41 @@ class Rigid(JointModel):
         ----------
         nodes : int
             Number of facing nodes of each part.
-        direction : 'x', 'rz' or 'both'
-            Shared directions: the displacement (a hinge), the rotation, or both.
+        direction : 'x', 'rz', 'both', 'all', or a sequence of directions
+            Shared directions. In a plane: the displacement (a hinge), the rotation, or both. In space: all six, or
+            some of x, y, z, rx, ry, rz, in this order; [x, y, z] is a ball joint, [x, y, z, rx, ry] a hinge about z.
         """
 
         nodes: Annotated[int, Field(ge=1, le=1000)] = 1
-        direction: Literal["x", "rz", "both"] = "both"
+        direction: Literal["x", "rz", "both", "all"] | Annotated[tuple[Direction, ...], Field(min_length=1)] = "both"
 
     @classmethod
     def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
-        """Return a rigid connection and a hinge."""
-        return {}, {"nodes": 2, "direction": "x"}
+        """Return a rigid connection and a hinge in a plane, and a ball joint in space."""
+        return {}, {"nodes": 2, "direction": "x"}, {"direction": ["x", "y", "z"]}
 
     @property
     def ports(self) -> tuple[Port, ...]:
         """The two sides, a and b."""
-        return Port("a", self.config.nodes), Port("b", self.config.nodes)
+        nodes, directions = self.config.nodes, self._directions
+        return Port("a", nodes, directions=directions), Port("b", nodes, directions=directions)
+
+    @property
+    def _directions(self) -> tuple[str, ...]:
+        """The directions of the ports' nodes, of which all are shared, or one in a plane."""
+        if isinstance(self.config.direction, tuple):
+            return tuple(self.config.direction)
+        return DIRECTIONS if self.config.direction == "all" else PLANAR
 
     @property
     def merged_dofs(self) -> tuple[tuple[int, int], ...]:
         """Facing DOFs in the connected directions."""
-        axes = {"x": (0,), "rz": (1,), "both": (0, 1)}[self.config.direction]
-        half = 2 * int(self.config.nodes)
-        return tuple((2 * node + axis, half + 2 * node + axis) for node in range(self.config.nodes) for axis in axes)
+        half = self.node_dofs.size // 2
+        shared = [dof for dof in range(half) if self.config.direction not in PLANAR or self._is_shared(dof)]
+        return tuple((dof, half + dof) for dof in shared)
+
+    def _is_shared(self, dof: int) -> bool:
+        return bool(self.node_dofs[dof][1] == self.config.direction)
 
     def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
         """Return zeros: a rigid connection only merges DOFs."""

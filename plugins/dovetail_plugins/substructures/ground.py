@@ -5,9 +5,11 @@ from __future__ import annotations
 from functools import cached_property
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from dovetail import ComponentConfig, InUnit, Node, StructuralMatrices, SubstructureModel
+from dovetail import DIRECTIONS, ComponentConfig, InUnit, Node, StructuralMatrices, SubstructureModel
+
+_Length = Annotated[float, InUnit("m")]
 
 
 class Ground(SubstructureModel):
@@ -24,15 +26,27 @@ class Ground(SubstructureModel):
         ----------
         positions : sequence of float
             Positions of the points [m].
+        points : sequence of three lengths each
+            Their coordinates [m], instead of positions.
         """
 
-        positions: Annotated[tuple[Annotated[float, InUnit("m")], ...], Field(min_length=1)] = (0.0,)
+        alternatives = ((("positions",), ("points",)),)
+        positions: Annotated[tuple[_Length, ...], Field(min_length=1)] = (0.0,)
+        points: tuple[tuple[_Length, _Length, _Length], ...] = ()
+
+        @model_validator(mode="after")
+        def _one_kind(self) -> Ground.Config:
+            if self.points and "positions" in self.model_fields_set:
+                raise ValueError("give either 'positions' or 'points'")
+            return self
 
     @cached_property
     def nodes(self) -> tuple[Node, ...]:
-        """One node for each position."""
-        return tuple(Node(f"g{index + 1}", position) for index, position in enumerate(self.config.positions))
+        """One node for each position or point, which could move in all directions."""
+        if self.config.points:
+            return tuple(Node(f"g{i + 1}", 0.0, DIRECTIONS, point) for i, point in enumerate(self.config.points))
+        return tuple(Node(f"g{i + 1}", position, DIRECTIONS) for i, position in enumerate(self.config.positions))
 
     def matrices(self) -> StructuralMatrices:
         """Return zeros, since held DOFs do not move."""
-        return StructuralMatrices.zeros(2 * len(self.nodes))
+        return StructuralMatrices.zeros(len(DIRECTIONS) * len(self.nodes))

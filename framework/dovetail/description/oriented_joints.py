@@ -1,0 +1,209 @@
+"""Joints with axes of their own, along which their springs act."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import model_validator
+
+from dovetail.description.changed_joint import ChangedJoint
+from dovetail.description.placed_parts import TurnSection, Vector, turned
+from dovetail.errors import PluginError
+from dovetail.interfaces import (
+    DIRECTIONS,
+    ComponentConfig,
+    Coordinates,
+    JointModel,
+    Port,
+    ScaledMatrices,
+    StructuralMatrices,
+    describes_matrices,
+    exact_rotation,
+    six_directions,
+)
+
+_PERPENDICULAR = 1e-9
+"""Cosine of the angle between directions that are perpendicular."""
+
+
+class AxesSection(ComponentConfig):
+    """The axes of a joint in the assembly; the third follows from two, by the right-hand rule.
+
+    Attributes
+    ----------
+    x, y, z : direction
+        Two of them, perpendicular; one is enough for a joint that acts only along it or about it.
+    rotate : sequence of rotations
+        Instead: rotations one after the other, each as {about: z, angle: 90 deg}.
+    """
+
+    x: Vector | None = None
+    y: Vector | None = None
+    z: Vector | None = None
+    rotate: tuple[TurnSection, ...] = ()
+
+    @model_validator(mode="after")
+    def _one_orientation(self) -> AxesSection:
+        axes = self.known_axes
+        if bool(axes) == bool(self.rotate):
+            raise ValueError("give either 'rotate', or one or two of 'x', 'y' and 'z'")
+        if len(axes) == 3:
+            raise ValueError("give two of 'x', 'y' and 'z'; the third follows")
+        if any(not np.linalg.norm(vector) > 0.0 for vector in axes.values()):
+            raise ValueError("a direction has no length")
+        if len(axes) == 2 and abs(np.dot(*axes.values())) > _PERPENDICULAR:
+            raise ValueError("'{}' and '{}' are not perpendicular".format(*axes))
+        return self
+
+    @property
+    def known_axes(self) -> dict[str, NDArray[np.float64]]:
+        """The axes in this section, as unit vectors by their names."""
+        named = {"x": self.x, "y": self.y, "z": self.z}
+        vectors = {name: np.asarray(vector) for name, vector in named.items() if vector is not None}
+        return {name: vector / (np.linalg.norm(vector) or 1.0) for name, vector in vectors.items()}
+
+    @property
+    def rotation(self) -> NDArray[np.float64]:
+        """The axes in columns (3, 3)."""
+        if self.rotate:
+            return turned(self.rotate)
+        axes, order = self.known_axes, "xyz"
+        first = next(iter(axes))
+        second = next((name for name in axes if name != first), order[(order.index(first) + 1) % 3])
+        if second not in axes:  # any perpendicular one
+            least = np.eye(3)[int(np.argmin(np.abs(axes[first])))]
+            across = np.cross(axes[first], least)
+            axes[second] = across / np.linalg.norm(across)
+        (third,) = {*order} - {first, second}
+        sense = 1.0 if (order.index(second) - order.index(first)) % 3 == 1 else -1.0
+        axes[third] = sense * np.cross(axes[first], axes[second])
+        return exact_rotation(np.column_stack([axes[name] for name in order]))
+
+
+class OrientedJoint(ChangedJoint):
+    """A joint that acts along axes of its own, between nodes with DOFs along the assembly's axes.
+
+    Parameters
+    ----------
+    model : JointModel
+    rotation : (3, 3) array
+        The joint's axes in the assembly, in columns.
+    """
+
+    def __init__(self, model: JointModel, rotation: NDArray[np.float64]) -> None:
+        super().__init__(model)
+        self._rotation = rotation
+
+    def _along(self, directions: Sequence[str]) -> NDArray[np.float64]:
+        """Return the joint's directions (n, 6) by those of the assembly."""
+        return six_directions(self._rotation).T[[DIRECTIONS.index(direction) for direction in directions]]
+
+    @cached_property
+    def ports(self) -> tuple[Port, ...]:
+        """Those of the model, with the directions of the assembly in which it acts."""
+        ports = []
+        for port in self.model.ports:
+            acts = np.flatnonzero(self._along(port.directions).any(axis=0))
+            ports.append(Port(port.name, port.nodes, port.positions, tuple(DIRECTIONS[axis] for axis in acts)))
+        return tuple(ports)
+
+    @cached_property
+    def _coordinates(self) -> Coordinates:
+        """The model's DOFs at its ports by those of this joint."""
+        L, row, column = np.zeros((self.model.node_dofs.size, self.node_dofs.size)), 0, 0
+        for own, there in zip(self.model.node_dofs.directions, self.node_dofs.directions, strict=True):
+            block = self._along(own)[:, [DIRECTIONS.index(direction) for direction in there]]
+            L[row : row + len(own), column : column + len(there)] = block
+            row, column = row + len(own), column + len(there)
+        return Coordinates(L)
+
+    @property
+    def merged_dofs(self) -> tuple[tuple[int, int], ...]:
+        """Those of the model, along the assembly's axes.
+
+        Raises
+        ------
+        PluginError
+            They are not along the assembly's axes, all together.
+        """
+        return self._pairs(self.model.merged_dofs)
+
+    @property
+    def contact_dofs(self) -> tuple[tuple[int, int], ...]:
+        """Those of the model, along the assembly's axes."""
+        return self._pairs(self.model.contact_dofs)
+
+    def _pairs(self, pairs: Iterable[tuple[int, int]]) -> tuple[tuple[int, int], ...]:
+        """Return pairs of DOFs that are the same as those of the model, between the same nodes."""
+        between: dict[tuple[int, ...], list[tuple[int, int]]] = {}
+        dofs, first_inner = self.model.node_dofs, self.model.node_dofs.size
+        for pair in pairs:
+            nodes = tuple(dofs[dof][0] if dof < first_inner else -1 - dof for dof in pair)
+            between.setdefault(nodes, []).append(pair)
+        return tuple(found for nodes, some in between.items() for found in self._between(nodes, some))
+
+    def _between(self, nodes: tuple[int, ...], pairs: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
+        directions = [self.model.node_dofs[pair[0]][1] if pair[0] < self.model.node_dofs.size else "" for pair in pairs]
+        if min(nodes) < 0 or "" in directions:
+            raise PluginError(f"joint model '{self.name}' cannot have axes of its own, since it merges inner DOFs.")
+        acts = np.flatnonzero(self._along(directions).any(axis=0))
+        if len(acts) != len(pairs):
+            words = ", ".join(directions)
+            raise PluginError(f"joint model '{self.name}' holds {words}, which so turned are not axes of the assembly.")
+        return [
+            (
+                self.node_dofs.among([nodes[0]], [DIRECTIONS[axis]])[0],
+                self.node_dofs.among([nodes[1]], [DIRECTIONS[axis]])[0],
+            )
+            for axis in acts
+        ]
+
+    @property
+    def linear_parameters(self) -> tuple[str, ...]:
+        """Those of the model."""
+        return self.model.linear_parameters if describes_matrices(self.model, "linear_parameters") else ()
+
+    @cached_property
+    def scaled_matrices(self) -> ScaledMatrices | None:
+        """Those of the model, along the assembly's axes."""
+        scaled = self.model.scaled_matrices if describes_matrices(self.model, "scaled_matrices") else None
+        return None if scaled is None else scaled.changed(self._coordinates.transformed)
+
+    def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
+        """Return the model's matrices (n, d, d) along the assembly's axes."""
+        return self._coordinates.transformed(self.model.matrices(theta))
+
+    def matrices_jacobian(self, theta: NDArray[np.float64]) -> Sequence[StructuralMatrices]:
+        """Return their derivatives by each parameter, per unit of it."""
+        return [self._coordinates.transformed(derivative) for derivative in self.model.matrices_jacobian(theta)]
+
+
+class OrientedLaw(OrientedJoint):
+    """An `OrientedJoint` with a dynamic stiffness of its own dependence on frequency."""
+
+    def dynamic_stiffness(self, frequency: NDArray[np.float64], theta: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return the model's dynamic stiffness (n, n_freq, d, d) along the assembly's axes."""
+        return self._coordinates.transformed_stiffness(self.model.dynamic_stiffness(frequency, theta))
+
+    def dynamic_stiffness_jacobian(
+        self, frequency: NDArray[np.float64], theta: NDArray[np.float64]
+    ) -> Iterable[NDArray[np.complex128]]:
+        """Return its derivatives by each parameter, (n, n_freq, d, d) each."""
+        derivatives = self.model.dynamic_stiffness_jacobian(frequency, theta)
+        return (self._coordinates.transformed_stiffness(derivative) for derivative in derivatives)
+
+
+def oriented(model: JointModel, rotation: NDArray[np.float64]) -> OrientedJoint:
+    """Return a joint with axes of its own.
+
+    Parameters
+    ----------
+    model : JointModel
+    rotation : (3, 3) array
+        The joint's axes in the assembly, in columns.
+    """
+    has_law = type(model).dynamic_stiffness is not JointModel.dynamic_stiffness
+    return (OrientedLaw if has_law else OrientedJoint)(model, rotation)

@@ -1,0 +1,109 @@
+"""A straight beam that moves in space."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field
+
+from dovetail import (
+    DIRECTIONS,
+    ComponentConfig,
+    Coordinates,
+    InUnit,
+    Node,
+    StructuralMatrices,
+    SubstructureModel,
+    carried,
+)
+from dovetail_plugins.spatial_beam import SpatialSection, spatial_chain, spatial_element_matrices
+from dovetail_plugins.substructures.timoshenko_beam import TimoshenkoBeam
+from dovetail_plugins.timoshenko import Material, Section
+
+_Length = Annotated[float, InUnit("m")]
+
+
+class SpatialBeam(SubstructureModel):
+    """A chain of beam elements that bend in two planes, extend and twist, free at both ends.
+
+    Bending in each plane is that of `timoshenko_beam`. Warping of rectangular sections is not resisted, and bending and
+    torsion are not coupled within a section, whose centroid and shear centre coincide. With `eccentricity` the nodes
+    lie beside the centroids, as at the face of a bar, and their extension then bends it.
+    """
+
+    name = "spatial_beam"
+    summary = "Beam in space: bending in two planes (Timoshenko), extension and torsion; round or rectangular sections"
+    references = TimoshenkoBeam.references
+
+    class Config(ComponentConfig):
+        """Material and sections; position 0 is the start of the first section.
+
+        Attributes
+        ----------
+        material : Material
+            Of the whole beam.
+        sections : sequence of Section
+            The sections in order along the beam; `height` is the side along the beam's x, `width` that along its z.
+        eccentricity : two lengths
+            Coordinates x and z of the nodes from the centroids of the sections [m].
+        """
+
+        material: Material
+        sections: Annotated[tuple[Section, ...], Field(min_length=1)]
+        eccentricity: tuple[_Length, _Length] = (0.0, 0.0)
+
+    @classmethod
+    def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
+        """Return a stepped tube, and a rectangular bar with its nodes on a face."""
+        steel = {"young": "200 GPa", "density": "7850 kg/m^3", "loss_factor": 0.003}
+        tube = {"length": "60 mm", "outer": "40 mm", "inner": "20 mm", "elements": 3}
+        bar = {"length": "200 mm", "width": "30 mm", "height": "10 mm", "elements": 2}
+        return (
+            {"material": steel, "sections": [tube, {**tube, "outer": "30 mm"}]},
+            {"material": steel, "sections": [bar], "eccentricity": ["5 mm", "0 mm"]},
+        )
+
+    @cached_property
+    def _planar(self) -> TimoshenkoBeam:
+        """The same beam in the plane of x."""
+        return TimoshenkoBeam(TimoshenkoBeam.Config(material=self.config.material, sections=self.config.sections))
+
+    def doubts(self, frequency: float) -> list[str]:
+        """Report what `timoshenko_beam` does for the plane of x."""
+        return self._planar.doubts(frequency)
+
+    def refined(self, factor: int) -> SpatialBeam:
+        """Return the same beam with `factor` times as many elements in each section."""
+        finer = self._planar.refined(factor).config.sections
+        return SpatialBeam(self.config.model_copy(update={"sections": finer}))
+
+    @cached_property
+    def nodes(self) -> tuple[Node, ...]:
+        """The ends of the elements."""
+        x, z = self.config.eccentricity
+        return tuple(replace(node, directions=DIRECTIONS, point=(x, -node.position, z)) for node in self._planar.nodes)
+
+    @property
+    def outline(self) -> list[tuple[float, float, float, float]]:
+        """The sections, by their sides along x."""
+        return self._planar.outline
+
+    def stretch_at(self, position: float) -> tuple[float, float]:
+        """Return the axial stiffness E A [N] at a position [m], and the size in the direction of x [m] there."""
+        return self._planar.stretch_at(position)
+
+    def matrices(self) -> StructuralMatrices:
+        """Return the (d, d) matrices of the free beam: 6 DOFs of each node, then 2 inner ones of each element."""
+        material, elements = self.config.material, list[StructuralMatrices]()
+        for section in self.config.sections:
+            shape = SpatialSection.of_elements(section, material.poisson)
+            elements.append(spatial_element_matrices(section.length / section.elements, shape, material))
+        joined = StructuralMatrices(*(np.concatenate([getattr(e, name) for e in elements]) for name in "MKCD"))
+        x, z = self.config.eccentricity
+        centroids = np.asarray(np.kron(np.eye(len(self.nodes)), carried(np.array([-x, 0.0, -z]))), dtype=np.float64)
+        return Coordinates(centroids).transformed(spatial_chain(joined)) if x or z else spatial_chain(joined)
