@@ -17,6 +17,7 @@ from dovetail.report.content import ABSENT, mode_rows
 
 FREQUENCY = np.arange(100.0, 2000.0, 0.5)
 POINT = ("part", 0)
+HERE = ((1.0, POINT),)
 
 
 def mode(natural: float, damping: float = 0.005, shape: float = 1.0) -> VibrationMode:
@@ -36,7 +37,7 @@ def frf_of(*modes: VibrationMode) -> dovetail.Frf:
 def test_a_mode_without_motion_at_the_point_is_not_paired_with_the_peak_of_its_neighbour():
     still, moving = mode(819.0, shape=1e-3), mode(825.0)
     frf = frf_of(moving)
-    pairs = paired_modes([still, moving], (POINT, POINT), AtPoint("part", frf, frf))
+    pairs = paired_modes([still, moving], (HERE, HERE), AtPoint("part", frf, frf))
     assert pairs[0].reconstructed_peak is None
     assert pairs[1].reconstructed_peak == pytest.approx(825.0, rel=1e-3)
     assert pairs[1].measured_peak == pytest.approx(825.0, rel=1e-3)
@@ -47,7 +48,7 @@ def test_a_peak_belongs_to_the_mode_that_makes_it_even_if_another_one_is_nearer(
     maker = mode(800.0, damping=0.05)
     (peak,) = resonance_peaks(frf_of(maker))
     nearer = mode(peak, shape=0.01)
-    pairs = paired_modes([maker, nearer], (POINT, POINT), AtPoint("part", frf_of(maker), frf_of(maker)))
+    pairs = paired_modes([maker, nearer], (HERE, HERE), AtPoint("part", frf_of(maker), frf_of(maker)))
     assert pairs[0].measured_peak == peak
     assert pairs[1].measured_peak is None
 
@@ -56,14 +57,14 @@ def test_a_mode_that_makes_little_of_a_peak_is_not_paired_with_it():
     """The mode that does is no mode of the model, or lies outside the band."""
     little = mode(990.0, damping=0.05, shape=0.1)
     frf = frf_of(little, mode(1000.0))
-    (pair,) = paired_modes([little], (POINT, POINT), AtPoint("part", frf, frf))
+    (pair,) = paired_modes([little], (HERE, HERE), AtPoint("part", frf, frf))
     assert pair.reconstructed_peak is None
 
 
 def test_a_measured_peak_without_mode_is_listed_with_the_reconstructed_one_near_by():
     known, further = mode(500.0), mode(1500.0)
     frf = frf_of(known, further)
-    pairs = paired_modes([known], (POINT, POINT), AtPoint("part", frf_of(known), frf))
+    pairs = paired_modes([known], (HERE, HERE), AtPoint("part", frf_of(known), frf))
     (peak,) = unpaired_peaks(AtPoint("part", frf_of(known), frf), pairs)
     assert np.isnan(peak.natural_frequency)
     assert (peak.reconstructed_peak, peak.measured_peak) == (None, pytest.approx(1500.0, rel=1e-3))
@@ -79,7 +80,7 @@ def test_every_mode_and_every_measured_peak_is_in_the_table_once(seed):
     damping, shape = random.uniform(1e-3, 0.1, 6), random.choice([0.01, 1.0], 6)
     modes = [mode(*values) for values in zip(natural, damping, shape, strict=True)]
     measured = frf_of(*(mode(n * random.uniform(0.9, 1.1), z) for n, z in zip(natural, damping, strict=True)))
-    pairs = paired_modes(modes, (POINT, POINT), AtPoint("part", frf_of(*modes), measured))
+    pairs = paired_modes(modes, (HERE, HERE), AtPoint("part", frf_of(*modes), measured))
     rest = unpaired_peaks(AtPoint("part", frf_of(*modes), measured), pairs)
     peaks = [pair.measured_peak for pair in (*pairs, *rest) if pair.measured_peak is not None]
     assert len(pairs) == len(modes)

@@ -291,3 +291,67 @@ def test_an_unknown_dimension_of_a_placed_beam_has_the_derivative_of_its_frf():
     step = 1e-5 * theta[0]
     slope = (assembly.frf(theta + step) - assembly.frf(theta - step)) / (2 * step)
     assert largest_difference(jacobian[:, 0], slope) < 1e-5
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_skew_directions_of_sensor_and_force_are_sums_of_those_along_the_axes(seed):
+    description, dense, _ = random_structure(seed)
+    rng = np.random.default_rng(seed)
+    out, into = unit(rng.normal(size=3)), unit(rng.normal(size=3))
+    response = {"at": "p0", "position": "n1", "direction": (3.0 * out).tolist(), "quantity": "receptance"}
+    response["force"] = {"at": "p1", "position": "n2", "direction": into.tolist()}
+    first = 6 * (description["substructures"]["p0"]["sections"][0]["elements"] + 1)
+    moved, pushed = np.zeros(len(dense.K)), np.zeros(len(dense.K))
+    moved[:3], pushed[first + 6 : first + 9] = out, into
+    assembly = dovetail.load({**description, "response": response})
+    assert largest_difference(assembly.frf(), dense.receptance(assembly.frequency, moved, pushed)) < 1e-8
+    amplitude = np.abs(assembly.frf() * -((2 * np.pi * assembly.frequency) ** 2))
+    np.testing.assert_allclose(assembly.accelerance_amplitude(), amplitude, rtol=1e-5)
+
+
+def test_derivatives_and_interpolation_of_a_skew_direction_are_those_of_its_frf():
+    description, _, _ = random_structure(2)
+    description["joints"]["j0"]["parameters"]["k_x"] = {"range": [1e6, 1e9], "scale": "log"}
+    description["response"] = {"at": "p0", "position": "n1", "direction": [1, 2, -1]}
+    assembly = dovetail.load(description)
+    theta = assembly.vector(None)
+    frf, jacobian = assembly.frf_jacobian(theta)
+    assert largest_difference(frf, assembly.frf(theta)) < 1e-12
+    step = 1e-5 * theta
+    slope = (assembly.frf(theta + step) - assembly.frf(theta - step)) / (2 * step)
+    assert largest_difference(jacobian[:, 0], slope) < 1e-6
+    batch = assembly.from_unit(np.linspace(0.1, 0.9, 64)[:, None])
+    assert largest_difference(assembly.interpolated().frf(batch), assembly.frf(batch)) < 1e-6
+
+
+def test_a_direction_with_a_minus_is_the_opposite_one():
+    description, _, _ = random_structure(2)
+    response = {"at": "p0", "position": "n1", "force": {"position": "n2", "direction": "y"}}
+    ahead, back = (
+        dovetail.load({**description, "response": {**response, "direction": direction}}).frf()
+        for direction in ("x", "-x")
+    )
+    np.testing.assert_allclose(back, -ahead, rtol=1e-12)
+
+
+def test_a_structure_that_is_turned_by_any_rotation_keeps_its_frfs():
+    """Places, axes of joints, and the directions of sensor and force turn together."""
+    description, _, _ = joined_at_random_axes(4)
+    description["response"] |= {"direction": [0.2, 0.5, -0.8], "force": {"position": "n2", "direction": "x"}}
+    expected = dovetail.load(description).frf()
+    rotation, _ = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))
+    rotation *= np.sign(np.linalg.det(rotation))
+
+    def turned(vector):
+        return (rotation @ np.asarray({"x": [1.0, 0.0, 0.0]}.get(vector, vector) if vector == "x" else vector)).tolist()
+
+    for part in description["substructures"].values():
+        for key in part.get("place", {}):
+            part["place"][key] = turned(part["place"][key])
+    middle = description["joints"]["middle"]
+    middle["axes"] = {key: turned(vector) for key, vector in middle["axes"].items()}
+    middle["connect"]["b"]["at"] = "n1"
+    response = description["response"]
+    response["direction"] = turned(response["direction"])
+    response["force"]["direction"] = turned("x")
+    assert largest_difference(dovetail.load(description).frf(), expected) < 1e-9

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dovetail.assembly.frf_model import FrfModel
-from dovetail.assembly.parameters import AffineMap, ParameterSpace, ResponseFrfs, points_and_pairs
-from dovetail.assembly.structure import entries_at_response, graph_between, graph_of
+from dovetail.assembly.parameters import AffineMap, ParameterSpace, ResponseFrfs
+from dovetail.assembly.structure import ResponsePairs, entries_at_response, graph_between, graph_of
 from dovetail.assembly.theta import Theta
 from dovetail.assembly.vibration_modes import SeenPoles, VibrationMode, natural_frequencies
 from dovetail.description.checked import Description, Response
@@ -124,13 +124,13 @@ class Assembly:
 
     def _frfs_at(self, responses: Sequence[Response]) -> ResponseFrfs:
         """Return the FRFs of responses that see the same structure as the first, at its frequencies."""
-        points, pairs = points_and_pairs(responses)
-        engine = self.engine_of(points, pairs)
+        pairs = ResponsePairs.of_responses(responses)
+        engine = self.engine_of(pairs.points, pairs.pairs)
         source: FrfSource = engine
         if self._interpolation is not None:
             drawn = np.random.default_rng(1).random((_INTERPOLATION_SAMPLES, len(self.parameters)))
             source = InterpolatedFrfs(engine, self._interpolation, self.by_joint(self.from_unit(drawn)))
-        return ResponseFrfs(engine, source, self._map, responses, self.description.calibrations)
+        return ResponseFrfs(engine, source, self._map, responses, self.description.calibrations, pairs)
 
     @cached_property
     def _further(self) -> tuple[Assembly, ...]:

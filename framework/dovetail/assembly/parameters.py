@@ -12,13 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly.measurement_chain import Chain
+from dovetail.assembly.structure import ResponsePairs
 from dovetail.assembly.theta import HoldsParameters, IdentifiedValue, Theta, are_identified, si_value
 from dovetail.description.checked import ParameterEntry, Response, Tie, resolve
 from dovetail.errors import Fault, ParameterError, UnitError, did_you_mean, listing
 from dovetail.frf import conversion
 from dovetail.interfaces import Parameter
 from dovetail.interfaces.joint import Prior, RangeMap, Scale
-from dovetail.synthesis import Engine, FrfSource, Point
+from dovetail.synthesis import Engine, FrfSource
 from dovetail.units import format_quantity
 
 
@@ -294,26 +295,21 @@ class ParameterSpace:
         return Fault(f"parameter {name}", "the assembly has no such parameter.", listing(self.names, 20), hint)
 
 
-def points_and_pairs(responses: Sequence[Response]) -> tuple[list[Point], list[tuple[int, int]]]:
-    """Return the DOFs of all responses and forces, each once, and the indices of output and input of each response."""
-    ends = [(response.point, response.force_point) for response in responses]
-    points = list(dict.fromkeys(point for pair in ends for point in pair))
-    return points, [(points.index(output), points.index(force)) for output, force in ends]
-
-
 class ResponseFrfs:
     """FRFs of responses as measured through their chains, in the responses' quantities, and their derivatives.
 
     Parameters
     ----------
     engine : Engine
-        With a pair for each response, which differentiates by all values that depend on theta.
+        With the pairs of the responses, which differentiates by all values that depend on theta.
     source : FrfSource
         The same engine, or one that interpolates its FRFs.
     parameter_map : ParameterMap
     responses : sequence of Response
     calibrations : mapping of str to ParameterEntry
         Of responses, by their names.
+    pairs : ResponsePairs
+        The engine's pairs.
     """
 
     def __init__(
@@ -323,21 +319,24 @@ class ResponseFrfs:
         parameter_map: ParameterMap,
         responses: Sequence[Response],
         calibrations: Mapping[str, ParameterEntry],
+        pairs: ResponsePairs,
     ) -> None:
         self.engine = engine
         self.source = source
         self._map = parameter_map
         self._chains = [index for index, response in enumerate(responses) if response.name in calibrations]
         self._calibrations = calibrations
-        self._responses = responses
+        self._responses, self._pairs = responses, pairs
         to_quantity = [conversion(engine.frequency, "receptance", response.quantity) for response in responses]
-        self._to_quantity = engine.prepared(np.stack(to_quantity))
-        self._to_accelerance = engine.prepared(conversion(engine.frequency, "receptance", "accelerance"))
+        to_accelerance = [conversion(engine.frequency, "receptance", "accelerance")] * len(responses)
+        self._to_quantity, self._to_accelerance = (
+            engine.prepared(pairs.weighted(np.stack(factors))) for factors in (to_quantity, to_accelerance)
+        )
 
     def frfs(self, batch: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return FRFs (n, n_responses, n_freq) of parameter vectors (n, n_params)."""
         by_owner = self._map.by_component(batch)
-        values = _for_each(batch, self.source.frfs(by_owner, self._to_quantity))
+        values = _for_each(batch, self._pairs.summed(self.source.frfs(by_owner, self._to_quantity)))
         for index in self._chains:
             values[:, index] *= self._chain(index, by_owner).factor
         return values
@@ -345,7 +344,11 @@ class ResponseFrfs:
     def amplitudes(self, batch: NDArray[np.float64]) -> NDArray[np.float32]:
         """Return amplitudes of the accelerances (n, n_responses, n_freq) in single precision."""
         by_owner = self._map.by_component(batch)
-        values = _for_each(batch, self.source.amplitudes(by_owner, self._to_accelerance))
+        if self._pairs.are_responses:
+            amplitudes = self.source.amplitudes(by_owner, self._to_accelerance)
+        else:
+            amplitudes = np.abs(self._pairs.summed(self.source.frfs(by_owner, self._to_accelerance)))
+        values = _for_each(batch, amplitudes.astype(np.float32, copy=False))
         for index in self._chains:
             values[:, index] *= np.abs(self._chain(index, by_owner).factor)
         return values
@@ -353,7 +356,7 @@ class ResponseFrfs:
     def jacobian(self, batch: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         """Return FRFs (n, n_responses, n_freq) and their derivatives (n, n_responses, n_params, n_freq)."""
         by_owner = self._map.by_component(batch)
-        values, derivatives = self.engine.frfs_jacobian(by_owner, self._to_quantity)
+        values, derivatives = map(self._pairs.summed, self.engine.frfs_jacobian(by_owner, self._to_quantity))
         values, slopes = _for_each(batch, values), self._map.jacobian(batch)
         by_value = _for_each(batch, np.swapaxes(derivatives, 2, 3))
         jacobian = chain_rule(by_value, slopes[:, self._columns_of(self.engine.graph.connections)])

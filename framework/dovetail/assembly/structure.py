@@ -8,7 +8,8 @@ C, and i omega + s instead of i omega where a quantity is the derivative of the 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,11 +17,11 @@ from numpy.typing import NDArray
 from dovetail.assembly.changed_joints import structurally_damped
 from dovetail.description.calibration import MASS, WINDOW
 from dovetail.description.changed_joint import ChangedJoint
-from dovetail.description.checked import SHARED, Description, JointEntry, Place, Tie
+from dovetail.description.checked import SHARED, Description, JointEntry, Place, Response, Tie
 from dovetail.description.unknown_parts import UnknownPart, UnknownReceptance
 from dovetail.errors import Fault, ParameterError
 from dovetail.interfaces import JointModel, Node, Parameter, Port, StructuralMatrices, SubstructureModel, is_rotation
-from dovetail.synthesis import Attachment, Connection, Graph
+from dovetail.synthesis import Attachment, Connection, Graph, Point
 from dovetail.synthesis.joint_evaluation import depends_on_frequency
 
 
@@ -191,3 +192,54 @@ def without_window(graph: Graph, theta: Mapping[str, NDArray[np.float64]]) -> di
     for values in unseen.values():
         values[:, -1] = 0.0
     return {**theta, **unseen}
+
+
+@dataclass(frozen=True, eq=False)
+class ResponsePairs:
+    """Pairs of DOFs whose FRFs make those of responses, which are sums of several for directions between axes.
+
+    Parameters
+    ----------
+    points : list of Point
+        DOFs of all responses and forces, each once.
+    pairs : list of (int, int)
+        Numbers of output and input of each pair, one response after the other.
+    weights : (n_pairs,) array
+        Of each pair in the FRF of its response.
+    first : list of int
+        Number of the first pair of each response.
+    """
+
+    points: list[Point]
+    pairs: list[tuple[int, int]]
+    weights: NDArray[np.float64]
+    first: list[int]
+
+    @staticmethod
+    def of_responses(responses: Sequence[Response]) -> ResponsePairs:
+        """Return the pairs of some responses."""
+        ends = [
+            [(a * b, output, force) for a, output in response.terms for b, force in response.force_terms]
+            for response in responses
+        ]
+        points = list(dict.fromkeys(point for some in ends for _, *pair in some for point in pair))
+        pairs = [(points.index(output), points.index(force)) for some in ends for _, output, force in some]
+        weights = np.array([weight for some in ends for weight, _, _ in some])
+        first = list(accumulate((len(some) for some in ends[:-1]), initial=0))
+        return ResponsePairs(points, pairs, weights, first)
+
+    @property
+    def are_responses(self) -> bool:
+        """Whether each response is one pair."""
+        return len(self.pairs) == len(self.first) and bool((self.weights == 1.0).all())
+
+    def weighted(self, factors: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return the factors (n_pairs, n_freq) of pairs for those of responses (n_responses, n_freq)."""
+        if self.are_responses:
+            return factors
+        counts = np.diff([*self.first, len(self.pairs)])
+        return np.asarray(np.repeat(factors, counts, axis=0) * self.weights[:, np.newaxis])
+
+    def summed(self, values: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return values (n, n_responses, ...) of responses from those of weighted pairs (n, n_pairs, ...)."""
+        return values if self.are_responses else np.add.reduceat(values, self.first, axis=1)

@@ -52,7 +52,8 @@ def motion_at(assembly: Assembly, node: Node) -> Point:
 
 def _can_move(assembly: Assembly, node: Node) -> bool:
     description = assembly.description
-    if description.response.direction not in description.placed_parts[node[0]].nodes[node[1]].directions:
+    directions = description.placed_parts[node[0]].nodes[node[1]].directions
+    if not isinstance(description.response.direction, str) or description.response.direction not in directions:
         return False
     substructure, dof = motion_at(assembly, node)
     return bool(assembly.graph.substructure_dofs(substructure)[dof] >= 0)
@@ -67,7 +68,7 @@ def repetitions(assembly: Assembly) -> NDArray[np.intp]:
     for response in description.responses:
         chain = description.chain_of(response)
         mass, window = (chain.fixed.get(name, 0.0) for name in ("mass", "window"))
-        seen.append((response.point, response.force_point, mass, window))
+        seen.append((response.terms, response.force_terms, mass, window))
     return np.array([seen[:number].count(place) for number, place in enumerate(seen)])
 
 
@@ -75,7 +76,7 @@ def with_responses_exchanged(assembly: Assembly, former: int, latter: int) -> As
     """Return the assembly with two responses exchanged; None if they are equal, or of different kinds."""
     description, responses = assembly.description, list(assembly.description.responses)
     first, second = responses[former], responses[latter]
-    ends = [(response.point, response.force_point, description.chain_of(response)) for response in (first, second)]
+    ends = [(response.terms, response.force_terms, description.chain_of(response)) for response in (first, second)]
     if ends[0] == ends[1] or (first.rotation, first.moment) != (second.rotation, second.moment):
         return None
     responses[former] = replace(second, quantity=first.quantity)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import repeat
 
@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from dovetail.assembly.structure import without_window
 from dovetail.synthesis import DampedModes, Graph, Point, Poles
 from dovetail.synthesis.joint_evaluation import Theta
+
+Terms = Sequence[tuple[float, Point]]
+"""DOFs whose weighted sum is a motion, with their weights."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,17 +42,20 @@ class VibrationMode:
         turn = np.sqrt(1.0 - self.damping_ratio**2)
         return complex(2.0 * np.pi * self.natural_frequency * (-self.damping_ratio + 1j * turn))
 
-    def contribution(self, output: Point, force: Point, frequency: float) -> float:
+    def contribution(self, output: Terms, force: Terms, frequency: float) -> float:
         """Return the magnitude of the mode's own part of a receptance [m/N].
 
         Parameters
         ----------
-        output, force : Point
-            Name of the part and index of the DOF.
+        output, force : sequences of (float, Point)
+            Weights, names of the part and indices of the DOF.
         frequency : float
             Hz.
         """
-        residue = self.shapes[output[0]].flat[output[1]] * self.shapes[force[0]].flat[force[1]]
+        moved, pushed = (
+            sum(weight * self.shapes[part].flat[dof] for weight, (part, dof) in terms) for terms in (output, force)
+        )
+        residue = moved * pushed
         distance = abs(2.0j * np.pi * frequency - self.pole)
         return float(abs(residue) / max(distance, np.finfo(np.float64).tiny))
 

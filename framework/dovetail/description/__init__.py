@@ -9,10 +9,10 @@ from dovetail.description.checked import (
     Place,
     Response,
     Tie,
-    fingerprint,
     resolve,
 )
 from dovetail.description.damping import has_dampers, with_damping
+from dovetail.description.fingerprints import fingerprint
 from dovetail.description.json_schema import description_schema
 from dovetail.description.reader import read_description
 from dovetail.description.sections import AugmentationSection

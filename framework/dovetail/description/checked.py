@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -13,7 +11,8 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.description.placed_parts import PlacedPart, Placement
+from dovetail.description.fingerprints import fingerprint
+from dovetail.description.placed_parts import PlacedPart, Placement, direction_text
 from dovetail.description.sections import AugmentationSection, CorrectionSection
 from dovetail.description.study_section import StudySection
 from dovetail.frf import Frf, Quantity
@@ -96,15 +95,15 @@ class Place:
     ----------
     substructure : str
     node : int
-    direction : str
-        In the assembly: x, y, z, rx, ry or rz.
+    direction : str or three floats
+        In the assembly: x, y, z, rx, ry or rz, or a unit vector.
     dofs : NodeDofs
         The DOFs of the substructure's nodes.
     """
 
     substructure: str
     node: int
-    direction: str
+    direction: str | tuple[float, float, float]
     dofs: NodeDofs = field(repr=False, compare=False)
 
     @property
@@ -113,10 +112,23 @@ class Place:
         return self.direction in ROTATIONS
 
     @property
+    def directions(self) -> tuple[str, ...]:
+        """The directions in which the node moves there."""
+        if isinstance(self.direction, str):
+            return (self.direction,)
+        return tuple(name for name, weight in zip("xyz", self.direction, strict=True) if weight)
+
+    @property
+    def terms(self) -> tuple[tuple[float, Point], ...]:
+        """The DOFs of which it is the sum, each with its weight."""
+        weights = [1.0] if isinstance(self.direction, str) else [part for part in self.direction if part]
+        dofs = self.dofs.among([self.node], self.directions)
+        return tuple((weight, (self.substructure, dof)) for weight, dof in zip(weights, dofs, strict=True))
+
+    @property
     def point(self) -> Point:
-        """The substructure and the number of the DOF there."""
-        (dof,) = self.dofs.among([self.node], [self.direction])
-        return self.substructure, dof
+        """The substructure and the number of the DOF there, for a vector that in which it moves most."""
+        return max(self.terms, key=lambda term: abs(term[0]))[1]
 
 
 _Place = TypeVar("_Place", bound=Place)
@@ -136,6 +148,11 @@ class Response(Place):
         return self.point if self.force is None else self.force.point
 
     @property
+    def force_terms(self) -> tuple[tuple[float, Point], ...]:
+        """The DOFs on which the force acts, each with its share."""
+        return self.terms if self.force is None else self.force.terms
+
+    @property
     def moment(self) -> bool:
         """Whether a moment acts instead of a force."""
         return (self.force or self).rotation
@@ -147,7 +164,7 @@ class Response(Place):
     @property
     def is_drive_point(self) -> bool:
         """Whether the force acts where the motion is measured."""
-        return self.force_point == self.point
+        return self.force_terms == self.terms
 
 
 @dataclass(frozen=True)
@@ -268,7 +285,7 @@ class Description:
         return f"{self._place_label(response)}, force at {self._place_label(response.force)}"
 
     def _place_label(self, place: Place) -> str:
-        return f"{self.point_label(place)}{'' if place.direction == 'x' else f', {place.direction}'}"
+        return f"{self.point_label(place)}{'' if place.direction == 'x' else f', {direction_text(place.direction)}'}"
 
     def point_label(self, place: Place) -> str:
         """Return the point of a DOF in words: ``"tool, 10 mm"``."""
@@ -381,20 +398,3 @@ class Description:
 
 def _as_json(whole: Mapping[str, Any]) -> str:
     return json.dumps(whole, indent=2, ensure_ascii=False, allow_nan=False)
-
-
-def fingerprint(text: str) -> str:
-    """Return the fingerprint of a description that is given as JSON."""
-    whole = _without_folders(json.loads(text))
-    physics = {key: whole.get(key) for key in ("frequency", "substructures", "joints", "response")}
-    physics |= {key: whole[key] for key in ("responses", "calibration") if key in whole}
-    return hashlib.sha256(json.dumps(physics, sort_keys=True).encode()).hexdigest()
-
-
-def _without_folders(value: Any) -> Any:
-    """Return plain values with file names stripped of their folders, which differ from machine to machine."""
-    if isinstance(value, dict):
-        return {key: _without_folders(entry) for key, entry in value.items()}
-    if isinstance(value, list):
-        return [_without_folders(entry) for entry in value]
-    return os.path.basename(value) if isinstance(value, str) and os.path.isabs(value) else value

@@ -15,6 +15,7 @@ from dovetail.interfaces import (
     DIRECTIONS,
     ComponentConfig,
     Coordinates,
+    Direction,
     Node,
     SparseMatrices,
     StructuralMatrices,
@@ -22,7 +23,7 @@ from dovetail.interfaces import (
     exact_rotation,
     six_directions,
 )
-from dovetail.units import InUnit
+from dovetail.units import InUnit, to_si
 
 _TURNED_BACK = np.diag([1.0, -1.0, -1.0])
 """Half a turn about x: the axis runs the other way, x stays, and rotations about z change their sign."""
@@ -40,8 +41,28 @@ def _as_vector(value: object) -> object:
     return tuple(sense * (axis == other) for other in DIRECTIONS[:3])
 
 
+def _as_direction(value: object) -> object:
+    """Return a unit vector for three numbers and for an axis with a sense; the names of DOFs as they are."""
+    if isinstance(value, str) and value.strip() in DIRECTIONS:
+        return value.strip()
+    vector = _as_vector(value)
+    if not isinstance(vector, (list, tuple)) or len(vector) != 3:
+        raise ValueError(f"{value!r:.40} is not a direction; accepted: {', '.join(DIRECTIONS)}, or three numbers")
+    numbers = np.array([to_si(number, "1") for number in vector])
+    if not np.linalg.norm(numbers) > 0.0:
+        raise ValueError("this direction has no length")
+    return tuple((numbers / np.linalg.norm(numbers)).tolist())
+
+
+def direction_text(direction: str | tuple[float, float, float]) -> str:
+    """Return a direction in words: ``"x"`` or ``"(0.6, 0.8, 0)"``."""
+    return direction if isinstance(direction, str) else f"({', '.join(f'{part:.4g}' for part in direction)})"
+
+
 Vector = Annotated[tuple[float, float, float], BeforeValidator(_as_vector)]
 """A direction: three numbers, or the name of an axis with its sense."""
+MovingDirection = Annotated[Direction | tuple[float, float, float], BeforeValidator(_as_direction)]
+"""A direction of a DOF or, between the axes, of a displacement."""
 Length = Annotated[float, InUnit("m")]
 
 

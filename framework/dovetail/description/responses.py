@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from dovetail.description.calibration import read_calibration, shared_by
 from dovetail.description.checked import SHARED, ParameterEntry, Place, Response
 from dovetail.description.joints import Substructures, find_node
+from dovetail.description.placed_parts import direction_text
 from dovetail.description.sections import ForceSection, NodePosition, ResponseSection, SensorSection
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.tree import Path, format_path, format_value
 from dovetail.documents.validation import validate
 from dovetail.errors import did_you_mean, listing
-from dovetail.synthesis import Point
 
 RESPONSE: Path = ("response",)
 RESPONSES: Path = ("responses",)
@@ -80,7 +80,7 @@ def _read_sensor(path: Path, substructures: Substructures, faults: FaultList) ->
 def _read_all(
     paths: Sequence[Path], shared: ParameterEntry, substructures: Substructures, faults: FaultList
 ) -> tuple[tuple[Response, ...], dict[str, ParameterEntry]]:
-    first_at: dict[tuple[Point, Point], Path] = {}
+    first_at: dict[object, Path] = {}
     responses, calibrations = list[Response](), dict[str, ParameterEntry]()
     for number, path in enumerate(paths, start=1):
         section = validate(ResponseSection, path, faults, f"'{format_path(path)}'")
@@ -103,7 +103,7 @@ def _read_all(
         if response is None:
             continue
         responses.append(response)
-        points = response.point, response.force_point
+        points = response.terms, response.force_terms
         first = first_at.setdefault(points, path)
         if first != path and not section.name:
             remedy = "Average measurements of the same point, or give this one a 'name', as another level of the force."
@@ -149,7 +149,7 @@ def _read_place(
     path: Path,
     at: str,
     position: NodePosition,
-    direction: str,
+    direction: str | tuple[float, float, float],
     substructures: Substructures,
     faults: FaultList,
 ) -> Place | None:
@@ -170,8 +170,9 @@ def _read_place(
     if node is None:
         return None
     dofs = substructure.node_dofs
-    if direction not in dofs.directions[node]:
-        problem = f"'{at}' does not move in the direction {direction} there."
+    along = {direction} if isinstance(direction, str) else {n for n, d in zip("xyz", direction, strict=True) if d}
+    if not along <= set(dofs.directions[node]):
+        problem = f"'{at}' does not move in the direction {direction_text(direction)} there."
         faults.add((*path, "direction"), problem, listing(dofs.directions[node]))
         return None
     return Place(at, node, direction, dofs)

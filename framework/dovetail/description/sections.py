@@ -12,8 +12,9 @@ from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, RootModel, model_validator
 
 from dovetail.description.noise_levels import NoiseLevel
+from dovetail.description.placed_parts import MovingDirection
 from dovetail.frf import Quantity
-from dovetail.interfaces import Direction, FileName
+from dovetail.interfaces import FileName
 from dovetail.units import Frequency, InUnit, Mass, refuse_marks
 
 FORMAT = 1
@@ -144,13 +145,13 @@ class ForceSection(Section):
         Name of the substructure; that of the response by default.
     position : place
         Of its node, a position [m] or a label.
-    direction : 'x', 'y', 'z', 'rx', 'ry' or 'rz'
-        A force along an axis of the assembly, or a moment about it.
+    direction : 'x', 'y', 'z', 'rx', 'ry', 'rz', or three numbers
+        A force along an axis of the assembly or a vector, or a moment about an axis.
     """
 
     at: str | None = None
     position: NodePlace
-    direction: Direction = "x"
+    direction: MovingDirection = "x"
 
 
 class SensorSection(Section):
@@ -177,8 +178,8 @@ class ResponseSection(Section):
         Name of the substructure whose motion is measured.
     position : place
         Of its node, a position [m] or a label.
-    direction : 'x', 'y', 'z', 'rx', 'ry' or 'rz'
-        Displacement along an axis of the assembly by a force, or rotation about it by a moment.
+    direction : 'x', 'y', 'z', 'rx', 'ry', 'rz', or three numbers
+        Displacement along an axis of the assembly or a vector by a force, or rotation about an axis by a moment.
     quantity : 'receptance', 'mobility' or 'accelerance'
         Of the FRF.
     force : section
@@ -191,7 +192,7 @@ class ResponseSection(Section):
 
     at: str
     position: NodePlace
-    direction: Direction = "x"
+    direction: MovingDirection = "x"
     quantity: Quantity = "accelerance"
     force: Any = None
     name: Annotated[str, Field(pattern=r"^[^\W\d]\w*$", max_length=50)] | None = None

@@ -226,7 +226,7 @@ def _candidates(assembly: Assembly, substructures: Sequence[str]) -> list[Assemb
         assembly.with_description(replace(description, responses=(description.moved(response, name, number),)))
         for name in chosen
         for number, node in enumerate(description.placed_parts[name].nodes)
-        if response.direction in node.directions
+        if {*response.directions} <= {*node.directions}
         and ((name, number) not in inside or (response.substructure, response.node) == (name, number))
     ]
 

@@ -241,9 +241,9 @@ class MeasuredLines:
         calibrated = self.described.description.calibrations
         for (first, one, here), (second, other, there) in combinations(self._responses, 2):
             first_response, second_response = one.description.response, other.description.response
-            exchanged = (first_response.point, first_response.force_point) == (
-                second_response.force_point,
-                second_response.point,
+            exchanged = (first_response.terms, first_response.force_terms) == (
+                second_response.force_terms,
+                second_response.terms,
             )
             if (
                 not exchanged

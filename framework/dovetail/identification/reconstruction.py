@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly, VibrationMode
+from dovetail.assembly.vibration_modes import Terms
 from dovetail.description import Tie, resolve
 from dovetail.errors import DovetailError, Importance, Note, PluginError, by_importance
 from dovetail.frf import LOW_COHERENCE
@@ -24,7 +25,6 @@ from dovetail.inference.fitting import Fit
 from dovetail.interfaces import Parameter
 from dovetail.problem import Problem
 from dovetail.problem.merged_lines import MOST_LINES, frf_in_blocks
-from dovetail.synthesis import Point
 from dovetail.units import format_quantity
 
 _LEAST_SHARE = 0.2
@@ -186,7 +186,7 @@ def _modes(
     if not inside:
         return (), "The identified model has no natural frequency within the assembly's frequencies."
     response = assembly.description.response
-    return paired_modes(inside, (response.point, response.force_point), at_point), ""
+    return paired_modes(inside, (response.terms, response.force_terms), at_point), ""
 
 
 def _warnings(result: Identification, without_modes: str, fitted_lines: Sequence[int]) -> tuple[str, ...]:
@@ -257,14 +257,14 @@ def _warnings_of_lines(fit: Fit, where: str) -> list[str]:
     return [Note(message, Importance.DETAIL)]
 
 
-def paired_modes(modes: Sequence[VibrationMode], points: tuple[Point, Point], at_point: AtPoint) -> tuple[Mode, ...]:
+def paired_modes(modes: Sequence[VibrationMode], points: tuple[Terms, Terms], at_point: AtPoint) -> tuple[Mode, ...]:
     """Pair each mode with its peak in the reconstructed FRF, and that with its peak in the measured one.
 
     Parameters
     ----------
     modes : sequence of VibrationMode
         Of the identified model, by frequency.
-    points : (Point, Point)
+    points : (Terms, Terms)
         Where the motion is measured and where the force acts.
     at_point : AtPoint
 

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from dovetail.assembly import Assembly
 from dovetail.description import Description, Place
+from dovetail.description.placed_parts import direction_text
 from dovetail.errors import DovetailError, Fault, PluginError, listing
 from dovetail.interfaces import SubstructureModel, plugin_errors
 from dovetail.plain_text import terminal_text
@@ -314,7 +315,7 @@ class _Page:
                 "arc3,rad=1.2",
             )
         self.axes.annotate("", tip, tail, arrowprops=style, zorder=4)
-        self.labels.append(_Label(x, y + _ARROW / self.across, f"{text}, {place.direction}", colour))
+        self.labels.append(_Label(x, y + _ARROW / self.across, f"{text}, {direction_text(place.direction)}", colour))
 
     def finish(self, low: float, high: float, name: str) -> None:
         """Write the labels above and below the parts, and set the size of the page."""
