@@ -16,7 +16,7 @@ _MULTIPLIES = re.compile(
 )
 """Words of what multiplies values; a factor of 1 does nothing."""
 _SHIFTS = re.compile(
-    r"delay|latenc|\blags?\b|verz[öo]e?ger|retard|skew|offset|compensat|kompens|decay|exponential|time ?shift|tau\b"
+    r"delay|latenc|\blags?\b|verz[öo]e?ger|retard|skew|offset|compensat|kompens|decay|exponential|\bshift\b|exponent\b|tau\b"
 )
 """Words of what shifts values or is added to them; 0 does nothing."""
 _INVERTED = re.compile(

@@ -17,6 +17,7 @@ from dovetail.interfaces import About, Statement
 from dovetail.measurement.acting_numbers import find_acting_number
 from dovetail.measurement.changed_values import find_scale, reference_of_decibels
 from dovetail.measurement.frf_units import frequency_factor, read_unit
+from dovetail.measurement.other_quantities import find_other_quantity, names_rotation
 from dovetail.measurement.quantity_words import inverse_quantity, read_label, word_set, words_of
 from dovetail.measurement.text_pairs import (
     ANGLES,
@@ -34,6 +35,7 @@ _ROLES = {
     "above": word_set("output out numerator response resp outputname outputs"),
     "below": word_set("input in denominator excitation force reference inputname inputs"),
 }
+_MOMENTS = frozenset(("moment", "torque", "drehmoment"))
 _LETTERS = {
     "F": "force",
     "X": "displacement",
@@ -78,7 +80,7 @@ class FieldClaim(NamedTuple):
     Parameters
     ----------
     part : str
-        ``phase``, ``coherence``, ``variance``, ``amplitude`` (its scale), or ``db`` (what it is over).
+        ``phase``, ``coherence``, ``variance``, ``amplitude`` (its scale), ``db`` (what it is over), or ``rotation``.
     text, where : str
     """
 
@@ -173,8 +175,10 @@ def _read_pair(free_text: FreeText, pair: Pair, where: str) -> None:
     if (statement := _label_statement(words, value, where)) is not None:
         free_text.statements.append(statement)
         return
-    if problem := find_acting_number(key, value):
+    if problem := find_acting_number(key, value) or find_other_quantity(key, value):
         raise _not_understood(problem, where, key or value)
+    if names_rotation(key, value):
+        free_text.claims.append(FieldClaim("rotation", value, where))
     _read_prose(free_text, f"{key}: {value}" if key else value, where)
 
 
@@ -252,8 +256,11 @@ def _label_statement(words: Sequence[str], value: str, where: str) -> Statement 
         return Statement("axis label", value, where)
     if (whole := _whole_quantity(value, where)) is not None:
         return whole
-    if named and named <= _ROLES["below"] | _SENSOR and value.strip().lower() in ("moment", "torque", "drehmoment"):
-        return Statement("load label", value, where)
+    loads = set(words_of(value))
+    if loads & _MOMENTS and loads <= _MOMENTS | _ROLES["below"] and not named & _ROLES["above"]:
+        moment = min(loads & _MOMENTS)
+        if loads - _MOMENTS or (named and named <= _ROLES["below"] | _SENSOR | _QUANTITY_WORDS):
+            return Statement("load label", moment, where)
     if label.motions and named & (_QUANTITY_WORDS | MOTION_WORDS) and len(words_of(value)) <= 2 and not label.unclear:
         return Statement("motion quantity", value, where)
     marked = [unit for unit in label.units if f"[{unit}]" in value or f"({unit})" in value or f" / {unit}" in value]
@@ -273,7 +280,7 @@ def _whole_quantity(value: str, where: str, *, strict: bool = False) -> Statemen
 
 def _read_prose(free_text: FreeText, text: str, where: str) -> None:
     """Collect what running text mentions."""
-    if problem := find_acting_number("", text):
+    if problem := find_acting_number("", text) or find_other_quantity("", text):
         raise _not_understood(problem, where, text)
     candidates = [match[0].strip(".!?").strip() for match in _TOKEN.finditer(text) if "/" in match[0]]
     candidates += [candidate[1:-1] for candidate in candidates if candidate[0] + candidate[-1] == "()"]
@@ -284,6 +291,8 @@ def _read_prose(free_text: FreeText, text: str, where: str) -> None:
         reading = read_unit(candidate)
         if reading is not None and reading.kind in ("ratio", "inverse"):
             free_text.mentions.append(Statement("unit", candidate, where))
+        elif _is_per_load(candidate):
+            free_text.mentions.append(Statement("unclear unit", candidate, where))
         elif candidate.lower() in ("rad/s", "radians/second", "radians/s"):
             free_text.mentions.append(Statement("axis unit", "rad/s", where))
     for match in _IN_UNIT.finditer(text):
@@ -296,6 +305,14 @@ def _read_prose(free_text: FreeText, text: str, where: str) -> None:
     label = read_label(text)
     if label.quantities or inverse_quantity(text):
         free_text.mentions.append(Statement("quantity", text[:_SHOWN], where))
+
+
+def _is_per_load(text: str) -> bool:
+    """Return whether a text is something per unit of a load, as ``Pa/N`` is."""
+    above, _, below = text.rpartition("/")
+    reading = read_unit(below)
+    is_quotient = len(above) > 1 or above == "V"  # and not S/N, the ratio of signal and noise
+    return is_quotient and reading is not None and reading.kind == "load"
 
 
 def _not_understood(problem: str, where: str, name: str) -> MeasurementError:

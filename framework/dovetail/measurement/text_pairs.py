@@ -18,6 +18,7 @@ AXIS_WORDS = word_set("frequency frequencies freq frequenz fréquence f x abscis
 LOAD_WORDS = word_set("force load excitation denominator input hammer kraft moment reference ref exc")
 MOTION_WORDS = word_set(
     "motion numerator response resp output acceleration velocity displacement signal measurand transducer messgröße"
+    " accelerometer vibrometer"
 )
 VALUE_WORDS = word_set(
     "y h hv hxy frf frfs amplitude amplitudes magnitude mag real imag re im value values ordinate ylabel yaxis data"
@@ -48,6 +49,10 @@ _IN = re.compile(
 _IS = re.compile(
     r"(?P<key>[^\W\d_][^\d:=,;()\[\]]{0,40}?)\s+(?:is|are)\s+(?:an?\s+|the\s+)?(?P<value>\S.{0,30}?)(?:\s+in\s+\S+)?",
     re.IGNORECASE,
+)
+_BRACKETED = re.compile(r"(?P<key>[^\W\d_][^\d:=,;()\[\]]{0,40}?)\s*[\[(](?P<unit>[^\[\]()]{1,30})[\])]")
+_UNIT_IS = re.compile(
+    r"(?P<key>[^\W\d_][^\d:=,;()\[\]]{0,40}?\sunits?)\s+(?:is|are)\s+(?P<unit>\S{1,30})", re.IGNORECASE
 )
 _NEXT_KEY = re.compile(r"[,;]\s+(?=[^\W\d_][^:=,;]{0,40}[:=]\s*\S)")
 _CELL = re.compile(r"[\t;]|,(?!\d)")
@@ -88,6 +93,10 @@ def pairs_of(name: str, text: str) -> Iterator[Pair]:
     if (entries := json_entries(name, line)) is not None:
         yield from (Pair(*entry) for entry in entries)
         return
+    stated = [_UNIT_IS.fullmatch(part.strip(" .")) for part in re.split(r"[,;]\s+|\sand\s", line)]
+    if units := [match for match in stated if match is not None and _is_unit(match["unit"])]:
+        yield from (Pair(match["key"], match["unit"]) for match in units)
+        return
     parts = _NEXT_KEY.split(line)
     if len(parts) > 1 and all(map(_KEY.fullmatch, parts)):
         for part in parts:
@@ -127,8 +136,11 @@ def pairs_of(name: str, text: str) -> Iterator[Pair]:
 
 
 def sentence(line: str) -> Pair | None:
-    """Return the key and the value of a sentence such as "values are in g/N" or "response is a velocity"."""
+    """Return the key and the value of ``Force [kN]``, "values are in g/N" or "response is a velocity"."""
     text = line.strip(" .")
+    match = _BRACKETED.fullmatch(text)
+    if match and _is_subject(match["key"]) and _is_unit(match["unit"].strip()):
+        return Pair(match["key"], match["unit"].strip())
     match = _IN.fullmatch(text)
     if match and _is_subject(match["key"]) and _is_unit(match["unit"]):
         return Pair(f"{match['key']} unit", match["unit"], is_sentence=True)

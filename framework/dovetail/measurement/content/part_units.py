@@ -55,6 +55,9 @@ def _problem(fields: Mapping[str, str], claim: FieldClaim, unit: str) -> str:
         return f"the coherence is in '{text[:40]}'." if part in fields and text not in _RATIO else ""
     if part == "variance":
         return f"the variance is in '{text[:40]}'." if part in fields and not _is_square(text, unit) else ""
+    if part == "rotation":
+        is_rotation = bool(unit) and (reading := read_unit(unit)) is not None and reading.rotation
+        return "" if is_rotation else f"the motion is '{text[:40]}' here, and is read as a displacement."
     if part == "db":
         return f"decibels are over {text} of the unit, and are read as over 1." if "db" in fields else ""
     is_wrong = "amplitude" in fields if text != "power" else {"amplitude", "db"} & set(fields)

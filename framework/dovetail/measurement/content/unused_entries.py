@@ -78,7 +78,7 @@ def read_unused(archive: RecordedArrays, fields: Mapping[str, str], skip: tuple[
         elif value.dtype.kind in "US":
             key = f"dB {_key(name, fields)}" if "db" in fields and _is_reference(name) else _key(name, fields)
             texts += [(key, text, f"{archive.path}  {name}") for key, text in _keyed(key, value)]
-        elif value.dtype.kind == "b" and value.size == 1 and value.all():
+        elif value.size == 1 and value.ravel()[0] == 1 and (value.dtype.kind == "b" or _is_flag(name)):
             texts.append(("", _as_words(_key(name, fields)), f"{archive.path}  {name}"))
         elif value.dtype.kind in "fiuc" and (match := _FACTOR.fullmatch(name)) and value.size == 1:
             factors[match[1]] = float(value.real.ravel()[0])
@@ -160,6 +160,10 @@ def _as_words(name: str) -> str:
     """Return the last part of a name as words: ``is db`` for ``isDB`` and ``is_dB``."""
     own = re.split(r"[/.]", name)[-1].replace("dB", "db")
     return " ".join(re.findall(r"[^\W_]+", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", own)))
+
+
+def _is_flag(name: str) -> bool:
+    return words_of(re.split(r"[/.]", name)[-1])[:1] in (["is"], ["has"])
 
 
 def _is_reference(name: str) -> bool:
