@@ -93,9 +93,9 @@ def pairs_of(name: str, text: str) -> Iterator[Pair]:
     if (entries := json_entries(name, line)) is not None:
         yield from (Pair(*entry) for entry in entries)
         return
-    stated = [_UNIT_IS.fullmatch(part.strip(" .")) for part in re.split(r"[,;]\s+|\sand\s", line)]
-    if units := [match for match in stated if match is not None and _is_unit(match["unit"])]:
-        yield from (Pair(match["key"], match["unit"]) for match in units)
+    clauses = [_UNIT_IS.fullmatch(part.strip(" .")) for part in re.split(r"[,;]\s+|\sand\s", line)]
+    if stated := [Pair(one["key"], one["unit"]) for one in clauses if one is not None and _is_unit(one["unit"])]:
+        yield from stated
         return
     parts = _NEXT_KEY.split(line)
     if len(parts) > 1 and all(map(_KEY.fullmatch, parts)):
