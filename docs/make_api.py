@@ -17,6 +17,7 @@ PAGE = Path(__file__).with_name("api.md")
 
 SECTIONS = {
     "assembly": "Assemblies",
+    "examples": "Examples",
     "description": "Assemblies",
     "measurement": "Measurements",
     "frf": "Frequency response functions",
@@ -97,13 +98,15 @@ def _home(name: str) -> str:
     """Return the package that the stub takes a name from."""
     stub = Path(dovetail.__file__).with_suffix(".pyi").read_text(encoding="utf-8")
     line = next(line for line in stub.splitlines() if line.endswith(f"import {name} as {name}"))
-    return line.split()[1].strip(".").split(".")[0]
+    return line.split()[1].strip(".").split(".")[0] or name
 
 
 def _directive(package: ModuleType, name: str) -> str:
     value = getattr(package, name)
     if getattr(value, "__origin__", None) is np.ndarray:  # autodoc would show the docstring of numpy
         return f".. data:: {name}"
+    if inspect.ismodule(value):
+        return f".. automodule:: {value.__name__}\n   :members: names, load, measurement, path, measurement_path, copy"
     if inspect.isclass(value) and issubclass(value, Exception):
         return f".. autoexception:: {name}"
     if inspect.isclass(value):

@@ -1,6 +1,7 @@
 # The public API of Dovetail, and the only list of it: type checkers read this file, and so does `lazy_loader`, which
 # loads each name when it is first used (Scientific Python's SPEC 1).
 
+from . import examples as examples
 from .assembly import Assembly as Assembly
 from .assembly import CallableModel as CallableModel
 from .assembly import find_doubts as find_doubts

@@ -39,6 +39,9 @@ _LIBSVM = ("SVR", "NuSVR")
 """Such estimators whose states can be checked."""
 _NESTED = ("feature_extraction.image", "feature_extraction.text")
 """Public modules of scikit-learn with estimators that the module above does not export."""
+_TRIAL = (48, 64)
+"""Rows and columns of the random numbers to which an estimator is fitted, to see if it can be stored."""
+_WORKING = "Those that work are listed in the documentation, on the page 'Estimators of scikit-learn'."
 _LOST = object()
 _STRUCTURE = "structure"
 
@@ -70,8 +73,11 @@ class EstimatorConfig(ComponentConfig):
     options: dict[str, Plain] = Field(default={}, description="Plain values for its constructor.")
 
     @model_validator(mode="after")
-    def _can_be_made(self) -> Self:
+    def _can_be_made_and_kept(self) -> Self:
         self.new_estimator()
+        objection = objection_to(self.estimator, self.method, json.dumps(self.options, sort_keys=True))
+        if objection:
+            raise ValueError(objection)
         return self
 
     def new_estimator(self, seed: int | None = None) -> Any:
@@ -83,6 +89,60 @@ class EstimatorConfig(ComponentConfig):
             There is no such estimator, or it does not take these options.
         """
         return _new_estimator(_estimator_class(self.estimator, self.method), self.options, seed)
+
+
+@cache
+def objection_to(name: str, method: Literal["predict", "transform"], options: str = "{}") -> str:
+    """Return why what an estimator fits cannot be stored, from a trial on random numbers; empty if it can.
+
+    An estimator that cannot be fitted to them, as one with more components than they have columns, is not judged.
+
+    Parameters
+    ----------
+    name : str
+    method : {"predict", "transform"}
+    options : str
+        JSON.
+    """
+    estimator = _new_estimator(_estimator_class(name, method), json.loads(options), 0)
+    try:
+        _try(estimator, method)
+    except UnkeptError as error:
+        return f"{name} cannot be used: {error.faults[0].problem} {_WORKING}"
+    except DovetailError:
+        return ""
+    return ""
+
+
+def _try(estimator: Any, method: Literal["predict", "transform"]) -> None:
+    """Fit an estimator to random numbers, and store it.
+
+    Raises
+    ------
+    UnkeptError
+        It cannot be stored.
+    DovetailError
+        It cannot be fitted to these numbers.
+    """
+    random = np.random.default_rng(0)
+    rows, targets = random.random(_TRIAL), random.random((_TRIAL[0], 2))
+    one = method == "predict" and not estimator.__sklearn_tags__().target_tags.multi_output
+    wanted = () if method == "transform" else (targets[:, 0] if one else targets,)
+    KeptEstimator.fitted(estimator, rows, *wanted, method=method, owner=type(estimator).__name__)
+
+
+def working_estimators(method: Literal["predict", "transform"]) -> tuple[str, ...]:
+    """Return the estimators of the installed scikit-learn that can be fitted with default options, and stored."""
+    names = []
+    for name in sorted(_exported()):
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                _try(_new_estimator(_estimator_class(name, method), {}, 0), method)
+        except (ValueError, DovetailError):
+            continue
+        names.append(name)
+    return tuple(names)
 
 
 def _estimator_class(name: str, method: str) -> Any:
@@ -117,6 +177,10 @@ def _new_estimator(model: Any, options: Mapping[str, Any], seed: int | None) -> 
     if hasattr(estimator, "_parameter_constraints"):
         estimator._validate_params()
     return estimator
+
+
+class UnkeptError(DovetailError):
+    """What an estimator fitted cannot be stored as arrays and plain values."""
 
 
 class KeptEstimator:
@@ -208,13 +272,13 @@ def _own_random_numbers() -> Iterator[None]:
         np.random.set_state(before)  # noqa: NPY002
 
 
-def _not_arrays(owner: str, lost: list[str]) -> DovetailError:
-    listed = ", ".join(lost[:5]) + (f" and {len(lost) - 5} more" if len(lost) > 5 else "")
+def _not_arrays(owner: str, lost: list[str]) -> UnkeptError:
+    listed = ", ".join(lost[:2]) + (f" and {len(lost) - 2} more" if len(lost) > 2 else "")
     what = (
         f"what it fitted is not made of arrays alone ({listed})" if lost else "made of its arrays it answers otherwise"
     )
     problem = f"{what}, so that no model could be stored without pickle."
-    return DovetailError(Fault(owner, problem, remedy="Choose another estimator."))
+    return UnkeptError(Fault(owner, problem, remedy="Choose another estimator."))
 
 
 def _rows(answer: Any, count: int) -> NDArray[np.float64]:

@@ -73,7 +73,8 @@ def test_the_names_in_the_drawing_of_the_collet_are_those_of_the_joint():
 
 
 def test_every_public_name_is_in_the_api():
-    assert [name for name in dovetail.__all__ if f":: {name}\n" not in page("api.md")] == []
+    text = page("api.md").replace(":: dovetail.", ":: ")  # modules are listed with their package
+    assert [name for name in dovetail.__all__ if f":: {name}\n" not in text] == []
 
 
 @pytest.mark.parametrize("command", GROUP.list_commands(None))

@@ -37,7 +37,19 @@ LONG = (
 )
 """Commands that take longer than two seconds on a slow machine."""
 
-QUICK = {"merge", "new-assembly", "describe", "explore", "schema", "plugins", "new-plugin", "frf", "spindle"}
+QUICK = {
+    "examples",
+    "cite",
+    "merge",
+    "new-assembly",
+    "describe",
+    "explore",
+    "schema",
+    "plugins",
+    "new-plugin",
+    "frf",
+    "spindle",
+}
 """The others; these too show a bar where they take long."""
 
 

@@ -117,11 +117,11 @@ def test_help_lists_every_command(shell):
     groups = dict(re.findall(r"^(\w[^\n]*):\n((?:  .*\n)+)", done.stdout.partition("--help")[2], flags=re.M))
     listed = {group: re.findall(r"^  (\S+)", rows, flags=re.M) for group, rows in groups.items()}
     assert listed == {
-        "Describe an assembly": ["new-assembly", "check", "describe", "simulate", "explore", "schema"],
+        "Describe an assembly": ["examples", "new-assembly", "check", "describe", "simulate", "explore", "schema"],
         "Measure": ["plot", "convert", "frf", "plan", "spindle"],
         "Identify a joint": ["identify", "identify-series", "compare-models", "train", "generate", "merge"],
         "Use the result": ["predict", "watch", "predict-series"],
-        "Extend": ["plugins", "new-plugin", "check-plugin"],
+        "Extend": ["plugins", "new-plugin", "check-plugin", "cite"],
         "Evaluate": ["calibrate", "compare", "robustness", "study", "validate"],
     }
     assert "..." not in done.stdout.partition("--help")[2]

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import sys
+import tomllib
 
 import pytest
 
@@ -81,3 +83,58 @@ def runner():
     from dovetail.cli.app import app
 
     return lambda *words: CliRunner().invoke(app, [str(word) for word in words])
+
+
+def test_a_model_is_added_to_a_package_that_exists(runner, tmp_path, monkeypatch):
+    assert runner("new-plugin", "joint", "felt", "-o", tmp_path / "mine").exit_code == 0
+    before = {file: file.read_bytes() for file in (tmp_path / "mine").rglob("*") if file.is_file()}
+    for kind in (*KINDS, "law"):
+        added = runner("new-plugin", kind, f"my_{kind}", "--into", tmp_path / "mine")
+        assert added.exit_code == 0, added.stderr
+    entries = tomllib.loads((tmp_path / "mine" / "pyproject.toml").read_text())["project"]["entry-points"]["dovetail"]
+    assert entries == {"felt": "dovetail_felt"} | {f"my_{kind}": f"dovetail_felt.my_{kind}" for kind in (*KINDS, "law")}
+    changed = {file.name for file, content in before.items() if file.read_bytes() != content}
+    assert changed == {"pyproject.toml"}
+    monkeypatch.syspath_prepend(tmp_path / "mine" / "src")
+    for kind in (*KINDS, "law"):
+        (model,) = importlib.import_module(f"dovetail_felt.my_{kind}").dovetail_components()
+        assert model.name == f"my_{kind}"
+        assert model.kind == kind
+        for test in (f"test_my_{kind}.py", f"test_my_{kind}_conformance.py"):
+            compile((tmp_path / "mine" / "tests" / test).read_text(), test, "exec")
+    (joint,) = importlib.import_module("dovetail_felt.my_joint").dovetail_components()
+    assert [result for result in check_component(joint) if result.outcome == "failed"] == []
+
+
+@pytest.mark.parametrize(
+    ("files", "problem"),
+    [
+        ({}, "there is no pyproject.toml"),
+        ({"pyproject.toml": "[tool]\n"}, "it declares no [project]"),
+        ({"pyproject.toml": "a ="}, "this is not TOML"),
+        ({"pyproject.toml": "[project]\nname='x'\n"}, "it has no import package"),
+        ({"pyproject.toml": "[project]\n", "a/__init__.py": "", "b/__init__.py": ""}, "it has 2 import packages: a, b"),
+        ({"pyproject.toml": "[project]\n", "a/__init__.py": "", "a/felt.py": ""}, "this file already exists"),
+    ],
+)
+def test_what_is_not_such_a_package_stays_as_it_is(runner, tmp_path, files, problem):
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    failed = runner("new-plugin", "joint", "felt", "--into", tmp_path)
+    assert failed.exit_code == 1
+    assert problem in failed.stderr
+    assert {str(f.relative_to(tmp_path)): f.read_text() for f in tmp_path.rglob("*") if f.is_file()} == files
+
+
+def test_a_package_without_entry_points_gets_their_table(runner, tmp_path):
+    (tmp_path / "pyproject.toml").write_text('[project]\nname = "x"\n')
+    (tmp_path / "src" / "x").mkdir(parents=True)
+    (tmp_path / "src" / "x" / "__init__.py").write_text("")
+    assert runner("new-plugin", "joint", "felt", "--into", tmp_path).exit_code == 0
+    declared = tomllib.loads((tmp_path / "pyproject.toml").read_text())["project"]
+    assert declared == {"name": "x", "entry-points": {"dovetail": {"felt": "x.felt"}}}
+
+
+def test_into_and_output_exclude_each_other(runner, tmp_path):
+    assert runner("new-plugin", "joint", "felt", "--into", tmp_path, "-o", tmp_path / "x").exit_code == 2

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import runpy
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 import sklearn
+from pydantic import ValidationError
 from sklearn.utils import all_estimators
 
 import dovetail
@@ -16,6 +19,7 @@ from dovetail_plugins import scikit_learn
 from dovetail_plugins.reducers.scikit_learn import Transformer
 from dovetail_plugins.regressors.scikit_learn import ScikitLearnRegressor
 
+DOCS = Path(__file__).resolve().parents[2] / "docs"
 FEATURES = np.random.default_rng(0).standard_normal((60, 8)).astype(np.float32) + 3.0
 TARGETS = np.stack([FEATURES[:, 0] - FEATURES[:, 1], FEATURES[:, 2] ** 2], axis=1).astype(np.float64)
 
@@ -142,9 +146,23 @@ def test_rows_of_another_kind_are_refused(rows):
         fitted.transform(rows)
 
 
-def test_sparse_matrices_within_a_transformer_are_refused_when_it_is_fitted():
-    with pytest.raises(dovetail.DovetailError, match=r"arrays alone \(SparseRandomProjection\.components_: "):
-        reducer("SparseRandomProjection", n_components=5).fit(FEATURES, seed=0)
+def test_sparse_matrices_within_a_transformer_are_refused_before_any_work():
+    with pytest.raises(ValidationError, match=r"arrays alone \(SparseRandomProjection\.components_: "):
+        reducer("SparseRandomProjection", n_components=5)
+
+
+def test_one_that_the_trial_cannot_fit_is_not_refused():
+    assert reducer("PCA", n_components=200).config.options == {"n_components": 200}
+
+
+@pytest.mark.parametrize(("method", "heading"), [("transform", "Transformers"), ("predict", "Regressors")])
+def test_the_page_lists_estimators_that_work_with_the_installed_version(method, heading):
+    made = runpy.run_path(str(DOCS / "make_estimators.py"))
+    section = (DOCS / "estimators.md").read_text(encoding="utf-8").partition(f"## {heading}")[2].partition("## ")[0]
+    listed, working = made["names_in"](section), scikit_learn.working_estimators(method)
+    installed = [name for name in listed if name in scikit_learn._exported()]  # a version may lack one
+    assert len(installed) > 30
+    assert set(installed) <= set(working)
 
 
 def test_a_state_without_its_arrays_is_refused():

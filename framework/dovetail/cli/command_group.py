@@ -24,6 +24,7 @@ from dovetail.version import __version__
 
 _PANELS = {
     "Describe an assembly": {
+        "examples:examples": "List the examples, or copy one of them, or all.",
         "new_assembly:new_assembly": "Write a description of two parts and a joint, with comments.",
         "check:check": "Check a description and show its DOFs, nodes and modes.",
         "components:describe": "Describe a model: options, parameters, ports.",
@@ -54,6 +55,7 @@ _PANELS = {
         "components:plugins": "List the available models.",
         "new_plugin:new_plugin": "Create a package for a new model: code, entry point, tests and an example.",
         "check_plugin:check_plugin": "Check a model against its contract (the conformance kit).",
+        "cite:cite": "Print what to cite in a publication that uses Dovetail.",
     },
 }
 OWN = tuple(

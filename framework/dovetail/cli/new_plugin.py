@@ -20,14 +20,21 @@ def new_plugin(
         Path | None,
         typer.Option("--output", "-o", metavar="FOLDER", help="Folder to create; dovetail-NAME by default."),
     ] = None,
+    into: Annotated[
+        Path | None,
+        typer.Option("--into", metavar="PACKAGE", help="Add it to the package in this folder instead."),
+    ] = None,
 ) -> None:
     """Create a package for a new model: code, entry point, tests and an example.
 
     It can be installed and passes its own tests as it is; edit it from there.
     """
     from dovetail.interfaces import KINDS
-    from dovetail.registry.new_plugin import write_plugin_package
+    from dovetail.registry.new_plugin import add_to_package, write_plugin_package
 
-    made = write_plugin_package(one_of(KINDS, kind, "KIND"), name, output)
+    if into is not None and output is not None:
+        raise typer.BadParameter("--into names an existing package, and --output a new one.", param_hint="--into")
+    chosen = one_of(KINDS, kind, "KIND")
+    made = write_plugin_package(chosen, name, output) if into is None else add_to_package(chosen, name, into)
     say(f"{made.folder}: {', '.join(made.files)}")
     say(f"Install it with 'pip install -e {made.folder}', and check it with 'dovetail check-plugin {made.name}'.")

@@ -13,9 +13,10 @@ from pydantic import BaseModel, ValidationError
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.option_fields import keys_of, models_at
 from dovetail.documents.tree import Item, Path, Scalar, format_path, format_value, plain_values, replace_value
-from dovetail.errors import did_you_mean, listing
+from dovetail.errors import Fault, ParameterError, did_you_mean, listing
 
 _Model = TypeVar("_Model", bound=BaseModel)
+_Options = TypeVar("_Options", bound=BaseModel)
 
 _WHOLE, _NUMBER, _LIST, _SECTION = "a whole number", "a number", "a list", "a section of keys and values"
 _KINDS = {
@@ -185,6 +186,23 @@ def _is_implied(path: Path, details: list[Any], by_path: Collection[Path]) -> bo
     """Return whether a list is too short only because its elements were refused."""
     beneath = any(other[: len(path)] == path and len(other) > len(path) for other in by_path)
     return beneath and details[0]["type"] in ("too_short", "too_long")
+
+
+def validated(model: type[_Options], values: Mapping[str, Any], who: str) -> _Options:
+    """Return options that a caller of the API gives, checked by their model.
+
+    Raises
+    ------
+    ParameterError
+        The model refuses them; `who` is the subject of the sentence.
+    """
+    try:
+        return model.model_validate(dict(values))
+    except ValidationError as error:
+        detail = error.errors()[0]
+        where, value = ".".join(map(str, detail["loc"])) or "options", f"{detail['input']!r:.40}"
+        problem, accepted, remedy = explain(detail, value)
+        raise ParameterError(Fault(where, f"{who} refuses it: {problem}", accepted, remedy)) from None
 
 
 def explain(detail: Any, value: str, item: Item | None = None) -> tuple[str, str, str]:

@@ -13,6 +13,7 @@ from dovetail.identification.identify import Measurement, identify
 from dovetail.identification.result import Identification
 from dovetail.interfaces import IdentificationMethod, Progress, logged, progress_reporter
 from dovetail.network.bundle import TrainedNetwork, read_bundle, write_bundle
+from dovetail.network.learners import Learner, with_learners
 from dovetail.network.training import train_network
 from dovetail.plain_text import html_table, terminal_text
 from dovetail.registry import PluginPaths
@@ -97,6 +98,8 @@ def train(
     assembly: AssemblySource,
     dataset: Dataset | str | Path | None = None,
     *,
+    reducer: Learner = None,
+    regressor: Learner = None,
     robust: bool = False,
     fresh: bool = False,
     minutes: float | None = None,
@@ -110,6 +113,9 @@ def train(
         Or its description.
     dataset : Dataset or path, optional
         Samples of this assembly. Without one, as many as the description says are generated and then discarded.
+    reducer, regressor : str, Reducer or Regressor, scikit-learn estimator, or mapping, optional
+        Others than the description's: a name (``"pca"``), an object of a shipped class or your own, an estimator of
+        scikit-learn before it is fitted (``KernelRidge(alpha=0.1)``), or a section as in a description.
     robust : bool
         Train on FRFs with noise, as the description's `augmentation` says or else by its defaults. A description that
         has an `augmentation` is trained so in any case.
@@ -131,13 +137,14 @@ def train(
     DatasetError
         The dataset is not of this assembly, too small to be split, or holds values that are not finite.
     ParameterError
-        `minutes` is not a positive time, or the regressor ignores it; or the assembly is one response of several
-        (`Assembly.at`) and has parameters of another one's measurement chain, which its FRF does not depend on.
+        `reducer` or `regressor` is not one, or has wrong options; `minutes` is not a positive time, or the regressor
+        ignores it; or the assembly is one response of several (`Assembly.at`) and has parameters of another one's
+        measurement chain, which its FRF does not depend on.
     PluginError
         The reducer or the regressor breaks its contract.
     """
     samples = Dataset(dataset) if isinstance(dataset, (str, Path)) else dataset
-    known = as_assembly(assembly)
+    known = with_learners(as_assembly(assembly), reducer, regressor)
     _check_chains(known)
     with progress_reporter(progress) as report:
         trained = train_network(known, samples, robust=robust, fresh=fresh, minutes=minutes, progress=report)

@@ -9,11 +9,10 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
-from pydantic import ValidationError
 
 from dovetail.assembly import FRF_TOLERANCE, Assembly, AssemblySource, as_assembly, largest_frf_difference
 from dovetail.description import Response
-from dovetail.documents.validation import explain
+from dovetail.documents.validation import validated
 from dovetail.errors import Fault, MeasurementError, ParameterError, argument, did_you_mean, listing
 from dovetail.frf import Frf
 from dovetail.identification.application import DEFAULT_METHOD, Application
@@ -301,17 +300,9 @@ def _with_options(method: IdentificationMethod, options: Mapping[str, Any]) -> I
     ParameterError
         Its `Config` refuses them.
     """
-    try:
-        fields = type(method.config).model_fields.items()
-        present = {field.alias or name: getattr(method.config, name) for name, field in fields}
-        return type(method)(type(method.config).model_validate({**present, **options}))
-    except ValidationError as error:
-        detail = error.errors()[0]
-        where, value = ".".join(map(str, detail["loc"])) or "options", f"{detail['input']!r:.40}"
-        problem, accepted, remedy = explain(detail, value)
-        raise ParameterError(
-            Fault(where, f"the method '{method.name}' refuses it: {problem}", accepted, remedy)
-        ) from None
+    fields = type(method.config).model_fields.items()
+    present = {field.alias or name: getattr(method.config, name) for name, field in fields}
+    return type(method)(validated(type(method.config), {**present, **options}, f"the method '{method.name}'"))
 
 
 def as_frfs(measured: Measurement) -> tuple[Frf, ...]:

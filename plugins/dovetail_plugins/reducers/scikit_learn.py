@@ -40,8 +40,8 @@ class Transformer(dovetail.Reducer):
 
     Notes
     -----
-    Its fitted attributes must be arrays and plain values, so that a model can be stored without pickle; otherwise it is
-    refused after fitting. It computes in double precision.
+    Its fitted attributes must be arrays and plain values, so that a model can be stored without pickle. That is tried
+    on random numbers when the description is read. It computes in double precision.
     """
 
     name = "sklearn"

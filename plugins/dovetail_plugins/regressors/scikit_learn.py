@@ -41,7 +41,8 @@ class ScikitLearnRegressor(dovetail.Regressor):
     Notes
     -----
     A regressor for a single target is fitted to each target separately. Its fitted attributes must be arrays and plain
-    values, so that a model can be stored without pickle; others, such as forests of trees, are refused after fitting.
+    values, so that a model can be stored without pickle. That is tried on random numbers when the description is read,
+    so that others, such as forests of trees, are refused before any work.
     """
 
     name = "sklearn"
