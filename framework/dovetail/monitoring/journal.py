@@ -17,7 +17,7 @@ from dovetail.errors import Fault, FileError
 from dovetail.monitoring.plain_arrays import from_plain, to_plain
 from dovetail.monitoring.tracker import State, state_from
 
-FORMAT = 1
+FORMAT = 2
 STATE, JOURNAL = "state.json", "files.jsonl"
 
 

@@ -10,7 +10,7 @@ import scipy
 from numpy.typing import NDArray
 
 from dovetail.errors import Fault, ParameterError
-from dovetail.monitoring.alarm import Detector, Moments, file_probability, log_evidence
+from dovetail.monitoring.alarm import Detector, UsualDeviations, file_probability, log_evidence
 from dovetail.monitoring.estimate import FileEstimate, KeptFile, estimate
 from dovetail.monitoring.kalman import NEARBY_VARIANCE, Belief, RandomWalk, learn_walk
 from dovetail.monitoring.reference import Reference
@@ -96,8 +96,8 @@ class State:
         Of the parameters at the first test's covariates.
     walk : RandomWalk
     residual : MeanResidual
-    moments : Moments
-        Of the deviations of earlier files.
+    usual : UsualDeviations or None
+        Deviations of earlier files; None as long as the steps are learned.
     detector : Detector
     learning : tuple of KeptFile
         The files so far, as long as the steps are learned.
@@ -107,7 +107,7 @@ class State:
     belief: Belief
     walk: RandomWalk
     residual: MeanResidual
-    moments: Moments
+    usual: UsualDeviations | None
     detector: Detector
     learning: tuple[KeptFile, ...] = ()
 
@@ -185,7 +185,6 @@ class Tracker:
         self._model = reference.model
         free = int(np.count_nonzero(self._model.is_free))
         options.check(len(reference.parameters), free)
-        self._size = len(reference.parameters) - free + 1
 
     def start(self) -> State:
         """Return the state before the first file."""
@@ -197,7 +196,7 @@ class Tracker:
             Belief.about(self.reference.start),
             first,
             MeanResidual.none(residuals),
-            Moments.none(self._size),
+            None,
             Detector.new(),
         )
 
@@ -211,12 +210,13 @@ class Tracker:
             belief=seen.fresh.belief,
             residual=state.residual.with_file(seen.fresh.residuals),
         )
-        if state.files < self.options.reference:
+        usual = state.usual
+        if usual is None:
             after = replace(after, learning=(*state.learning, KeptFile.of(observations, seen.fresh, offset)))
             if after.files == self.options.reference:
                 after = self._learned(after)
             return self._made(state, after, seen, offset)
-        statistic = state.moments.studentise(seen.deviation)
+        statistic = usual.studentise(seen.deviation)
         detector = state.detector.with_file(log_evidence(*statistic))
         alarm = detector.evidence >= 1.0 / self.options.false_alarms
         if alarm:
@@ -224,8 +224,9 @@ class Tracker:
             seen = replace(seen, level=state.residual.level(latest.residuals, self._noise(latest)))
             residual = MeanResidual.none(len(latest.residuals)).with_file(latest.residuals)
             after = replace(after, belief=latest.belief, residual=residual, detector=Detector.new())
+            after = replace(after, usual=usual.after_change())
         else:
-            after = replace(after, moments=state.moments.with_file(seen.deviation), detector=detector)
+            after = replace(after, usual=usual.with_file(seen.deviation), detector=detector)
         made = self._made(state, after, seen, offset)
         probability = file_probability(*statistic)
         return replace(made, probability=probability, evidence=detector.evidence, alarm=alarm)
@@ -251,10 +252,9 @@ class Tracker:
                 after = replace(after, belief=seen[-1].fresh.belief, residual=residual)
             if not last:
                 walk = learn_walk(self.start().belief, [one.fresh.measurement for one in seen], walk)
-        moments = state.moments
-        for one in seen[int(_SETTINGS.unsettled * len(seen)) :]:
-            moments = moments.with_file(one.deviation)
-        return replace(after, files=state.files, moments=moments)
+        settled = seen[int(_SETTINGS.unsettled * len(seen)) :]
+        usual = UsualDeviations.of(np.array([one.deviation for one in settled]))
+        return replace(after, files=state.files, usual=usual)
 
     def _anew(self, state: State, predicted: Belief, observations: Observations, offset: Array) -> FileEstimate:
         """Return what the file that raised an alarm says by itself: the level from which the next is predicted.
@@ -281,9 +281,8 @@ class Tracker:
         belief = Belief(np.clip(after.belief.mean + offset, 0.0, 1.0), after.belief.covariance)
         change = after.belief.mean - seen.predicted.mean
         deviation = np.sqrt(np.diag(after.belief.covariance) + np.diag(seen.predicted.covariance))
-        moments = before.moments
-        spread = float(np.sqrt(moments.scatter[-1, -1] / max(moments.count - 1, 1)))
-        unusual = float(seen.level - moments.mean[-1]) / spread if spread > 0.0 else 0.0
+        usual = before.usual
+        unusual = 0.0 if usual is None else usual.deviation_of_last(np.append(seen.deviation[:-1], seen.level))
         return Step(after, belief, seen.level, unusual, None, 0.0, False, change, deviation)
 
     def _noise(self, fresh: FileEstimate) -> Array:
@@ -305,7 +304,7 @@ def state_from(plain: dict[str, Any]) -> State:
         Belief(**plain["belief"]),
         RandomWalk(**plain["walk"]),
         MeanResidual(**plain["residual"]),
-        Moments(**plain["moments"]),
+        None if plain["usual"] is None else UsualDeviations(**plain["usual"]),
         Detector(**plain["detector"]),
         tuple(KeptFile(**one) for one in plain["learning"]),
     )
