@@ -8,9 +8,7 @@ from dovetail.coupling.receptance import Receptance, decouple
 from dovetail.dataset import Storage
 from dovetail.description import SearchRange, read_description
 from dovetail.description.study_section import SearchSection
-from dovetail.documents.extends import read_source
 from dovetail.documents.fault_list import FaultList
-from dovetail.documents.validation import check_format, validate
 from dovetail.errors import as_dovetail_error, listing, require_package
 from dovetail.frf import coherence_with_model
 from dovetail.frf.resonance_peaks import counterpart, resonance_peaks
@@ -29,8 +27,9 @@ from dovetail.network.preprocessing import draw_test_samples
 from dovetail.network.training import needs_phase, train_and_evaluate
 from dovetail.parallel import cores, on_cluster, require_cluster, side_by_side
 from dovetail.registry import PluginPaths, Registry, components
+from dovetail.series.description import Covariate
+from dovetail.series.series_file import SeriesFile, TestSection
 from dovetail.synthesis import Attachment, Connection
-from dovetail.units import Mass
 
 __all__ = [
     "LEVEL",
@@ -40,8 +39,8 @@ __all__ = [
     "AssemblySource",
     "Attachment",
     "Connection",
+    "Covariate",
     "FaultList",
-    "Mass",
     "MeasuredFile",
     "NoiseKind",
     "PluginPaths",
@@ -49,13 +48,14 @@ __all__ = [
     "Registry",
     "SearchRange",
     "SearchSection",
+    "SeriesFile",
     "Storage",
+    "TestSection",
     "TrainedNetwork",
     "as_assembly",
     "as_dovetail_error",
     "batch_contradictions",
     "check_cover",
-    "check_format",
     "check_mass",
     "check_measured",
     "coherence_with_model",
@@ -78,12 +78,10 @@ __all__ = [
     "predicted_frf",
     "progress_reporter",
     "read_description",
-    "read_source",
     "require_cluster",
     "require_package",
     "resonance_peaks",
     "side_by_side",
     "train_and_evaluate",
-    "validate",
     "within_band",
 ]

@@ -70,12 +70,12 @@ def report(assemblies: Path, tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 CASES = """\
-dovetail_cases: 1
-title: Two springs
-series: stiffness [N/m]
-cases:
-  soft: {assembly: sdof.yaml, measured: soft.csv, joint: {assembly: sdof.yaml, measured: soft.csv}, value: 1}
-  stiff: {assembly: sdof.yaml, measured: stiff.csv, joint: {assembly: sdof.yaml, measured: stiff.csv}, value: 4}
+dovetail_series: 1
+name: Two springs
+covariates: {k: N/m}
+tests:
+  soft: {assembly: sdof.yaml, measured: soft.csv, joint: {assembly: sdof.yaml, measured: soft.csv}, at: {k: 1}}
+  stiff: {assembly: sdof.yaml, measured: stiff.csv, joint: {assembly: sdof.yaml, measured: stiff.csv}, at: {k: 4}}
 """
 
 

@@ -32,14 +32,14 @@ def test_parts_of_the_campaign(run, assemblies, tmp_path):
 
 def test_a_joint_is_identified_with_the_network_that_is_kept(run, bench, tmp_path):
     (tmp_path / "cases.yaml").write_text(f"""\
-dovetail_cases: 1
-series: number
-cases:
+dovetail_series: 1
+covariates: {{number: 1}}
+tests:
   one:
     assembly: {bench.description}
     measured: {bench.measured}
     joint: {{assembly: {bench.description}, measured: {bench.measured}}}
-    value: 1
+    at: {{number: 1}}
 """)
     arguments = ["validate", tmp_path / "cases.yaml", "--method", "network", "--json", "-o", tmp_path / "out"]
     first = run(*arguments)
@@ -66,7 +66,7 @@ def test_options(run, assemblies, tmp_path, monkeypatch, arguments, code, found)
 
 def test_a_broken_file_of_cases_is_one_block(run, tmp_path):
     file = tmp_path / "cases.yaml"
-    file.write_text("dovetail_cases: 1\ncases: {a: {assembly: x.yaml}}\n")
+    file.write_text("dovetail_series: 1\ntests: {a: {assembly: x.yaml}}\n")
     failed = run("validate", file, "--method", "network", code=1)
-    assert "case 'a' lacks 'measured'." in failed.stderr
+    assert "test 'a' lacks 'measured'." in failed.stderr
     assert "Traceback" not in failed.output

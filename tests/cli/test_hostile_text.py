@@ -21,12 +21,12 @@ NAME = "=cmd|'/C calc'!A0\"><img src=x onerror=alert(1)><form action=//x><meta h
 FILE = "=cmd\x1b[31m<b>\x9b2J\udcff.uff"
 NOTE = "=1+1\x1b]0;owned\x07,=cmd|' /C calc'!A0\x9b2J<script>x</script>\u202e"
 CASES = """\
-dovetail_cases: 1
-title: {name}
-series: {name}
-cases:
-  {name}: {{assembly: small.yaml, measured: plain.uff, joint: {joint}, value: 1}}
-  plain: {{assembly: small.yaml, measured: plain.uff, joint: {joint}, value: 2}}
+dovetail_series: 1
+name: {name}
+covariates: {{torque: N m}}
+tests:
+  {name}: {{assembly: small.yaml, measured: plain.uff, joint: {joint}, at: {{torque: 1}}}}
+  plain: {{assembly: small.yaml, measured: plain.uff, joint: {joint}, at: {{torque: 2}}}}
 """
 
 

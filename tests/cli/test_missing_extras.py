@@ -115,7 +115,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, assemblies: Path) -> Path:
     )
     for file in ("measured.h5", "measured.mat", "measured.lvm"):
         case = {"assembly": "sdof.yaml", "measured": {"file": file}}
-        cases = {"dovetail_cases": 1, "cases": {"one": {**case, "joint": case}}}
+        cases = {"dovetail_series": 1, "tests": {"one": {**case, "joint": case}}}
         (folder / f"{file}.cases.yaml").write_text(yaml.safe_dump(cases), encoding="utf-8")
     return folder
 

@@ -28,13 +28,13 @@ WARNING = "The model does not fit the measurement: do not trust the numbers."
 HEAVIER = "extends: sdof.yaml\nname: heavier\nsubstructures: {mass: {masses: [{mass: 2 kg}]}}\n"
 JOINT = "{assembly: sdof.yaml, measured: measured.uff}"
 CASES = f"""\
-dovetail_cases: 1
-series: number
-cases:
-  identified: {{assembly: heavier.yaml, measured: heavier.csv, joint: {JOINT}, value: 1}}
-  read: {{assembly: heavier.yaml, measured: heavier.csv, joint: {{result: results}}, value: 2}}
+dovetail_series: 1
+covariates: {{number: 1}}
+tests:
+  identified: {{assembly: heavier.yaml, measured: heavier.csv, joint: {JOINT}, at: {{number: 1}}}}
+  read: {{assembly: heavier.yaml, measured: heavier.csv, joint: {{result: results}}, at: {{number: 2}}}}
 """
-COMPARED = f"dovetail_cases: 1\ncases: {{same: {{assembly: sdof.yaml, measured: measured.uff, joint: {JOINT}}}}}\n"
+COMPARED = f"dovetail_series: 1\ntests: {{same: {{assembly: sdof.yaml, measured: measured.uff, joint: {JOINT}}}}}\n"
 
 
 def make_bench(folder, assemblies, sign):

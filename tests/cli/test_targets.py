@@ -32,7 +32,7 @@ def arguments(bench, tmp_path):
     """Of each command that works for long; the target is yet to come."""
     cases = tmp_path / "cases.yaml"
     cases.write_text(
-        f"dovetail_cases: 1\ntitle: one\ncases:\n  one: {{assembly: {bench.description}, measured: {bench.measured}}}\n"
+        f"dovetail_series: 1\nname: one\ntests:\n  one: {{assembly: {bench.description}, measured: {bench.measured}}}\n"
     )
     of_assembly = {
         name: [name, bench.description] for name in ("train", "generate", "calibrate", "robustness", "study")

@@ -136,7 +136,7 @@ def cases_file(folder, **measured):
         for name, file in measured.items()
     }
     path = folder / "cases.yaml"
-    path.write_text(json.dumps({"dovetail_cases": 1, "cases": cases}))
+    path.write_text(json.dumps({"dovetail_series": 1, "tests": cases}))
     return path
 
 
@@ -194,7 +194,7 @@ def test_wrong_dofs_can_be_ignored_in_every_command(run, described, written, tmp
     run("convert", file, tmp_path / "new.csv", *options[:2], "--ignore-dofs", "--dofs", "4+x,4+x")
     assert dovetail.read_frf(tmp_path / "new.csv").response == "4+x"
     stated = json.loads(cases.read_text())
-    for measured in (stated["cases"]["one"]["measured"], stated["cases"]["one"]["joint"]["measured"]):
+    for measured in (stated["tests"]["one"]["measured"], stated["tests"]["one"]["joint"]["measured"]):
         measured["ignore_dofs"] = True
     cases.write_text(json.dumps(stated))
     run("validate", cases)

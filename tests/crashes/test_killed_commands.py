@@ -33,7 +33,7 @@ def place(sdof, tmp_path_factory) -> Path:
     cases = "".join(
         f"  {name}: {{assembly: small.yaml, measured: {name}.csv, {joint}}}\n" for name in ("first", "second")
     )
-    (folder / "cases.yaml").write_text(f"dovetail_cases: 1\ncases:\n{cases}")
+    (folder / "cases.yaml").write_text(f"dovetail_series: 1\ntests:\n{cases}")
     dovetail.train(dovetail.load(folder / "small.yaml")).save(folder / "model")
     return folder
 

@@ -312,14 +312,14 @@ def test_files_of_matrices_displace_an_archive_and_the_reverse(tmp_path):
     assert load({**files, "structural_damping": "D.mtx"}, {"loss_factor": 0.1}).D[0, 0] == pytest.approx(1e5)
 
 
-def test_the_source_of_a_joint_displaces_the_other_in_cases(tmp_path):
+def test_the_source_of_a_joint_displaces_the_other_in_a_series(tmp_path):
     from dovetail_bench.evaluation.cases import read_cases
 
     case = "{assembly: a.yaml, measured: m.uff, joint: %s}"
     fitted, result = "{assembly: b.yaml, measured: b.uff}", "{result: r}"
     for base, over, expected in ((fitted, result, "r"), (result, fitted, None)):
-        (tmp_path / "base.yaml").write_text(f"dovetail_cases: 1\ncases: {{one: {case % base}}}\n")
-        (tmp_path / "over.yaml").write_text(f"extends: base.yaml\ncases: {{one: {{joint: {over}}}}}\n")
+        (tmp_path / "base.yaml").write_text(f"dovetail_series: 1\ntests: {{one: {case % base}}}\n")
+        (tmp_path / "over.yaml").write_text(f"extends: base.yaml\ntests: {{one: {{joint: {over}}}}}\n")
         for name in ("a.yaml", "m.uff", "b.yaml", "b.uff", "r"):
             (tmp_path / name).touch()
         (read,) = read_cases(tmp_path / "over.yaml").cases

@@ -1,4 +1,4 @@
-"""The file of cases, sound and broken."""
+"""The tests of a series as cases, sound and broken."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from dovetail.errors import DescriptionError
 from dovetail_bench import read_cases
 
 SOUND = """\
-dovetail_cases: 1
-title: Two
-series: torque [N m]
+dovetail_series: 1
+name: Two
+covariates: {torque: N m}
 accelerometer_mass: 1.2 g
-cases:
+tests:
   first:
     assembly: a.yaml
     measured: m/first.uff
     joint: {assembly: b.yaml, measured: {file: joint.uff, accelerometer_mass: 2 g, index: 3}}
-    value: 20
+    at: {torque: 20 N m}
   second:
     assembly: a.yaml
     measured: {file: second.csv, quantity: mobility}
     joint: {result: results}
-    value: 40
+    at: {torque: 40 N m}
 """
 
 
@@ -54,16 +54,21 @@ def test_a_table_without_a_header_is_read_by_what_the_case_or_the_caller_states(
 
 
 BROKEN = {
-    "no format": ("dovetail_cases: 1\n", "", ["the file does not say that it holds cases."]),
-    "newer format": ("dovetail_cases: 1", "dovetail_cases: 2", [":1:17  dovetail_cases", "2 is not a format"]),
+    "no format": ("dovetail_series: 1\n", "", ["the file does not say that it describes a series of tests."]),
+    "newer format": ("dovetail_series: 1", "dovetail_series: 2", [":1:18  dovetail_series", "2 is not a format"]),
+    "the format of earlier versions": ("dovetail_series: 1", "dovetail_cases: 1",
+                                       ["earlier versions", "'tests' for 'cases'"]),
     "a typing error": ("    assembly: a.yaml\n    measured: m", "    asembly: a.yaml\n    measured: m",
-                       [":7:5  cases.first.asembly", "Did you mean 'assembly'?"]),
+                       [":7:5  tests.first.asembly", "Did you mean 'assembly'?"]),
     "two sources": ("{result: results}", "{result: results, assembly: b.yaml}",
-                    [":14:5  cases.second.joint", "a joint comes from 'assembly' and 'measured', or from 'result'"]),
-    "no value": ("    value: 40\n", "", [":11:3  cases.second", "the case lacks 'value'"]),
+                    [":14:5  tests.second.joint", "a joint comes from 'assembly' and 'measured', or from 'result'"]),
+    "no value": ("    at: {torque: 40 N m}\n", "", [":11:3  tests.second", "the test does not give 'torque'"]),
+    "a value in another unit": ("40 N m", "40 N", ["tests.second.at.torque", "N m"]),
+    "several files": ("{file: second.csv, quantity: mobility}", "[second.csv, third.csv]",
+                      ["tests.second.measured", "2 measured files"]),
     "a mass in seconds": ("1.2 g", "1.2 s", [":4:21  accelerometer_mass", "kg"]),
     "a negative mass": ("1.2 g", "-1.2 g", [":4:21  accelerometer_mass", "at least 0"]),
-    "no cases": (SOUND[SOUND.index("cases:\n  first") :], "cases: {}\n", ["cases", "1 or more"]),
+    "no tests": (SOUND[SOUND.index("tests:\n  first") :], "tests: {}\n", ["tests", "1 or more"]),
 }  # fmt: skip
 
 
@@ -75,6 +80,12 @@ def test_a_fault_names_its_place(case, tmp_path):
         read_cases(written(tmp_path, SOUND.replace(old, new)))
     for part in expected:
         assert part in str(caught.value)
+
+
+def test_an_assembly_and_changes_of_it_are_those_of_the_series(tmp_path):
+    text = SOUND.replace("tests:", "assembly: all.yaml\ntests:").replace("  second:\n    assembly: a.yaml", "  second:")
+    _, second = read_cases(written(tmp_path, text.replace("  second:", "  second:\n    change: {name: other}"))).cases
+    assert second.source == {"extends": str(tmp_path / "all.yaml"), "name": "other"}
 
 
 def test_a_missing_file(tmp_path):

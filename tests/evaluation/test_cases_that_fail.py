@@ -35,7 +35,7 @@ def cases(tmp_path, sdof, monkeypatch):
             dovetail.Frf(frf.frequency[:lines], frf.values[:lines], frf.quantity), tmp_path / f"{name}.csv"
         )
     file = tmp_path / "cases.yaml"
-    file.write_text("dovetail_cases: 1\ncases:\n" + "".join(CASE.format(name=name) for name in NAMES))
+    file.write_text("dovetail_series: 1\ntests:\n" + "".join(CASE.format(name=name) for name in NAMES))
     for module in (validation, comparison):
         identify = module.identify
 
@@ -61,7 +61,7 @@ def test_the_other_cases_are_evaluated(cases, evaluate):
 
 @pytest.mark.parametrize("evaluate", [dovetail_bench.validate, lambda read: dovetail_bench.compare(read, ("refined",))])
 def test_if_every_case_fails_the_first_cause_is_raised(cases, evaluate):
-    cases.write_text("dovetail_cases: 1\ncases:\n" + "".join(CASE.format(name=name) for name in NAMES[1:]))
+    cases.write_text("dovetail_series: 1\ntests:\n" + "".join(CASE.format(name=name) for name in NAMES[1:]))
     with pytest.raises(MeasurementError, match="the measurement covers"):
         evaluate(read_cases(cases))
 

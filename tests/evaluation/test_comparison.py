@@ -18,12 +18,12 @@ from dovetail_bench import compare, read_cases, read_truths
 from dovetail_bench.pages.comparison import write_comparison
 
 CASES = """\
-dovetail_cases: 1
-title: Two springs (synthetic)
-series: stiffness [N/m]
-cases:
-  soft: {assembly: sdof.yaml, measured: soft.csv, joint: {assembly: sdof.yaml, measured: soft.csv}, value: 1}
-  stiff: {assembly: sdof.yaml, measured: stiff.csv, joint: {assembly: sdof.yaml, measured: stiff.csv}, value: 2}
+dovetail_series: 1
+name: Two springs (synthetic)
+covariates: {k: N/m}
+tests:
+  soft: {assembly: sdof.yaml, measured: soft.csv, joint: {assembly: sdof.yaml, measured: soft.csv}, at: {k: 1}}
+  stiff: {assembly: sdof.yaml, measured: stiff.csv, joint: {assembly: sdof.yaml, measured: stiff.csv}, at: {k: 2}}
 """
 
 

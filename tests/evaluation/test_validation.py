@@ -19,9 +19,9 @@ TRUTH = {"k": 3e6, "c": 40.0}
 SENSOR = 0.05
 
 CASES = """\
-dovetail_cases: 1
+dovetail_series: 1
 accelerometer_mass: 0.05 kg
-cases:
+tests:
   heavier:
     assembly: heavier.yaml
     measured: heavier.uff
@@ -104,7 +104,7 @@ def test_a_peak_without_counterpart_stays_in_the_table(bench):
 def test_what_the_case_does_not_say_is_asked_for(bench):
     text = CASES.replace("    joint: {assembly: sdof.yaml, measured: sdof.uff}\n", "", 1)
     (bench / "cases.yaml").write_text(text)
-    with pytest.raises(ParameterError, match=r"case heavier\n.*the case does not say from what"):
+    with pytest.raises(ParameterError, match=r"case heavier\n.*the test does not say from what"):
         validate(read_cases(bench / "cases.yaml"), Known())
 
 
@@ -131,8 +131,8 @@ def test_a_measurement_is_compared_on_its_own_lines(bench):
 
 def test_plain_values_and_figures(bench):
     (bench / "cases.yaml").write_text(
-        CASES.replace("cases:\n", "series: torque [N m]\ncases:\n", 1).replace(
-            "sdof.uff}\n", "sdof.uff}\n    value: 3\n"
+        CASES.replace("tests:\n", "covariates: {torque: N m}\ntests:\n", 1).replace(
+            "sdof.uff}\n", "sdof.uff}\n    at: {torque: 3 N m}\n"
         )
     )
     done = validate(read_cases(bench / "cases.yaml"), Known())

@@ -224,10 +224,10 @@ def test_values_of_a_file_of_cases(small, frf, tmp_path):
     dovetail.write_frf(frf, tmp_path / "m.csv")
     joint = {"assembly": "a.yaml", "measured": "m.csv"}
     cases = {
-        "dovetail_cases": 1,
-        "title": "t",
-        "series": "s",
-        "cases": {"one": {**joint, "value": 1.0, "joint": joint}},
+        "dovetail_series": 1,
+        "name": "t",
+        "covariates": {"s": "N m"},
+        "tests": {"one": {**joint, "at": {"s": 1.0}, "joint": joint}},
     }
     sweep(json.dumps(cases), lambda: dovetail_bench.read_cases(tmp_path / "c.yaml"), tmp_path / "c.yaml")
 

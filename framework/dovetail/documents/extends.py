@@ -17,7 +17,7 @@ Alternatives: TypeAlias = Sequence[Sequence[str]]
 
 LONGEST_CHAIN = 16
 _EXTENDS = "extends"
-_FORMATS = ("dovetail", "dovetail_cases", "dovetail_series")
+_FORMATS = ("dovetail", "dovetail_series")
 """Keys of which each document has one, or extends one that has."""
 
 
@@ -128,7 +128,7 @@ _PARAMETER_KEYS = {key for kind, additional in _VALUE_KEYS.items() for key in (k
 _ALTERNATIVES: Mapping[Path, Alternatives] = {
     (): (("response",), ("responses",)),
     ("frequency",): (("step",), ("lines",)),
-    ("cases", "*", "joint"): (("assembly", "measured"), ("result",)),
+    ("tests", "*", "joint"): (("assembly", "measured"), ("result",)),
 }
 """Alternative keys by the path of their section; `*` is any key."""
 _CHAIN = "calibration"

@@ -8,57 +8,28 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field
 
 from dovetail.assembly import Assembly, load
 from dovetail.description.component_sections import build_component
-from dovetail.documents.extends import read_source
 from dovetail.documents.fault_list import FaultList
-from dovetail.documents.mapping_reader import DICT
 from dovetail.documents.tree import Path as Place
 from dovetail.documents.tree import format_value, plain_values
-from dovetail.documents.validation import check_format, validate
+from dovetail.documents.validation import validate
 from dovetail.errors import DovetailError, UnitError, did_you_mean, listing
 from dovetail.measurement.file_section import MeasuredFile
 from dovetail.registry import PluginPaths, Registry, components
 from dovetail.series.description import FREE, Covariate, Role, SeriesDescription, SeriesTest
 from dovetail.series.role_checks import check_files, check_roles
-from dovetail.units import Mass, is_unit, to_fraction, to_si
+from dovetail.series.series_file import SeriesFile, TestSection
+from dovetail.units import to_fraction
 
-FORMAT = 1
-"""Version of the format, which is what ``dovetail_series:`` says."""
-_KEY = "dovetail_series"
 _WIDEST_SCATTER = 1.0
 
 
-class _Section(BaseModel):
+class _Role(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-
-def _as_files(value: object) -> object:
-    several = value if isinstance(value, (list, tuple)) else (value,)
-    return tuple({"file": one} if isinstance(one, str) else one for one in several)
-
-
-class _Test(_Section):
-    assembly: str | None = None
-    change: dict[str, Any] = {}
-    measured: Annotated[tuple[MeasuredFile, ...], BeforeValidator(_as_files), Field(min_length=1)]
-    at: dict[str, Any] = {}
-
-
-class _File(_Section):
-    name: str = "series"
-    assembly: str | None = None
-    accelerometer_mass: Mass = 0.0
-    covariates: dict[str, Annotated[str, BeforeValidator(lambda unit: "1" if unit == 1 else unit)]] = {}
-    tests: Annotated[dict[str, Any], Field(min_length=1)]
-    parameters: dict[str, Any] = {}
-    other_parameters: Literal["shared", "free"] = "free"
-    seed: Annotated[int, Field(ge=0)] = 0
-
-
-class _Role(_Section):
     role: Literal["shared", "free", "law", "varying"] | None = None
     law: Any = None
     over: str | None = None
@@ -87,14 +58,10 @@ def read_series(source: str | os.PathLike[str] | Mapping[str, Any], *, plugins: 
         A plugin file cannot be loaded.
     """
     faults = FaultList()
-    name, faults.root = read_source(source, faults)
-    check_format(faults, _KEY, FORMAT, "the file does not say that it describes a series of tests.")
-    read = validate(_File, (), faults, "the description of a series", reserved=(_KEY,))
-    if read is None:
-        raise faults.error()
-    folder = Path() if name == DICT else Path(os.path.abspath(name)).parent
-    reader = _Reader(faults, read, folder, components(plugins), plugins)
-    covariates = reader.covariates()
+    file = SeriesFile(source, faults)
+    read = file.section
+    reader = _Reader(faults, file, components(plugins), plugins)
+    covariates = file.covariates()
     tests = reader.tests(covariates)
     roles = reader.roles(covariates, tests)
     check_files(tests, faults)
@@ -107,38 +74,22 @@ def read_series(source: str | os.PathLike[str] | Mapping[str, Any], *, plugins: 
 @dataclass(frozen=True)
 class _Reader:
     faults: FaultList
-    read: _File
-    folder: Path
+    file: SeriesFile
     registry: Registry
     plugins: PluginPaths
-
-    def covariates(self) -> dict[str, Covariate]:
-        """Return the covariates whose units are units."""
-        known = {}
-        for name, unit in self.read.covariates.items():
-            if not name.isidentifier():
-                self.faults.add(
-                    ("covariates", name), f"'{name}' cannot be a name.", "letters, digits and '_'", key=True
-                )
-            elif not is_unit(unit):
-                self.faults.add(("covariates", name), f"'{unit}' is not a unit.", "an SI unit, such as N m; 1 for none")
-            else:
-                known[name] = Covariate(name, unit)
-        return known
 
     def tests(self, covariates: Mapping[str, Covariate]) -> tuple[SeriesTest, ...]:
         """Return the tests without faults."""
         loaded: dict[str, Assembly] = {}
-        tests = (self._test(name, covariates, loaded) for name in self.read.tests)
+        tests = (self._test(name, section, covariates, loaded) for name, section in self.file.tests())
         return tuple(test for test in tests if test is not None)
 
-    def _test(self, name: str, covariates: Mapping[str, Covariate], loaded: dict[str, Assembly]) -> SeriesTest | None:
+    def _test(
+        self, name: str, section: TestSection, covariates: Mapping[str, Covariate], loaded: dict[str, Assembly]
+    ) -> SeriesTest | None:
         place: Place = ("tests", name)
-        section = validate(_Test, place, self.faults, f"test '{name}'")
-        if section is None:
-            return None
-        values = self._values(place, section.at, covariates)
-        assembly = self._assembly(place, section, loaded)
+        values = self.file.values(name, section, covariates)
+        assembly = self._assembly(name, section, loaded)
         files = tuple(self._file(place, measured) for measured in section.measured)
         if assembly is None:
             return None
@@ -149,38 +100,21 @@ class _Reader:
             self.faults.add((*place, "measured"), problem, accepted, "Give one file for each response, in order.")
         return SeriesTest(name, assembly, files, values)
 
-    def _values(self, place: Place, at: Mapping[str, Any], covariates: Mapping[str, Covariate]) -> dict[str, float]:
-        values = {}
-        for key, value in at.items():
-            if key not in covariates:
-                hint = did_you_mean(key, covariates) or "List it under 'covariates' with its unit."
-                if key not in self.read.covariates:
-                    problem = f"'{key}' is not a covariate of the series."
-                    self.faults.add((*place, "at", key), problem, listing(covariates) or "none", hint, key=True)
-                continue
-            try:
-                values[key] = to_si(value, covariates[key].unit)
-            except UnitError as error:
-                self.faults.add((*place, "at", key), error.faults[0].problem)
-        return values
-
     def _file(self, place: Place, measured: MeasuredFile) -> tuple[Path, Mapping[str, Any]]:
-        path = self.folder / measured.file
+        path = self.file.folder / measured.file
         if not path.exists():
             remedy = "The path is relative to the description of the series."
             self.faults.add((*place, "measured"), f"there is no file '{measured.file}'.", remedy=remedy)
-        return path, {"accelerometer_mass": self.read.accelerometer_mass, **measured.options}
+        return path, self.file.options(measured)
 
-    def _assembly(self, place: Place, test: _Test, loaded: dict[str, Assembly]) -> Assembly | None:
+    def _assembly(self, name: str, test: TestSection, loaded: dict[str, Assembly]) -> Assembly | None:
         """Return the assembly of a test; the same object for tests with the same description."""
-        file, where = (test.assembly, (*place, "assembly")) if test.assembly else (self.read.assembly, ("assembly",))
-        if file is None:
-            remedy = "Name it here, or 'assembly:' for all tests at the top of the file."
-            self.faults.add(
-                place, f"the test '{place[-1]}' names no assembly.", "the path of a description", remedy, key=True
-            )
+        named = self.file.assembly_of(name, test)
+        if named is None:
             return None
-        path = self.folder / file
+        file, where = named
+        place: Place = ("tests", name)
+        path = self.file.folder / file
         item = self.faults.root.at((*place, "change"))
         change: Any = {} if item is None else plain_values(item)
         key = f"{path} {change}"
@@ -202,7 +136,7 @@ class _Reader:
         """Return the roles of the parameters that the series names."""
         names = {p.name for test in tests for p in test.assembly.parameters}
         roles = {}
-        for name in self.read.parameters:
+        for name in self.file.section.parameters:
             if name not in names:
                 if tests:
                     problem = f"no test has a parameter '{name}' to identify."

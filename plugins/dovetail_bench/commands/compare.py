@@ -35,7 +35,7 @@ _HEADINGS = {
 
 @with_reading("none", mass=False)
 def compare(
-    cases: Annotated[Path, typer.Argument(metavar="CASES", help="Measurements of one assembly's joint (YAML).")],
+    cases: Annotated[Path, typer.Argument(metavar="SERIES", help="Series of measurements of one joint (YAML).")],
     methods: Annotated[
         str | None,
         typer.Option(

@@ -35,7 +35,7 @@ _SERIES = "series.png"
 @with_reading("none", mass=False)
 def validate(
     cases: Annotated[
-        Path, typer.Argument(metavar="CASES", help="Measurements and the models that predict them (YAML).")
+        Path, typer.Argument(metavar="SERIES", help="Series of measurements, with the models that predict them (YAML).")
     ],
     method: Annotated[
         str, typer.Option("--method", metavar="METHOD", help="Method by which joints are identified.")
@@ -49,7 +49,7 @@ def validate(
 ) -> None:
     """Compare predictions of models with measurements.
 
-    For each case: the measured resonances, corrected for the accelerometer, and those that the model predicts with a
+    For each test: the measured resonances, corrected for the accelerometer, and those that the model predicts with a
     joint that was identified elsewhere. Files of an earlier run in the output folder are replaced. A case that fails
     does not end the others; the exit code is then 1. It is 3 if a joint is not trustworthy.
     """

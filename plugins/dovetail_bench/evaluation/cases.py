@@ -1,20 +1,15 @@
-"""A list of measurements and the models that predict them, read from one YAML file."""
+"""Measurements and the models that predict them: the tests of a series, one by one."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Self
-
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from typing import Any
 
 from dovetail import Frf, read_frf
-from dovetail.evaluation import FaultList, Mass, MeasuredFile, check_format, read_source, validate
-
-FORMAT = 1
-"""Version of the format, which is what ``dovetail_cases:`` says."""
+from dovetail.evaluation import Covariate, FaultList, MeasuredFile, SeriesFile, TestSection
 
 
 @dataclass(frozen=True)
@@ -63,29 +58,37 @@ class Case:
     name : str
     assembly : Path
         Its description.
+    change : mapping
+        Part of a description that overrides it.
     measured : Measurement
     joint : JointSource or None
         None where the description leaves nothing to identify.
     value : float or None
-        Of the quantity that a series runs over.
+        Of the quantity that the series runs over, in its unit.
     """
 
     name: str
     assembly: Path
+    change: Mapping[str, Any] = field(hash=False)
     measured: Measurement
     joint: JointSource | None
     value: float | None
 
+    @property
+    def source(self) -> Path | dict[str, Any]:
+        """The description, as `dovetail.load` takes it."""
+        return {"extends": str(self.assembly), **self.change} if self.change else self.assembly
+
 
 @dataclass(frozen=True)
 class Cases:
-    """All cases of a file.
+    """The tests of a series.
 
     Parameters
     ----------
     title : str
     series : str
-        What the cases' values are, with its unit, as ``tightening torque [N m]``; empty where they are no series.
+        The first covariate with its unit, as ``torque [N m]``; empty if the tests have none.
     cases : tuple of Case
     """
 
@@ -94,53 +97,15 @@ class Cases:
     cases: tuple[Case, ...]
 
 
-def _as_section(value: object) -> object:
-    return {"file": value} if isinstance(value, str) else value
-
-
-class _Section(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-_MeasuredFile = Annotated[MeasuredFile, BeforeValidator(_as_section)]
-
-
-class _Joint(_Section):
-    assembly: str | None = None
-    measured: _MeasuredFile | None = None
-    result: str | None = None
-
-    @model_validator(mode="after")
-    def _one_source(self) -> Self:
-        sources = (self.assembly is not None, self.measured is not None, self.result is not None)
-        if sources not in ((True, True, False), (False, False, True)):
-            raise ValueError("a joint comes from 'assembly' and 'measured', or from 'result'")
-        return self
-
-
-class _Case(_Section):
-    assembly: str
-    measured: _MeasuredFile
-    joint: _Joint | None = None
-    value: float | None = None
-
-
-class _File(_Section):
-    title: str = "Validation"
-    series: str = ""
-    accelerometer_mass: Mass = 0.0
-    cases: Annotated[dict[str, Any], Field(min_length=1)]
-
-
 def read_cases(source: str | os.PathLike[str], **reading: Any) -> Cases:
-    """Read a file of cases.
+    """Read the tests of a series as cases.
 
     Parameters
     ----------
     source : path
-        YAML. File names in it are taken from its folder.
+        Description of a series (YAML). File names in it are taken from its folder.
     **reading
-        Options of `dovetail.read_frf`, such as `columns`, for measurements of which the file does not state them.
+        Options of `dovetail.read_frf`, such as `columns`, for measurements of which the file does not give them.
 
     Returns
     -------
@@ -152,37 +117,40 @@ def read_cases(source: str | os.PathLike[str], **reading: Any) -> Cases:
         Everything that is wrong with the file, at once.
     """
     faults = FaultList()
-    _, faults.root = read_source(source, faults)
-    check_format(faults, "dovetail_cases", FORMAT, "the file does not say that it holds cases.")
-    read = validate(_File, (), faults, "the file of cases", reserved=("dovetail_cases",))
-    sections = {} if read is None else {name: _section(name, bool(read.series), faults) for name in read.cases}
+    file = SeriesFile(source, faults)
+    covariates = file.covariates()
+    cases = [_case(file, name, test, covariates, reading) for name, test in file.tests()]
+    quantity = next(iter(covariates.values()), None)
     faults.raise_if_any()
-    assert read is not None
-
-    def measurement(measured: MeasuredFile) -> Measurement:
-        described = measured.options
-        options = {"accelerometer_mass": read.accelerometer_mass, **reading, **described}
-        return Measurement(folder / measured.file, options.pop("accelerometer_mass"), options)
-
-    folder = Path(source).parent
-    cases = tuple(_case(name, case, folder, measurement) for name, case in sections.items() if case is not None)
-    return Cases(read.title, read.series, cases)
+    series = "" if quantity is None else quantity.name if quantity.unit == "1" else f"{quantity.name} [{quantity.unit}]"
+    return Cases(file.section.name, series, tuple(case for case in cases if case is not None))
 
 
-def _section(name: str, in_series: bool, faults: FaultList) -> _Case | None:
-    case = validate(_Case, ("cases", name), faults, f"case '{name}'")
-    if case is not None and in_series and case.value is None:
-        faults.add(("cases", name), "the case lacks 'value', which the series runs over.", key=True)
-    return case
-
-
-def _case(name: str, case: _Case, folder: Path, measurement: Callable[[MeasuredFile], Measurement]) -> Case:
-    joint = case.joint
+def _case(
+    file: SeriesFile, name: str, test: TestSection, covariates: Mapping[str, Covariate], reading: Mapping[str, Any]
+) -> Case | None:
+    values, assembly = file.values(name, test, covariates), file.assembly_of(name, test)
+    over = next(iter(file.section.covariates), None)
+    if over is not None and over not in test.at:
+        problem = f"the test does not give '{over}', over which the series runs."
+        file.faults.add(("tests", name), problem, remedy=f"Add 'at: {{{over}: ...}}'.", key=True)
+    if len(test.measured) != 1:
+        problem = f"{len(test.measured)} measured files, and a test has one response here."
+        file.faults.add(("tests", name, "measured"), problem, "one file")
+    if assembly is None:
+        return None
+    measured, joint = _measurement(file, test.measured[0], reading), test.joint
     source = None
     if joint is not None:
         source = JointSource(
-            assembly=None if joint.assembly is None else folder / joint.assembly,
-            measured=None if joint.measured is None else measurement(joint.measured),
-            result=None if joint.result is None else folder / joint.result,
+            assembly=None if joint.assembly is None else file.folder / joint.assembly,
+            measured=None if joint.measured is None else _measurement(file, joint.measured, reading),
+            result=None if joint.result is None else file.folder / joint.result,
         )
-    return Case(name, folder / case.assembly, measurement(case.measured), source, case.value)
+    value = None if over is None else values.get(over)
+    return Case(name, file.folder / assembly[0], test.change, measured, source, value)
+
+
+def _measurement(file: SeriesFile, measured: MeasuredFile, reading: Mapping[str, Any]) -> Measurement:
+    options = {**file.options(measured), **reading, **measured.options}
+    return Measurement(file.folder / measured.file, options.pop("accelerometer_mass"), options)

@@ -106,7 +106,7 @@ class Comparison:
     Parameters
     ----------
     title, series : str
-        As in the file of cases.
+        As in the series.
     methods : tuple of str
     rows : tuple of Compared
         Case by case, method by method.

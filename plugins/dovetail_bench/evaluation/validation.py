@@ -125,7 +125,7 @@ class Validation:
     Parameters
     ----------
     title, series : str
-        As in the file of cases.
+        As in the series.
     cases : tuple of ValidatedCase
     failures : mapping of str to str
         Why a case has no result, by its name.
@@ -200,14 +200,14 @@ def validate(
     Raises
     ------
     DovetailError
-        A description cannot be used, a case does not say what its joint is, or every case fails: why the first does.
+        A description cannot be used, a case does not give its joint, or every case fails: why the first does.
 
     Notes
     -----
     Resonances are compared where the accelerance peaks, as both FRFs show them, on the lines of the measurement.
     """
     files = tuple(plugins)
-    loaded = [load(case.assembly, plugins=files) for case in cases.cases]
+    loaded = [load(case.source, plugins=files) for case in cases.cases]
     _check_same_points(cases, files)
     identified = partial(identify, method=method) if isinstance(method, (str, IdentificationMethod)) else method
     joint_of = cache(partial(_joint, identified=identified, plugins=files))  # what several cases share, once
@@ -224,14 +224,15 @@ def validate(
 
 def _check_same_points(cases: Cases, plugins: tuple[str | PathLike[str], ...]) -> None:
     """Raise a MeasurementError if measurements of one assembly, of cases or joints, were made at different points."""
-    used: dict[Path, list[tuple[str, Measurement]]] = {}
+    uses = list[tuple[Path | dict[str, Any], str, Measurement]]()
     for case in cases.cases:
-        used.setdefault(case.assembly, []).append((case.name, case.measured))
+        uses.append((case.source, case.name, case.measured))
         if case.joint is not None and case.joint.assembly is not None and case.joint.measured is not None:
-            used.setdefault(case.joint.assembly, []).append((case.name, case.joint.measured))
-    for described, measurements in used.items():
+            uses.append((case.joint.assembly, case.name, case.joint.measured))
+    for source in {str(use[0]): use[0] for use in uses}.values():
+        measurements = [(name, measured) for other, name, measured in uses if other == source]
         if len({measured.file for _, measured in measurements}) > 1:
-            first = load(described, plugins=plugins).each_response[0]
+            first = load(source, plugins=plugins).each_response[0]
             if faults := batch_contradictions(first.description, [_readable(*one) for one in measurements]):
                 raise MeasurementError(*faults.values())
 
@@ -257,7 +258,7 @@ def _validated(case: Case, assembly: Assembly, joint_of: Callable[[JointSource],
         raise ParameterError(
             Fault(
                 f"case {case.name}",
-                f"assembly '{assembly.name}' has parameters to identify, and the case does not say from what.",
+                f"assembly '{assembly.name}' has parameters to identify, and the test does not say from what.",
                 remedy="Add 'joint: {assembly: ..., measured: ...}' or 'joint: {result: ...}'.",
             )
         )
