@@ -21,6 +21,7 @@ from dovetail_plugins.joints.rigid import Rigid
 from dovetail_plugins.joints.spring_damper import SpringDamper
 from dovetail_plugins.substructures.ground import Ground
 from dovetail_plugins.substructures.lumped import Lumped
+from dovetail_plugins.substructures.rigid_body import RigidBody
 from dovetail_plugins.substructures.spatial_beam import SpatialBeam
 from dovetail_plugins.substructures.timoshenko_beam import TimoshenkoBeam
 
@@ -330,6 +331,21 @@ def draw_beam(beam: TimoshenkoBeam | SpatialBeam) -> Sheet:
     return sheet
 
 
+def draw_rigid_body(body: RigidBody) -> Sheet:
+    """Draw a body with its centre of mass and its nodes."""
+    sheet = Sheet(560, 216, "Rigid body: its first node carries the others; mass and inertia about the centre of mass.")
+    sheet.path("a", "M170 70C200 30 420 30 470 84S470 196 320 190S140 130 170 70Z")
+    sheet.add('<circle class="open" cx="320" cy="112" r="6"/>')
+    sheet.text(320, 100, "center: mass, inertia, products", "small")
+    for number, (node, (x, y)) in enumerate(zip(body.nodes, ((200, 90), (430, 80), (410, 170)), strict=True)):
+        sheet.path("hatch", f"M200 90L{x} {y}")
+        sheet.node(x, y)
+        sheet.text(x, y + 18, node.label, "name")
+        sheet.text(x, y + 32, _numbers(body, 0) if number == 0 else "carried", "small")
+    sheet.directions_in_space(70, 120)
+    return sheet
+
+
 def draw_lumped(lumped: Lumped) -> Sheet:
     """Draw masses that nothing connects."""
     sheet = Sheet(460, 182, "Lumped masses m1 and m2 with x and rz; nothing connects them but joints.")
@@ -431,6 +447,7 @@ CAPTIONS = {
     "rotation.",
     "bushing": "In each of its `directions` a spring and a damper; they may be along `axes` of the joint's own.",
     "spatial_beam": "Positions run along -y, or where `place` says. The DOFs of a node are x, y, z, rx, ry and rz.",
+    "rigid_body": "The first node carries the others, which have no DOFs of their own.",
     "timoshenko_beam": "A tapered section becomes uniform elements, each with the diameters at its middle.",
     "lumped": "Without `inertia` a rotation is free of effort.",
     "ground": "What is joined to such a point by `rigid` is held.",
@@ -461,6 +478,12 @@ def examples() -> dict[str, JointModel | SubstructureModel]:
         "rigid": _example(Rigid),
         "spatial_beam": _example(SpatialBeam, material=STEEL, sections=[tube, taper]),
         "timoshenko_beam": _example(TimoshenkoBeam, material=STEEL, sections=[tube, taper]),
+        "rigid_body": _example(
+            RigidBody,
+            mass=2.0,
+            inertia=(3e-3, 3e-3, 3e-3),
+            nodes={"foot": (0.0, 0.0, 0.0), "left": (0.0, 0.1, 0.0), "right": (0.0, 0.0, 0.1)},
+        ),
         "lumped": _example(Lumped, masses=[{"mass": 1.0}, {"mass": 1.0, "inertia": 1e-4, "position": 0.01}]),
         "ground": _example(Ground, positions=[0.0, 0.1]),
     }
@@ -479,6 +502,7 @@ def drawings() -> dict[str, str]:
         ("rigid", draw_rigid),
         ("spatial_beam", draw_beam),
         ("timoshenko_beam", draw_beam),
+        ("rigid_body", draw_rigid_body),
         ("lumped", draw_lumped),
         ("ground", draw_ground),
     )

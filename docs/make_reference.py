@@ -162,6 +162,7 @@ def _nodes(part: SubstructureModel) -> str:
     rows = [
         (f"`{node.label}`", f"{1e3 * node.position:g} mm", *(part.node_dofs.find(number, each) for each in directions))
         for number, node in enumerate(part.nodes)
+        if node.carrier is None
     ]
     return table(("node", "position", *directions), rows)
 

@@ -34,12 +34,14 @@ def dovetail_components() -> list[type[dovetail.Component]]:
     from dovetail_plugins.substructures.lumped import Lumped
     from dovetail_plugins.substructures.matrices import Matrices
     from dovetail_plugins.substructures.measured import Measured
+    from dovetail_plugins.substructures.rigid_body import RigidBody
     from dovetail_plugins.substructures.spatial_beam import SpatialBeam
     from dovetail_plugins.substructures.timoshenko_beam import TimoshenkoBeam
 
     return [
         TimoshenkoBeam,
         SpatialBeam,
+        RigidBody,
         Lumped,
         Ground,
         Measured,

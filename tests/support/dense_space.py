@@ -122,20 +122,31 @@ class DenseStructure:
             self.M[dofs[:, None], dofs] += M
             self.inner += 2
 
-    def add_bushing(self, first, second, stiffness, damping, axes=None):
-        """Add six springs and dampers along the columns of `axes`; `second` is None for the ground."""
+    def add_body(self, node, mass, tensor, center):
+        """Add a rigid body to the motion of a node at its origin."""
+        x, y, z = center
+        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        dofs = slice(6 * node, 6 * node + 6)
+        coupling = -mass * cross  # kinetic energy m |v + w x c|^2 / 2 + w J w / 2
+        self.M[dofs, dofs] += np.block([[mass * np.eye(3), coupling], [coupling.T, tensor + mass * cross.T @ cross]])
+
+    def add_bushing(self, first, second, stiffness, damping, axes=None, ways=((0, 0, 0), (0, 0, 0))):
+        """Add six springs and dampers along the columns of `axes`; `second` is None for the ground.
+
+        They act at points at some ways from the nodes, which move with these as points of rigid bodies.
+        """
         R = np.eye(3) if axes is None else np.asarray(axes)
         T = np.zeros((6, 6))
         T[:3, :3] = T[3:, 3:] = R.T
-        for whole, values in ((self.K, stiffness), (self.C, damping)):
-            block = T.T @ np.diag(values) @ T
-            one = slice(6 * first, 6 * first + 6)
-            whole[one, one] += block
-            if second is not None:
-                other = slice(6 * second, 6 * second + 6)
-                whole[other, other] += block
-                whole[one, other] -= block
-                whole[other, one] -= block
+        relative = np.zeros((6, len(self.K)))
+        for node, sign, way in ((first, 1.0, ways[0]), (second, -1.0, ways[1])):
+            if node is not None:
+                there = np.eye(6)
+                for axis in range(3):
+                    there[:3, 3 + axis] = np.cross(np.eye(3)[axis], way)
+                relative[:, 6 * node : 6 * node + 6] += sign * T @ there
+        self.K += relative.T @ np.diag(stiffness) @ relative
+        self.C += relative.T @ np.diag(damping) @ relative
 
     def receptance(self, frequency, output, force):
         """Return the receptance between two DOFs, or between combinations of DOFs (d,)."""

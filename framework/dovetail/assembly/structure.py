@@ -14,6 +14,7 @@ from itertools import accumulate
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.assembly.carried_joints import at_carriers
 from dovetail.assembly.changed_joints import structurally_damped
 from dovetail.description.calibration import MASS, WINDOW
 from dovetail.description.changed_joint import ChangedJoint
@@ -162,6 +163,8 @@ def graph_of(description: Description, entries: Mapping[str, JointEntry], *, rig
             alone.add(entry.connection.attachments[0].substructure)
     parts: dict[str, SubstructureModel] = dict(description.placed_parts)
     parts |= {name: _NodesAlone(parts[name]) for name in alone}
+    if any(node.carrier is not None for part in parts.values() for node in part.nodes):
+        connections = {name: at_carriers(connection, parts) for name, connection in connections.items()}
     return Graph(parts, connections)
 
 
@@ -185,9 +188,14 @@ def graph_between(graph: Graph, points: Sequence[tuple[str, int]]) -> Graph:
     return Graph(graph.substructures, connections)
 
 
+def _is_windowed(model: JointModel) -> bool:
+    """Return whether a joint is seen under a window, also at carried nodes."""
+    return isinstance(model, _Windowed) or (isinstance(model, ChangedJoint) and _is_windowed(model.model))
+
+
 def without_window(graph: Graph, theta: Mapping[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:
     """Return the parameters of each joint, (n, n_params), with which the structure itself is seen, without a window."""
-    windowed = {name for name, connection in graph.connections.items() if isinstance(connection.model, _Windowed)}
+    windowed = {name for name, connection in graph.connections.items() if _is_windowed(connection.model)}
     unseen = {name: theta[name].copy() for name in windowed}
     for values in unseen.values():
         values[:, -1] = 0.0

@@ -52,8 +52,8 @@ def motion_at(assembly: Assembly, node: Node) -> Point:
 
 def _can_move(assembly: Assembly, node: Node) -> bool:
     description = assembly.description
-    directions = description.placed_parts[node[0]].nodes[node[1]].directions
-    if not isinstance(description.response.direction, str) or description.response.direction not in directions:
+    there = description.placed_parts[node[0]].nodes[node[1]]
+    if there.carrier is not None or description.response.direction not in there.directions:
         return False
     substructure, dof = motion_at(assembly, node)
     return bool(assembly.graph.substructure_dofs(substructure)[dof] >= 0)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly.structure import without_window
+from dovetail.interfaces import NodeDofs
 from dovetail.synthesis import DampedModes, Graph, Point, Poles
 from dovetail.synthesis.joint_evaluation import Theta
 
@@ -70,7 +71,7 @@ class SeenPoles:
 
     def __init__(self, graph: Graph) -> None:
         self._graph, self._modes = graph, DampedModes(graph)
-        every = {name: [node.directions for node in part.nodes] for name, part in graph.substructures.items()}
+        every = {name: NodeDofs.of_nodes(part.nodes).directions for name, part in graph.substructures.items()}
         self._rows = {name: len(each) if len(set(each)) == 1 else 1 for name, each in every.items()}
 
     def at(self, theta: Theta, vectors: int, count: int) -> Iterator[Poles]:

@@ -121,13 +121,13 @@ class Place:
     @property
     def terms(self) -> tuple[tuple[float, Point], ...]:
         """The DOFs of which it is the sum, each with its weight."""
-        weights = [1.0] if isinstance(self.direction, str) else [part for part in self.direction if part]
-        dofs = self.dofs.among([self.node], self.directions)
-        return tuple((weight, (self.substructure, dof)) for weight, dof in zip(weights, dofs, strict=True))
+        weights = (1.0,) if isinstance(self.direction, str) else tuple(filter(None, self.direction))
+        terms = self.dofs.terms(self.node, dict(zip(self.directions, weights, strict=True)))
+        return tuple((weight, (self.substructure, dof)) for weight, dof in terms)
 
     @property
     def point(self) -> Point:
-        """The substructure and the number of the DOF there, for a vector that in which it moves most."""
+        """The substructure and the number of the DOF there; of a sum, that with the largest weight."""
         return max(self.terms, key=lambda term: abs(term[0]))[1]
 
 

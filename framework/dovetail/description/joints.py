@@ -178,6 +178,15 @@ class _Connect:
                 )
                 self._faults.add((*path, "at", index), problem, f"a node with {', '.join(port.directions)}")
                 return None
+            carrier = substructure.nodes[node].carrier
+            if carrier is not None and self._model.component.merged_dofs:
+                label = substructure.nodes[carrier].label
+                problem = (
+                    f"{self._model.label} cannot hold this node, since it moves with node '{label}' of '{section.to}'."
+                )
+                remedy = f"Attach it to node '{label}', or to a node that comes first in its section; or use a bushing."
+                self._faults.add((*path, "at", index), problem, remedy=remedy)
+                return None
         return Attachment(section.to, complete)
 
     def _check_distinct(self, ports: tuple[Port, ...], attachments: tuple[Attachment | None, ...]) -> None:

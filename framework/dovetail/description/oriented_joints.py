@@ -9,18 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import model_validator
 
-from dovetail.description.changed_joint import ChangedJoint
+from dovetail.description.joint_coordinates import JointInCoordinates, LawInCoordinates, has_law
 from dovetail.description.placed_parts import TurnSection, Vector, turned
 from dovetail.errors import PluginError
 from dovetail.interfaces import (
     DIRECTIONS,
     ComponentConfig,
-    Coordinates,
     JointModel,
     Port,
-    ScaledMatrices,
-    StructuralMatrices,
-    describes_matrices,
     exact_rotation,
     six_directions,
 )
@@ -83,7 +79,7 @@ class AxesSection(ComponentConfig):
         return exact_rotation(np.column_stack([axes[name] for name in order]))
 
 
-class OrientedJoint(ChangedJoint):
+class OrientedJoint(JointInCoordinates):
     """A joint that acts along axes of its own, between nodes with DOFs along the assembly's axes.
 
     Parameters
@@ -111,14 +107,10 @@ class OrientedJoint(ChangedJoint):
         return tuple(ports)
 
     @cached_property
-    def _coordinates(self) -> Coordinates:
-        """The model's DOFs at its ports by those of this joint."""
-        L, row, column = np.zeros((self.model.node_dofs.size, self.node_dofs.size)), 0, 0
-        for own, there in zip(self.model.node_dofs.directions, self.node_dofs.directions, strict=True):
-            block = self._along(own)[:, [DIRECTIONS.index(direction) for direction in there]]
-            L[row : row + len(own), column : column + len(there)] = block
-            row, column = row + len(own), column + len(there)
-        return Coordinates(L)
+    def blocks(self) -> list[NDArray[np.float64]]:
+        """The directions of the model at each node by those of this joint."""
+        pairs = zip(self.model.node_dofs.directions, self.node_dofs.directions, strict=True)
+        return [self._along(own)[:, [DIRECTIONS.index(direction) for direction in there]] for own, there in pairs]
 
     @property
     def merged_dofs(self) -> tuple[tuple[int, int], ...]:
@@ -161,39 +153,9 @@ class OrientedJoint(ChangedJoint):
             for axis in acts
         ]
 
-    @property
-    def linear_parameters(self) -> tuple[str, ...]:
-        """Those of the model."""
-        return self.model.linear_parameters if describes_matrices(self.model, "linear_parameters") else ()
 
-    @cached_property
-    def scaled_matrices(self) -> ScaledMatrices | None:
-        """Those of the model, along the assembly's axes."""
-        scaled = self.model.scaled_matrices if describes_matrices(self.model, "scaled_matrices") else None
-        return None if scaled is None else scaled.changed(self._coordinates.transformed)
-
-    def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
-        """Return the model's matrices (n, d, d) along the assembly's axes."""
-        return self._coordinates.transformed(self.model.matrices(theta))
-
-    def matrices_jacobian(self, theta: NDArray[np.float64]) -> Sequence[StructuralMatrices]:
-        """Return their derivatives by each parameter, per unit of it."""
-        return [self._coordinates.transformed(derivative) for derivative in self.model.matrices_jacobian(theta)]
-
-
-class OrientedLaw(OrientedJoint):
+class OrientedLaw(LawInCoordinates, OrientedJoint):
     """An `OrientedJoint` with a dynamic stiffness of its own dependence on frequency."""
-
-    def dynamic_stiffness(self, frequency: NDArray[np.float64], theta: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Return the model's dynamic stiffness (n, n_freq, d, d) along the assembly's axes."""
-        return self._coordinates.transformed_stiffness(self.model.dynamic_stiffness(frequency, theta))
-
-    def dynamic_stiffness_jacobian(
-        self, frequency: NDArray[np.float64], theta: NDArray[np.float64]
-    ) -> Iterable[NDArray[np.complex128]]:
-        """Return its derivatives by each parameter, (n, n_freq, d, d) each."""
-        derivatives = self.model.dynamic_stiffness_jacobian(frequency, theta)
-        return (self._coordinates.transformed_stiffness(derivative) for derivative in derivatives)
 
 
 def oriented(model: JointModel, rotation: NDArray[np.float64]) -> OrientedJoint:
@@ -205,5 +167,4 @@ def oriented(model: JointModel, rotation: NDArray[np.float64]) -> OrientedJoint:
     rotation : (3, 3) array
         The joint's axes in the assembly, in columns.
     """
-    has_law = type(model).dynamic_stiffness is not JointModel.dynamic_stiffness
-    return (OrientedLaw if has_law else OrientedJoint)(model, rotation)
+    return (OrientedLaw if has_law(model) else OrientedJoint)(model, rotation)

@@ -216,12 +216,14 @@ class Placement:
         directions = self._directions(node)
         assert directions is not None
         point = tuple((self.origin + self.rotation @ np.asarray(node.coordinates)).tolist())
-        return Node(node.label, node.position, directions, point)
+        return Node(node.label, node.position, directions, point, node.carrier)
 
     def coordinates(self, nodes: Sequence[Node]) -> Coordinates:
         """Return the nodes' own DOFs by those in the assembly."""
         blocks = []
         for node in nodes:
+            if node.carrier is not None:
+                continue
             directions = self._directions(node)
             assert directions is not None
             blocks.append(six_directions(self.rotation)[np.ix_(_axes(directions), _axes(node.directions))].T)

@@ -171,8 +171,8 @@ def _read_place(
         return None
     dofs = substructure.node_dofs
     along = {direction} if isinstance(direction, str) else {n for n, d in zip("xyz", direction, strict=True) if d}
-    if not along <= set(dofs.directions[node]):
+    if not along <= set(substructure.nodes[node].directions):
         problem = f"'{at}' does not move in the direction {direction_text(direction)} there."
-        faults.add((*path, "direction"), problem, listing(dofs.directions[node]))
+        faults.add((*path, "direction"), problem, listing(substructure.nodes[node].directions))
         return None
     return Place(at, node, direction, dofs)

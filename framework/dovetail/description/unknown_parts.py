@@ -62,9 +62,10 @@ class UnknownPart(JointModel):
 
     @cached_property
     def ports(self) -> tuple[Port, ...]:
-        """Each node."""
+        """Each node with DOFs of its own."""
         nodes = placed(self.part, self.placement).nodes
-        return tuple(Port(f"node_{number}", 1, directions=node.directions) for number, node in enumerate(nodes))
+        own = ((number, node) for number, node in enumerate(nodes) if node.carrier is None)
+        return tuple(Port(f"node_{number}", 1, directions=node.directions) for number, node in own)
 
     @cached_property
     def _coordinates(self) -> Coordinates | None:

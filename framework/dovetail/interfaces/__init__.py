@@ -11,7 +11,7 @@ from dovetail.interfaces.component import (
     source_file,
 )
 from dovetail.interfaces.context import FeatureContext, fit_in_context, takes_context
-from dovetail.interfaces.coordinates import Coordinates, carried, exact_rotation, rigid_body_motions, six_directions
+from dovetail.interfaces.coordinates import Coordinates, exact_rotation, rigid_body_motions, six_directions
 from dovetail.interfaces.declarations import joint_faults, node_faults, parameter_faults, port_faults
 from dovetail.interfaces.file_name import FileName
 from dovetail.interfaces.fit_options import FIT_OPTIONS, FitOptions, PosteriorOptions
@@ -26,6 +26,7 @@ from dovetail.interfaces.matrices import (
     ScaledMatrices,
     SparseMatrices,
     StructuralMatrices,
+    carried,
     describes_matrices,
     is_rotation,
 )

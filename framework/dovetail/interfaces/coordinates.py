@@ -10,7 +10,7 @@ import numpy as np
 import scipy  # loads a part of it when that is first used
 from numpy.typing import NDArray
 
-from dovetail.interfaces.matrices import DIRECTIONS, SparseMatrices, StructuralMatrices
+from dovetail.interfaces.matrices import DIRECTIONS, SparseMatrices, StructuralMatrices, carried
 from dovetail.interfaces.substructure import Node
 
 _EXACT = 1e-12
@@ -30,19 +30,12 @@ def six_directions(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
     return both
 
 
-def carried(offset: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the motion (6, 6) of a point on a rigid body by that of another one, at a distance `offset` (3,) [m]."""
-    x, y, z = offset
-    motion = np.eye(len(DIRECTIONS))
-    motion[:3, 3:] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]
-    return motion
-
-
 def rigid_body_motions(nodes: Sequence[Node]) -> NDArray[np.float64]:
     """Return the six motions (n_dofs, 6) of the nodes' DOFs with a rigid body: along x, y, z, and about them."""
     rows = [
         carried(np.asarray(node.coordinates))[[DIRECTIONS.index(direction) for direction in node.directions]]
         for node in nodes
+        if node.carrier is None
     ]
     return np.concatenate(rows) if rows else np.zeros((0, len(DIRECTIONS)))
 

@@ -11,7 +11,7 @@ from typing import Any
 from dovetail.errors import Fault, PluginError
 from dovetail.interfaces.component import Component
 from dovetail.interfaces.joint import JointModel, Parameter
-from dovetail.interfaces.matrices import direction_problem
+from dovetail.interfaces.matrices import DIRECTIONS, direction_problem
 from dovetail.interfaces.substructure import Node, Port
 from dovetail.units import is_unit
 
@@ -72,7 +72,17 @@ def node_faults(nodes: object) -> list[Fault]:
         if problem := direction_problem(node.directions) or _point_problem(node.point):
             problem = f"has a node '{node.label}' of which {problem}."
             return [Fault("nodes", problem, 'directions such as ("x", "rz"); for its point three finite numbers [m]')]
+        if node.carrier is not None and not _can_carry(members, node.carrier):
+            problem = f"has a node '{node.label}' whose carrier is {_shortened(node.carrier)}."
+            return [Fault("nodes", problem, "the index of a node with all six directions that nothing carries")]
     return []
+
+
+def _can_carry(nodes: Sequence[Node], carrier: object) -> bool:
+    """Return whether a node can carry others."""
+    if isinstance(carrier, bool) or not isinstance(carrier, int) or not 0 <= carrier < len(nodes):
+        return False
+    return nodes[carrier].carrier is None and nodes[carrier].directions == DIRECTIONS
 
 
 def _point_problem(point: object) -> str:

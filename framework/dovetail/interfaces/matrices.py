@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import accumulate
 from typing import Any, Literal
@@ -48,6 +48,14 @@ def direction_problem(directions: object) -> str:
     return ""
 
 
+def carried(way: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the motion (6, 6) of a point of a rigid body by that of another one, from which `way` (3,) [m] leads."""
+    x, y, z = way
+    motion = np.eye(len(DIRECTIONS))
+    motion[:3, 3:] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]
+    return motion
+
+
 @dataclass(frozen=True)
 class NodeDofs:
     """The DOFs of some nodes: node after node, each with its directions in their order.
@@ -55,15 +63,23 @@ class NodeDofs:
     Parameters
     ----------
     directions : tuple of tuple of str
-        The directions of each node.
+        The directions of each node; none of a node that another one carries.
+    carriers : mapping of int to (int, three floats)
+        The nodes that others carry, as points of one rigid body do: the other node, and the way from there [m].
     """
 
     directions: tuple[tuple[str, ...], ...]
+    carriers: Mapping[int, tuple[int, tuple[float, float, float]]] = field(default_factory=dict, compare=False)
 
     @staticmethod
-    def of_nodes(nodes: Iterable[Any]) -> NodeDofs:
-        """Return the DOFs of nodes with `directions`."""
-        return NodeDofs(tuple(node.directions for node in nodes))
+    def of_nodes(nodes: Sequence[Any]) -> NodeDofs:
+        """Return the DOFs of nodes with `directions`, `coordinates` and `carrier`."""
+        carriers = {
+            number: (node.carrier, tuple(np.subtract(node.coordinates, nodes[node.carrier].coordinates).tolist()))
+            for number, node in enumerate(nodes)
+            if node.carrier is not None
+        }
+        return NodeDofs(tuple(() if node.carrier is not None else node.directions for node in nodes), carriers)
 
     @cached_property
     def _first(self) -> tuple[int, ...]:
@@ -94,6 +110,21 @@ class NodeDofs:
         """
         wanted = tuple(directions)
         return tuple(self._first[node] + self.directions[node].index(each) for node in nodes for each in wanted)
+
+    def terms(self, node: int, weights: Mapping[str, float]) -> tuple[tuple[float, int], ...]:
+        """Return the DOFs whose weighted sum is a motion of a node, with their weights.
+
+        Parameters
+        ----------
+        node : int
+        weights : mapping of str to float
+            Of the directions of which the motion is the sum.
+        """
+        if node not in self.carriers:
+            return tuple(zip(weights.values(), self.among([node], weights), strict=True))
+        carrier, way = self.carriers[node]
+        motion = sum(weight * carried(np.asarray(way))[DIRECTIONS.index(each)] for each, weight in weights.items())
+        return tuple((float(motion[axis]), self.of_node(carrier)[axis]) for axis in np.flatnonzero(motion))
 
     @cached_property
     def _owners(self) -> tuple[tuple[int, str], ...]:

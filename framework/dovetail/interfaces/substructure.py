@@ -37,12 +37,16 @@ class Node:
         Some of ``x y z rx ry rz``, in this order.
     point : tuple of three floats, optional
         Coordinates in the substructure [m]; by default on its axis, which runs along -y.
+    carrier : int, optional
+        Index of a node with all six directions that carries this one, as the points of a rigid body move with one of
+        them. The node then has no DOFs of its own.
     """
 
     label: str
     position: float
     directions: tuple[str, ...] = PLANAR
     point: tuple[float, float, float] | None = None
+    carrier: int | None = None
 
     @property
     def coordinates(self) -> tuple[float, float, float]:

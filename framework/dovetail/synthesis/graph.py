@@ -31,8 +31,8 @@ class Attachment:
 
     @staticmethod
     def to_all(name: str, part: SubstructureModel) -> tuple[Attachment, ...]:
-        """Return an attachment to each node of a substructure."""
-        return tuple(Attachment(name, (node,)) for node in range(len(part.nodes)))
+        """Return an attachment to each node of a substructure that has DOFs of its own."""
+        return tuple(Attachment(name, (number,)) for number, node in enumerate(part.nodes) if node.carrier is None)
 
 
 @dataclass(frozen=True)

@@ -66,9 +66,10 @@ def check_every_node_and_dof_is_used(specimen: SubstructureSpecimen) -> None:
     count = dofs.size
     _only_if_movable(specimen)
     filled = np.any([(dense(getattr(matrices, part)) != 0).any(axis=0) for part in PARTS], axis=0)
-    idle = ~np.array([filled[list(dofs.of_node(node))].any() for node in range(len(dofs.directions))])
+    own = [node for node in range(len(dofs.directions)) if node not in dofs.carriers]
+    idle = ~np.array([filled[list(dofs.of_node(node))].any() for node in own])
     if idle.any():
-        label = specimen.component.nodes[int(np.argmax(idle))].label
+        label = specimen.component.nodes[own[int(np.argmax(idle))]].label
         raise Nonconformity(f"no matrix has an entry for the node '{label}'.", "Connect it to the part, or remove it.")
     if not filled[count:].all():
         problem = f"no matrix has an entry for the inner DOF {count + int(np.argmin(filled[count:]))}."

@@ -67,7 +67,9 @@ def finer(assembly: Assembly, factor: int) -> Assembly:
 
 def _refined_part(connection: Connection, name: str, factor: int) -> Connection:
     """Return a substructure with unknown options with a finer mesh."""
-    model = connection.model.refined(factor) or connection.model
+    model = connection.model.refined(factor)
+    if model is None:
+        return connection
     return Connection(model, tuple(Attachment(name, (node,)) for node in range(len(model.ports))))
 
 

@@ -1,0 +1,96 @@
+"""Joints at nodes that other nodes carry, as the points of a rigid body do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.description.joint_coordinates import JointInCoordinates, LawInCoordinates, has_law
+from dovetail.interfaces import DIRECTIONS, JointModel, NodeDofs, Port, SubstructureModel
+from dovetail.synthesis import Attachment, Connection
+
+_Node = tuple[NodeDofs, int]
+"""The DOFs of a part's nodes, and one of the nodes."""
+
+
+class CarriedJoint(JointInCoordinates):
+    """A joint that acts at the nodes that carry those to which its model attaches.
+
+    Parameters
+    ----------
+    model : JointModel
+    nodes : sequence of (NodeDofs, int)
+        The nodes of its ports, port by port.
+    """
+
+    def __init__(self, model: JointModel, nodes: tuple[_Node, ...]) -> None:
+        super().__init__(model)
+        self._nodes = nodes
+
+    @cached_property
+    def _motions(self) -> list[NDArray[np.float64]]:
+        """The model's directions (n, 6) at each node by those of the node that carries it, or of the node itself."""
+        motions = []
+        for (dofs, node), directions in zip(self._nodes, self.model.node_dofs.directions, strict=True):
+            carrier, _ = dofs.carriers.get(node, (node, None))
+            axis_of = {dof: DIRECTIONS.index(dofs[dof][1]) for dof in dofs.of_node(carrier)}
+            motion = np.zeros((len(directions), len(DIRECTIONS)))
+            for row, direction in enumerate(directions):
+                for weight, dof in dofs.terms(node, {direction: 1.0}):
+                    motion[row, axis_of[dof]] = weight
+            motions.append(motion)
+        return motions
+
+    @cached_property
+    def ports(self) -> tuple[Port, ...]:
+        """One for each node, in the directions in which the joint acts there."""
+        acts = [np.flatnonzero(motion.any(axis=0)) for motion in self._motions]
+        return tuple(
+            Port(f"node_{number}", 1, directions=tuple(DIRECTIONS[axis] for axis in axes))
+            for number, axes in enumerate(acts)
+        )
+
+    @cached_property
+    def blocks(self) -> list[NDArray[np.float64]]:
+        """The model's DOFs at each node by those of the node that carries it."""
+        return [motion[:, motion.any(axis=0)] for motion in self._motions]
+
+    @property
+    def facing_ports(self) -> tuple[tuple[str, str], ...]:
+        """None: the nodes that face each other were compared before."""
+        return ()
+
+    @property
+    def merged_dofs(self) -> tuple[tuple[int, int], ...]:
+        """None: a description in which a joint would hold a carried node is refused."""
+        return ()
+
+    @property
+    def contact_dofs(self) -> tuple[tuple[int, int], ...]:
+        """Undefined: not a pair of DOFs, but sums of them would be equal."""
+        raise NotImplementedError(f"joint model '{self.name}' cannot be rigid at nodes that a rigid body carries.")
+
+
+class CarriedLaw(LawInCoordinates, CarriedJoint):
+    """A `CarriedJoint` with a dynamic stiffness of its own dependence on frequency."""
+
+
+def at_carriers(connection: Connection, parts: Mapping[str, SubstructureModel]) -> Connection:
+    """Return a connection at the nodes that carry those to which it attaches; itself if nothing carries these."""
+    dofs = {at.substructure: NodeDofs.of_nodes(parts[at.substructure].nodes) for at in connection.attachments}
+    if not any(node in dofs[at.substructure].carriers for at in connection.attachments for node in at.nodes):
+        return connection
+    every = [(dofs[at.substructure], node) for at in connection.attachments for node in at.nodes]
+    model = (CarriedLaw if has_law(connection.model) else CarriedJoint)(connection.model, tuple(every))
+    return replace(connection, model=model, attachments=tuple(_carriers(connection, dofs)))
+
+
+def _carriers(connection: Connection, dofs: Mapping[str, NodeDofs]) -> Iterator[Attachment]:
+    for at in connection.attachments:
+        for node in at.nodes:
+            carrier, _ = dofs[at.substructure].carriers.get(node, (node, None))
+            yield Attachment(at.substructure, (carrier,))
