@@ -354,3 +354,34 @@ def test_poor_bands_of_the_second_response_are_reported_too(chain, clean):
     measured[1] = replace(measured[1], values=measured[1].values * np.where(wrong, 5.0, 1.0))
     bands = dovetail.identify(chain, measured, "refined").adequacy.bands
     assert 530.0 < max(high for _, high in bands) < 570.0
+
+
+def test_a_mode_that_the_first_response_does_not_show_is_paired_where_another_one_does():
+    """A mass on springs along two axes: each response shows one of two natural frequencies."""
+    description = {
+        "dovetail": 1,
+        "name": "mass",
+        "frequency": {"start": 20.0, "stop": 200.0, "lines": 361},
+        "substructures": {
+            "mass": {"model": "rigid_body", "mass": 1.0, "inertia": [1e-3, 1e-3, 1e-3]},
+            "ground": {"model": "ground"},
+        },
+        "joints": {
+            "mount": {
+                "model": "bushing",
+                "directions": ["x", "y"],
+                "connect": {"a": {"to": "mass", "at": "center"}, "b": {"to": "ground", "at": 0.0}},
+                "parameters": {"c_x": {"value": 20.0}, "c_y": {"value": 20.0}},
+            }
+        },
+        "responses": [{"at": "mass", "position": "center", "direction": each} for each in ("x", "y")],
+    }
+    assembly = dovetail.load(description)
+    true = {"k_x": 1e5, "k_y": 4e5}
+    measured = [
+        dovetail.noisy_frf(alone.simulate(true), 0.01, seed) for seed, alone in enumerate(assembly.each_response)
+    ]
+    result = dovetail.identify(assembly, measured, method="refined")
+    frequencies = [np.sqrt(k) / (2 * np.pi) for k in true.values()]
+    assert [mode.natural_frequency for mode in result.modes] == pytest.approx(frequencies, rel=1e-3)
+    assert [mode.measured_peak for mode in result.modes] == pytest.approx(frequencies, rel=0.03)

@@ -126,3 +126,75 @@ def test_mode_shapes_are_the_motion_of_the_nodes(assemblies: Path) -> None:
     oscillator = dovetail.load(assemblies / "sdof.yaml")
     (mode,) = mode_shapes(oscillator, oscillator.vector(None), 3)
     assert [(part["name"], part["across"]) for part in mode["parts"]] == [("mass", [1.0])]
+
+
+BRACKET = {
+    "dovetail": 1,
+    "name": "bracket",
+    "frequency": {"start": 50.0, "stop": 2000.0, "lines": 400},
+    "substructures": {
+        "post": {
+            "model": "spatial_beam",
+            "material": {"young": 210e9, "density": 7850.0, "loss_factor": 0.003},
+            "sections": [{"length": 0.15, "width": 0.04, "height": 0.03, "elements": 3}],
+            "place": {"along": "z"},
+        },
+        "arm": {
+            "model": "rigid_body",
+            "mass": 2.0,
+            "inertia": [2e-3, 2e-3, 2e-3],
+            "nodes": {"root": [0.0, 0.0, 0.0], "tip": [0.1, 0.0, 0.0]},
+            "place": {"origin": [0.0, 0.0, 0.15]},
+        },
+        "floor": {"model": "ground"},
+    },
+    "joints": {
+        "foot": {
+            "model": "rigid",
+            "direction": "all",
+            "connect": {"a": {"to": "post", "at": 0.0}, "b": {"to": "floor", "at": 0.0}},
+        },
+        "corner": {
+            "model": "bushing",
+            "connect": {"a": {"to": "post", "at": 0.15}, "b": {"to": "arm", "at": "root"}},
+        },
+    },
+    "responses": [
+        {"at": "arm", "position": "tip", "direction": "z"},
+        {"at": "arm", "position": "tip", "direction": [0, 1, 0]},
+    ],
+}
+
+
+def test_an_assembly_in_space_is_drawn_with_its_parts_joints_and_directions():
+    figure = dovetail.plot_assembly(dovetail.load(BRACKET))
+    (axes,) = figure.axes
+    words = [text.get_text() for text in axes.texts]
+    assert {"post", "arm", "foot", "corner", "x", "y", "z"} <= {*words}
+    assert any("accelerance (response_2) along (0, 1, 0)" in text for text in words)
+    lines = [line for line in axes.lines if line.get_linewidth() == 3.5]
+    assert len(lines) == 3 + 1  # three elements, and from the root to the tip
+    post, arm = lines[0].get_xydata(), lines[-1].get_xydata()
+    assert post[1, 1] > post[0, 1]  # upwards
+    assert post[0, 0] == pytest.approx(post[1, 0])
+    assert arm[1, 0] > arm[0, 0]  # along x, to the right
+
+
+def test_mode_shapes_in_space_are_the_motion_of_all_nodes_in_three_directions():
+    assembly = dovetail.load(BRACKET)
+    shapes = mode_shapes(assembly, assembly.vector(None), 3)
+    modes = assembly.modes(None, 3)
+    for shape, mode in zip(shapes, modes, strict=True):
+        by_name = {part["name"]: part for part in shape["parts"]}
+        assert set(by_name) == {"post", "arm"}
+        moved = np.array([row for part in by_name.values() for row in part["motion"]])
+        assert np.linalg.norm(moved, axis=1).max() == pytest.approx(1.0, abs=1e-3)
+        root, tip = np.array(by_name["arm"]["motion"])
+        six = mode.shapes["arm"].ravel()
+        turn = np.exp(-1j * np.angle(six[np.argmax(np.abs(six[:3]))]))
+        rotation = (turn * six[3:]).real
+        expected = (turn * six[:3]).real + np.cross(rotation, [0.1, 0.0, 0.0])
+        assert abs(np.dot(tip, expected)) == pytest.approx(np.linalg.norm(tip) * np.linalg.norm(expected), rel=1e-2)
+        assert by_name["arm"]["lines"] == [(0, 1)]
+        assert by_name["post"]["points"][-1] == [0.0, 0.0, 150.0]
+        assert np.linalg.norm(root) <= 1.0

@@ -268,6 +268,11 @@ class PlacedPart(SubstructureModel):
         return frozenset(int(dof) for dof in np.flatnonzero((L[sorted(absent)] != 0.0).any(axis=0)))
 
     @property
+    def outline(self) -> Sequence[tuple[float, float, float, float]]:
+        """That of the part, along its own axis."""
+        return self._part.outline
+
+    @property
     def condensation_tolerance(self) -> float:
         """That of the part."""
         return self._part.condensation_tolerance

@@ -86,7 +86,7 @@ def reconstruct(
     assembly, at_points = problem.assembly, _at_points(problem, theta, f"{problem.assembly.name}, {method}")
     first = at_points[0]
     band = (float(assembly.frequency[0]), float(assembly.frequency[-1])) if band is None else band
-    modes, without_modes = _modes(assembly, theta, band, first)
+    modes, without_modes = _modes(assembly, theta, band, at_points)
     result = Identification(
         method=method,
         parameters=identified_parameters(assembly, theta),
@@ -167,7 +167,7 @@ def _ties(assembly: Assembly) -> Iterator[tuple[str, Parameter, Tie]]:
 
 
 def _modes(
-    assembly: Assembly, theta: NDArray[np.float64], band: tuple[float, float], at_point: AtPoint
+    assembly: Assembly, theta: NDArray[np.float64], band: tuple[float, float], at_points: Sequence[AtPoint]
 ) -> tuple[tuple[Mode, ...], str]:
     """Return the modes within a band and, where there are none, why."""
     try:
@@ -185,8 +185,11 @@ def _modes(
     inside = [mode for mode in modes if band[0] <= mode.natural_frequency <= band[1]]
     if not inside:
         return (), "The identified model has no natural frequency within the assembly's frequencies."
-    response = assembly.description.response
-    return paired_modes(inside, (response.terms, response.force_terms), at_point), ""
+    responses = zip(assembly.description.responses, at_points, strict=True)
+    at_each = [paired_modes(inside, (response.terms, response.force_terms), there) for response, there in responses]
+    return tuple(
+        next((mode for mode in pairs if mode.measured_peak), pairs[0]) for pairs in zip(*at_each, strict=True)
+    ), ""
 
 
 def _warnings(result: Identification, without_modes: str, fitted_lines: Sequence[int]) -> tuple[str, ...]:

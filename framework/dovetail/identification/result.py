@@ -36,7 +36,7 @@ class Mode:
         Hz: the magnitude of the pole over 2 pi. NaN for a peak that belongs to no mode.
     reconstructed_peak, measured_peak : float or None
         Hz; where the amplitudes of the two accelerances peak, which damping shifts by some per cent from the natural
-        frequency: compare the two. None where the mode has no clear peak, as at a node of vibration.
+        frequency: compare the two, at the first response where both have one. None where the mode has no clear peak.
     damping_ratio : float or None
         Of the critical damping. None in results of earlier versions, whose natural frequencies ignore damping.
     measured_frequency, measured_damping : float or None

@@ -16,6 +16,7 @@ from dovetail.errors import DovetailError, Fault, PluginError, listing
 from dovetail.interfaces import SubstructureModel, plugin_errors
 from dovetail.plain_text import terminal_text
 from dovetail.report.figures import INK, LINES, WIDTH, figure_of, new_figure, set_title, style_axes, width_of
+from dovetail.report.space_drawing import lies_in_space, space_figure, space_shape
 from dovetail.synthesis import Attachment
 
 if TYPE_CHECKING:
@@ -107,6 +108,8 @@ def drawing_text(assembly: Assembly) -> str:
 
 def assembly_figure(assembly: Assembly, ax: Axes | None = None) -> Figure:
     """Draw an assembly as described in `dovetail.plot_assembly`."""
+    if lies_in_space(assembly.description):
+        return space_figure(assembly, ax)
     description = assembly.description
     drawn = _parts(description)
     low, high = min(part.ends[0] for part in drawn.values()), max(part.ends[1] for part in drawn.values())
@@ -186,7 +189,7 @@ def _note(drawn: Mapping[str, _Part], stretch: int, rows: int) -> str:
 
 
 def mode_shapes(assembly: Assembly, theta: ArrayLike, count: int) -> list[dict[str, Any]]:
-    """Return the motion of the parts' nodes across their axis in the lowest elastic modes, as plain values.
+    """Return the motion of the parts' nodes in the lowest elastic modes, as plain values.
 
     Parameters
     ----------
@@ -200,14 +203,20 @@ def mode_shapes(assembly: Assembly, theta: ArrayLike, count: int) -> list[dict[s
     list of dict
         ``frequency`` [Hz] and ``damping`` ratio, and for each part that moves its ``name``, the nodes' positions
         ``along`` the common axis [mm] and their motion ``across`` it, of which the largest is 1: that of the moment at
-        which the nodes move most. Empty if a part has no matrices.
+        which the nodes move most. In space as `space_shape` returns them. Empty if a part has no matrices.
     """
     try:
         modes = assembly.modes(theta, count)
     except DovetailError:
         return []
-    drawn, shapes = _parts(assembly.description), []
+    in_space = lies_in_space(assembly.description)
+    drawn, shapes = {} if in_space else _parts(assembly.description), []
     for mode in modes:
+        frequency, damping = round(mode.natural_frequency, 2), round(mode.damping_ratio, 6)
+        if in_space:
+            in_three = space_shape(assembly.description, mode)
+            shapes.append({"frequency": frequency, "damping": damping, "parts": in_three})
+            continue
         moved = np.concatenate([shape[:, 0] for shape in mode.shapes.values()])
         turn = np.exp(-0.5j * np.angle(np.sum(moved**2)))
         across = {name: (turn * shape[:, 0]).real for name, shape in mode.shapes.items() if name in drawn}
@@ -218,7 +227,6 @@ def mode_shapes(assembly: Assembly, theta: ArrayLike, count: int) -> list[dict[s
             {"name": name, "along": np.round(drawn[name].at(), 2).tolist(), "across": values.tolist()}
             for name, values in scaled.items()
         ]
-        frequency, damping = round(mode.natural_frequency, 2), round(mode.damping_ratio, 6)
         shapes.append({"frequency": frequency, "damping": damping, "parts": parts})
     return shapes
 

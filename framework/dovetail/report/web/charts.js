@@ -398,10 +398,44 @@ var DovetailCharts = (function () {
     }
   }
 
+  /* How parts in space are seen; all drawings of a host turn together, by a hand or by arrow keys. */
+  function spaceView(host, modes, width, height, edge) {
+    const points = modes.flatMap((mode) => mode.parts.flatMap((part) => part.points));
+    const ends = [0, 1, 2].map((axis) => [Math.min(...points.map((point) => point[axis])), Math.max(...points.map((point) => point[axis]))]);
+    const middle = ends.map(([low, high]) => (low + high) / 2);
+    const size = Math.hypot(...ends.map(([low, high]) => high - low)) || 1;
+    const scale = 1.2 * (height - 2 * edge) / size;
+    const view = (host.view = host.view ?? { azimuth: -0.96, elevation: 0.44 });
+    const project = (point) => {
+      const [x, y, z] = point.map((value, axis) => value - middle[axis]);
+      const [sine, cosine] = [Math.sin(view.azimuth), Math.cos(view.azimuth)];
+      const ahead = cosine * x + sine * y;
+      return [width / 2 + scale * (cosine * y - sine * x), height / 2 - scale * (Math.cos(view.elevation) * z - Math.sin(view.elevation) * ahead)];
+    };
+    const turn = (sideways, upwards) => {
+      view.azimuth -= sideways;
+      view.elevation = Math.max(-1.57, Math.min(1.57, view.elevation + upwards));
+      host.dispatchEvent(new Event("turned"));
+    };
+    const makeTurnable = (drawing) => {
+      drawing.setAttribute("tabindex", "0");
+      drawing.classList.add("turns");
+      drawing.addEventListener("pointerdown", (event) => drawing.setPointerCapture(event.pointerId));
+      drawing.addEventListener("pointermove", (event) => { if (drawing.hasPointerCapture(event.pointerId)) turn(event.movementX / 90, event.movementY / 90); });
+      drawing.addEventListener("keydown", (event) => {
+        const step = { ArrowLeft: [-0.15, 0], ArrowRight: [0.15, 0], ArrowUp: [0, -0.15], ArrowDown: [0, 0.15] }[event.key];
+        if (step) { event.preventDefault(); turn(...step); }
+      });
+    };
+    return { makeTurnable, project, reach: 0.12 * size };
+  }
+
   /* Mode shapes as lines that swing, unless somebody prefers them to stand still; the button holds them. */
   function drawModes(host, modes) {
-    const [width, height, edge] = [280, 90, 12];
-    const along = modes.flatMap((mode) => mode.parts.flatMap((part) => part.along));
+    const inSpace = modes.some((mode) => mode.parts.some((part) => part.points));
+    const [width, height, edge] = [280, inSpace ? 190 : 90, 12];
+    const view = inSpace ? spaceView(host, modes, width, height, edge) : null;
+    const along = inSpace ? [0] : modes.flatMap((mode) => mode.parts.flatMap((part) => part.along));
     const [first, last] = [Math.min(...along), Math.max(...along)];
     const x = (place) => (last > first ? edge + ((width - 2 * edge) * (place - first)) / (last - first) : width / 2);
     const y = (motion) => height / 2 - (height / 2 - edge) * motion;
@@ -414,12 +448,24 @@ var DovetailCharts = (function () {
     const moving = [];
     const figures = modes.map((mode) => {
       const lines = mode.parts.map((part, number) => {
+        if (view) {
+          const line = svg("path", { class: `shape shape-${number % 4}` });
+          moving.push((swing) => {
+            const at = part.points.map((point, node) => view.project(point.map((value, axis) => value + swing * view.reach * part.motion[node][axis])));
+            const text = ([x, y]) => `${x.toFixed(1)} ${y.toFixed(1)}`;
+            const dots = at.map((place) => `M${text(place)}h0`).join("");
+            line.setAttribute("d", dots + part.lines.map(([one, other]) => `M${text(at[one])}L${text(at[other])}`).join(""));
+          });
+          return line;
+        }
         const line = svg("polyline", { class: `shape shape-${number % 4}` });
         moving.push((swing) => line.setAttribute("points", (part.along.length > 1 ? part.along : [part.along[0], part.along[0]]).map((place, node) => `${x(place).toFixed(1)},${y(swing * part.across[node % part.across.length]).toFixed(1)}`).join(" ")));
         return line;
       });
       const words = `Mode at ${number(mode.frequency, 5)} Hz: ${mode.parts.map((part) => part.name).join(", ")}`;
-      const drawing = svg("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": words }, svg("line", { class: "axis", x1: edge, x2: width - edge, y1: height / 2, y2: height / 2 }), ...lines);
+      const axis = view ? [] : [svg("line", { class: "axis", x1: edge, x2: width - edge, y1: height / 2, y2: height / 2 })];
+      const drawing = svg("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": words }, ...axis, ...lines);
+      if (view) view.makeTurnable(drawing);
       return element("figure", { class: "mode" }, drawing, element("figcaption", {}, `${number(mode.frequency, 5)} Hz`));
     });
     const names = modes.length ? modes[0].parts.map((part, number) => element("span", { class: `key shape-key-${number % 4}` }, part.name)) : [];
@@ -435,6 +481,9 @@ var DovetailCharts = (function () {
       requestAnimationFrame(swing);
     }
     host.replaceChildren(element("div", { class: "chart-head" }, element("div", { class: "chart-legend" }, ...names), element("div", { class: "chart-buttons" }, hold)), element("div", { class: "modes" }, ...figures));
+    host.ontwist = () => { if (!host.moving) move(1); };
+    if (!host.turns) host.addEventListener("turned", () => host.ontwist());
+    host.turns = true;
     move(1);
     swing();
   }
