@@ -24,6 +24,7 @@ SECTIONS = {
     "coupling": "Measured parts",
     "dataset": "Datasets",
     "identification": "Identification",
+    "exchange": "Data of other packages",
     "comparison": "Comparison of models",
     "series": "A series of tests",
     "problem": "For plugin authors: steps of a method",

@@ -34,6 +34,15 @@ from .errors import PluginError as PluginError
 from .errors import UnitError as UnitError
 from .errors import damage_reported as damage_reported
 from .errors import require_package as require_package
+from .exchange import PyfbsTables as PyfbsTables
+from .exchange import from_pyfbs as from_pyfbs
+from .exchange import from_sdypy as from_sdypy
+from .exchange import from_sep005 as from_sep005
+from .exchange import from_xarray as from_xarray
+from .exchange import to_pyfbs as to_pyfbs
+from .exchange import to_sdypy as to_sdypy
+from .exchange import to_sep005 as to_sep005
+from .exchange import to_xarray as to_xarray
 from .frf import Frf as Frf
 from .frf import coherence_spectrum as coherence_spectrum
 from .guarded_process import call_guarded as call_guarded

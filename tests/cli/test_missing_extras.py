@@ -55,8 +55,10 @@ DOORS: dict[str, list[str | tuple[str, ...]]] = {
     "pandas": [
         "dovetail.load_result('result.json').to_dataframe()",
         "dovetail.identify_many('sdof.yaml', ['measured.csv'], 'refined', processes=1).to_dataframe()",
+        "dovetail.modes('sdof.yaml').to_dataframe()",
     ],
     "arviz": ["dovetail.identify('sdof.yaml', 'measured.csv', samples=20, cause_seconds=0.0).to_inferencedata()"],
+    "xarray": ["dovetail.to_xarray(dovetail.read_frf('measured.csv'))"],
     "dask": [
         ("generate", "small.yaml", "-o", "data.zarr", *SCHEDULER),
         ("calibrate", "small.yaml", "--cases", "2", *SCHEDULER),

@@ -139,6 +139,32 @@ def test_inference_data(result, sdof):
 
 
 @pytest.mark.filterwarnings("ignore::FutureWarning")
+def test_inference_data_has_what_the_model_predicts_and_what_was_measured(result, sdof):
+    data = result.to_inferencedata(draws=400, seed=2)
+    observed, predicted = data.observed_data["frf"], data.posterior_predictive["frf"]
+    assert observed.dims == ("frequency", "part")
+    assert predicted.dims == ("chain", "draw", "frequency", "part")
+    assert observed.attrs["units"] == predicted.attrs["units"] == result.measured.unit
+    np.testing.assert_array_equal(observed.sel(part="imag"), result.measured.values.imag)
+    np.testing.assert_array_equal(observed["frequency"], result.measured.frequency)
+    low, high = np.quantile(predicted.to_numpy()[0], [0.05, 0.95], axis=0)
+    inside = np.mean((low <= observed.to_numpy()) & (observed.to_numpy() <= high))
+    assert 0.85 <= inside <= 0.97
+    assert data.sample_stats["lp"].shape == data.sample_stats["weight"].shape == (1, 400)
+    other = result.to_inferencedata(draws=400, seed=2, assembly=sdof)
+    np.testing.assert_array_equal(other.posterior_predictive["frf"], predicted)
+
+
+@pytest.mark.filterwarnings("ignore::FutureWarning")
+def test_without_a_description_there_are_no_predicted_values_and_the_reason_is_given(result):
+    bare = replace(result, provenance={**result.provenance, "description": ""})
+    data = bare.to_inferencedata(draws=20)
+    assert "posterior_predictive" not in data.groups()
+    assert data.attrs["no_posterior_predictive"]
+    assert "observed_data" in data.groups()
+
+
+@pytest.mark.filterwarnings("ignore::FutureWarning")
 def test_inference_data_holds_its_provenance(result):
     data = result.to_inferencedata(draws=10)
     assert (data.attrs["warning"], data.attrs["measurement"]) == (result.warning, result.measured.label)
@@ -150,7 +176,9 @@ def test_every_version_of_arviz_gets_the_same_groups(result, monkeypatch, versio
     arrays = SimpleNamespace(attrs={})
     made = {}
 
-    def from_dict(data=None, *, attrs, **groups):
+    def from_dict(data=None, *, attrs, coords, dims, **groups):
+        assert dims["frf"] == ["frequency", "part"]
+        assert len(coords["frequency"]) == len(result.measured.frequency)
         assert (data is None) == (version == "0.x")
         made.update(groups or data)
         made["attrs"] = attrs if version == "0.x" else attrs["/"]
@@ -159,7 +187,8 @@ def test_every_version_of_arviz_gets_the_same_groups(result, monkeypatch, versio
     stand_in = SimpleNamespace(from_dict=from_dict, __version__=version.replace("x", "20"))
     monkeypatch.setitem(sys.modules, "arviz", stand_in)
     result.to_inferencedata(draws=30)
-    assert set(made) == {"posterior", "prior", "log_likelihood", "attrs"}
+    samples = {"posterior", "prior", "posterior_predictive", "log_likelihood", "sample_stats"}
+    assert set(made) == {*samples, "observed_data", "attrs"}
     assert made["posterior"]["k"].shape == made["prior"]["c"].shape == (1, 30)
     assert made["attrs"]["measurement"] == result.measured.label
 

@@ -1,6 +1,6 @@
 """Identified parameters, and the one table of them that terminal, report, CSV, JSON and data frames show.
 
-Data frames of pandas and inference data of ArviZ are extras.
+Data frames of pandas are an extra.
 """
 
 from __future__ import annotations
@@ -262,27 +262,3 @@ def dataframe(rows: Sequence[Mapping[str, Any]], index: Sequence[str]) -> Any:
     """Return rows as a data frame with some of their columns as its index."""
     frame = require_package("pandas", "pandas", "to_dataframe").DataFrame.from_records(list(rows))
     return frame.set_index(list(index)) if len(frame) else frame
-
-
-def inference_data(
-    posterior: Posterior, parameters: Sequence[Parameter], draws: int, seed: int, about: Mapping[str, str]
-) -> Any:
-    """Return samples of posterior and prior, of equal weight, and the posterior's log-likelihoods, as one chain."""
-    arviz = require_package("arviz", "arviz", "to_inferencedata")
-    random = np.random.default_rng([seed, 6])
-    chosen = posterior.draw(draws, random)
-    prior = {p.name: p.from_unit(random.random(draws))[np.newaxis] for p in parameters}
-    groups: dict[str, Any] = {
-        "posterior": {name: posterior.theta[np.newaxis, chosen, n] for n, name in enumerate(posterior.names)},
-        "prior": prior,
-    }
-    if posterior.log_likelihood is not None:
-        groups["log_likelihood"] = {"frf": posterior.log_likelihood[np.newaxis, chosen]}
-    if arviz.__version__.startswith("0."):
-        data = arviz.from_dict(**groups, attrs=dict(about))
-    else:
-        data = arviz.from_dict(groups, attrs={"/": dict(about)})
-    for name, parameter in zip(posterior.names, parameters, strict=True):
-        for group in ("posterior", "prior"):
-            data[group][name].attrs["units"] = parameter.unit
-    return data

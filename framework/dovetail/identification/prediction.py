@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
@@ -18,7 +18,7 @@ from dovetail.frf import Frf
 from dovetail.identification.parameters import IdentifiedParameter
 from dovetail.identification.result import Identification
 from dovetail.identification.result_file import load_result
-from dovetail.inference.posterior import LEVEL, ModelError, Posterior, error_shapes
+from dovetail.inference.posterior import LEVEL, Posterior, with_model_error
 from dovetail.inference.posterior.likelihood import normal_from_unit, unit_from_normal
 from dovetail.inference.posterior.verdicts import ends_of
 from dovetail.units import to_si
@@ -298,27 +298,6 @@ def predicted_band(assembly: Assembly, result: Identification, level: float = LE
     values = with_model_error(values, [predicted], posterior.model_error, random)
     lower, upper = np.quantile(np.abs(values), ends_of(level), axis=0)
     return PredictedBand(assembly.frequency, lower, upper, level, result.warning)
-
-
-def with_model_error(
-    values: NDArray[np.complex128], predicted: Sequence[Frf], model_error: ModelError, random: np.random.Generator
-) -> NDArray[np.complex128]:
-    """Return samples of FRFs (n, n_lines) with draws of the errors that the model is allowed.
-
-    Parameters
-    ----------
-    values : (n, n_lines) complex array
-        Of all responses, one after another.
-    predicted : sequence of Frf
-        The FRF of each response, about which the errors are linear.
-    model_error : ModelError
-    random : numpy.random.Generator
-    """
-    shapes = error_shapes(predicted, [frf.values for frf in predicted], model_error)
-    errors = np.concatenate(list(shapes.values()))
-    values = values + random.standard_normal((len(values), len(errors))) @ errors
-    scatter = random.standard_normal((*values.shape, 2)) @ [1.0, 1.0j] / np.sqrt(2.0)
-    return np.asarray(values + model_error.other * np.abs(values) * scatter)
 
 
 def theta_elsewhere(assembly: Assembly, result: Identification, theta: NDArray[np.float64]) -> NDArray[np.float64]:

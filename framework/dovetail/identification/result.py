@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.assembly import AssemblySource
 from dovetail.errors import DovetailError, Fault, by_importance
 from dovetail.frf import Frf
-from dovetail.identification.parameters import IdentifiedParameter, TableRow, dataframe, inference_data, parameter_table
+from dovetail.identification.inference_groups import InferenceGroups
+from dovetail.identification.parameters import IdentifiedParameter, TableRow, dataframe, parameter_table
 from dovetail.inference.adequacy.verdict import Adequacy, AtPoint, plain_frf
 from dovetail.inference.fitting.fit import Fit
 from dovetail.inference.posterior.distribution import Posterior
@@ -221,20 +223,24 @@ class Identification:
         """Mean of `coherence` over the frequencies; NaN without FRFs."""
         return self.responses[0].mean_coherence if self.responses else np.nan
 
-    def to_inferencedata(self, draws: int = 1000, seed: int = 0) -> Any:
-        """Return posterior, prior and log-likelihood for ArviZ (an extra).
+    def to_inferencedata(self, draws: int = 1000, seed: int = 0, assembly: AssemblySource | None = None) -> Any:
+        """Return posterior, predictive values, measured values and more for ArviZ (an extra).
 
         Parameters
         ----------
         draws : int
             Samples of equal weight, in one chain; those of the posterior are drawn by their weights.
         seed : int
+        assembly : Assembly or path, optional
+            In which the joint was identified; by default it is made from the description in the result.
 
         Returns
         -------
         arviz.InferenceData or xarray.DataTree
-            A DataTree from ArviZ 1.0 on. The log-likelihood is that of the whole measurement, with the errors that the
-            model is allowed.
+            A DataTree from ArviZ 1.0 on. `posterior` and `prior`; `observed_data`: the measured FRF of each response,
+            with real and imaginary part as dimension ``part``, or the table of modes; `posterior_predictive`: the same
+            of the model, with the errors that it is allowed and the random error; `log_likelihood` of the whole
+            measurement; `sample_stats`: the weight of each sample and its log posterior density ``lp``.
 
         Raises
         ------
@@ -244,9 +250,16 @@ class Identification:
         if self.posterior is None:
             problem = f"the method '{self.method}' gives no posterior."
             raise DovetailError(Fault(self.measured.label, problem, remedy='Identify with the method "posterior".'))
+        data = InferenceGroups(
+            self.posterior,
+            [parameter.definition for parameter in self.parameters.values()],
+            self.measured if isinstance(self.measured, ModalParameters) else [at.measured for at in self.responses],
+            self.known,
+            None if self.fit is None else self.fit.variance,
+        )
+        described = assembly if assembly is not None else self.provenance.get("description", "")
         about = {"warning": self.warning, "measurement": self.measured.label}
-        parameters = [parameter.definition for parameter in self.parameters.values()]
-        return inference_data(self.posterior, parameters, draws, seed, about)
+        return data.to_arviz(draws, seed, described, about)
 
     def to_dataframe(self) -> Any:
         """Return `table` as a data frame of pandas (an extra), with the names as index."""

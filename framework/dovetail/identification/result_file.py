@@ -226,7 +226,18 @@ def load_result(path: str | Path) -> Identification:
             problem = f"this folder has no {RESULT_FILE}, which 'identify' writes for a single measurement."
             remedy = "Of a batch, name one of its files, such as measured.csv.json."
             raise DovetailError(Fault(str(path), problem, remedy=remedy))
-    content = read_bounded(file, _LARGEST)
+    return result_from_json(read_bounded(file, _LARGEST), file)
+
+
+def result_from_json(content: str | bytes, source: str | Path) -> Identification:
+    """Return the result whose `Identification.to_dict` JSON holds; `source` names it in messages.
+
+    Raises
+    ------
+    DovetailError
+        It is not such a result.
+    """
+    file = Path(source)
     try:
         stored = _StoredIdentification.model_validate_json(content)
     except ValidationError as error:

@@ -10,8 +10,7 @@ import numpy as np
 
 from dovetail.assembly.summary import natural_frequencies
 from dovetail.errors import Fault, ParameterError
-from dovetail.identification.prediction import with_model_error
-from dovetail.inference.posterior import LEVEL
+from dovetail.inference.posterior import LEVEL, with_model_error
 from dovetail.inference.posterior.evidence import Evidence
 from dovetail.inference.posterior.verdicts import ends_of
 from dovetail.interfaces import Progress, progress_reporter

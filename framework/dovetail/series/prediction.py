@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly, as_assembly
 from dovetail.errors import Fault, ParameterError, UnitError, argument, did_you_mean, listing
 from dovetail.frf import Frf
-from dovetail.identification.prediction import PredictedBand, with_model_error
-from dovetail.inference.posterior import LEVEL, ModelError
+from dovetail.identification.prediction import PredictedBand
+from dovetail.inference.posterior import LEVEL, ModelError, with_model_error
 from dovetail.inference.posterior.verdicts import ends_of, quantiles
 from dovetail.series.description import SeriesTest
 from dovetail.series.result import SeriesIdentification

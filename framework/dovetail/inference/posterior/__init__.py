@@ -9,6 +9,7 @@ from dovetail.inference.posterior.model_error import (
     ModelError,
     error_shapes,
     typical_model_error,
+    with_model_error,
 )
 from dovetail.inference.posterior.sampling import sample_posterior
 from dovetail.inference.posterior.verdicts import FIXED, LEVEL, LIMITS, NOT_TRUSTWORTHY, Group, Verdict, quantiles
@@ -31,4 +32,5 @@ __all__ = [
     "quantiles",
     "sample_posterior",
     "typical_model_error",
+    "with_model_error",
 ]

@@ -255,3 +255,24 @@ def hat_functions(frequency: NDArray[np.float64], band: tuple[float, float]) -> 
         return np.outer(np.eye(_SETTINGS.hat_functions)[0], np.ones(len(frequency)))
     peaks = np.linspace(low, high, _SETTINGS.hat_functions)
     return np.stack([np.interp(frequency, peaks, height) for height in np.eye(_SETTINGS.hat_functions)])
+
+
+def with_model_error(
+    values: NDArray[np.complex128], predicted: Sequence[Frf], model_error: ModelError, random: np.random.Generator
+) -> NDArray[np.complex128]:
+    """Return samples of FRFs (n, n_lines) with draws of the errors that the model is allowed.
+
+    Parameters
+    ----------
+    values : (n, n_lines) complex array
+        Of all responses, one after another.
+    predicted : sequence of Frf
+        The FRF of each response, about which the errors are linear.
+    model_error : ModelError
+    random : numpy.random.Generator
+    """
+    shapes = error_shapes(predicted, [frf.values for frf in predicted], model_error)
+    errors = np.concatenate(list(shapes.values()))
+    values = values + random.standard_normal((len(values), len(errors))) @ errors
+    scatter = random.standard_normal((*values.shape, 2)) @ [1.0, 1.0j] / np.sqrt(2.0)
+    return np.asarray(values + model_error.other * np.abs(values) * scatter)
