@@ -264,7 +264,7 @@ def beam(folder: Path) -> dict[str, str]:
     for fitted, position in cases:
         assembly = beam_column(fitted, position)
         thinned = [replace(frf, frequency=frf.frequency[::4], values=frf.values[::4]) for frf in columns[fitted]]
-        result = dovetail.identify(assembly, thinned, "multistart", objective="frf", starts=4)
+        result = dovetail.identify(assembly, thinned, "multistart", objective="frf", starts=16)
         values = named(result, assembly)
         for actuator, measured in columns.items():
             frfs = predictions(beam_column(actuator, position), values, measured)
