@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
+from dovetail.errors import MeasurementError
 from dovetail.measurement import read_frf
+from dovetail.measurement.impact_test.signal_files import read_signals
 from support.measured_files import fault_of
 from support.stated_files import LINES, TEXTS, VALUES, Said
 
@@ -111,3 +114,91 @@ def test_a_flag_of_one_is_set(tmp_path: Path, flag: str) -> None:
             read_frf(tmp_path / "a.npz", quantity="accelerance")
         else:
             fault_of(tmp_path / "a.npz", quantity="accelerance")
+
+
+@pytest.mark.parametrize("text", ["Accelerance (g/N)", "acceleration [g/N]", "inertance [g/N]"])
+@pytest.mark.parametrize("form", NAMED)
+def test_a_unit_behind_a_quantity_is_used(tmp_path: Path, form: str, text: str) -> None:
+    read = read_frf(stated(tmp_path, form, "type", text))
+    np.testing.assert_allclose(read.values, 9.80665 * VALUES, rtol=1e-9)
+
+
+CURVES = ["sensor_frf", "H_sensor", "cal", "transducer_response", "calibration_curve"]
+
+
+@pytest.mark.parametrize("name", CURVES)
+@pytest.mark.parametrize("form", ["npz", "mat 5", "hdf5"])
+def test_the_response_of_a_sensor_next_to_the_values_is_refused(tmp_path: Path, form: str, name: str) -> None:
+    suffix, write = TEXTS[form]
+    path = write(tmp_path / suffix, Said(texts={name: np.exp(1j * np.arange(VALUES.size))}))
+    assert name in fault_of(path, quantity="accelerance")
+    read_frf(path, quantity="accelerance", names={"skip": name})
+
+
+@pytest.mark.parametrize("key", ["_FillValue", "missing_value", "fill_value"])
+@pytest.mark.parametrize("as_array", [False, True])
+def test_numbers_that_stand_for_missing_ones_are_refused(tmp_path: Path, key: str, as_array: bool) -> None:
+    for filled in (False, True):
+        real, imag = VALUES.real.copy(), VALUES.imag.copy()
+        if filled:
+            real[3] = imag[3] = -999.0
+        with h5py.File(tmp_path / "a.h5", "w") as file:
+            file["frequency"] = 10.0 + 2.5 * np.arange(VALUES.size)
+            file["real"], file["imag"] = real, imag
+            for name in ("real", "imag"):
+                file[name].attrs[key] = [-999.0] if as_array else -999.0
+        if filled:
+            assert "missing" in fault_of(tmp_path / "a.h5", quantity="accelerance")
+        else:
+            read_frf(tmp_path / "a.h5", quantity="accelerance")
+
+
+TIME = np.arange(256) / 2048.0
+PULSE, RING = np.where(TIME < 0.003, 100 * np.sin(np.pi * TIME / 0.003), 0.0), np.exp(-20 * TIME) * np.sin(600 * TIME)
+
+
+def signals(tmp_path: Path, form: str, name: str, text: str) -> Path:
+    if form == "npz":
+        said = {name.replace(" ", "_") or "info": text}
+        np.savez(tmp_path / "a.npz", force=PULSE, response=RING, rate=2048.0, **said)
+        return tmp_path / "a.npz"
+    rows = [f"{t:.12g},{f:.12g},{a:.12g}" for t, f, a in zip(TIME, PULSE, RING, strict=True)]
+    line = f"{name}: {text}" if name else text
+    (tmp_path / "a.csv").write_text("\n".join([f"# {line}", "time,force,response", *rows]) + "\n")
+    return tmp_path / "a.csv"
+
+
+REFUSED_SIGNALS = [
+    ("", "strain"), ("type", "strain"), ("", "accelerometer mounted upside down"), ("sensor", "upside down"),
+    ("polarity", "negative"), ("", "integrated twice"), ("", "sound pressure"), ("exponent", "-3"), ("", "10 mV/g"),
+    ("calibrated", "no"), ("", "uncalibrated"), ("sensor direction", "-z"), ("", "response differentiated"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "text"), REFUSED_SIGNALS)
+@pytest.mark.parametrize("form", ["csv", "npz"])
+def test_a_remark_that_records_are_something_else_is_refused(tmp_path: Path, form: str, name: str, text: str) -> None:
+    with pytest.raises(MeasurementError):
+        read_signals(signals(tmp_path, form, name, text))
+
+
+USED_SIGNALS = [
+    ("", "Force [kN]", 1e3, 1.0), ("", "Acceleration (g)", 1.0, 9.80665), ("accelerometer", "g", 1.0, 9.80665),
+    ("hammer", "lbf", 4.4482216152605, 1.0),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "text", "force", "response"), USED_SIGNALS)
+@pytest.mark.parametrize("form", ["csv", "npz"])
+def test_a_unit_in_a_remark_on_records_is_used(
+    tmp_path: Path, form: str, name: str, text: str, force: float, response: float
+) -> None:
+    read = read_signals(signals(tmp_path, form, name, text))
+    np.testing.assert_allclose(read.force.ravel(), force * PULSE, atol=1e-9)
+    np.testing.assert_allclose(read.response.ravel(), response * RING, atol=1e-9)
+
+
+@pytest.mark.parametrize("text", ["high-pass filtered", "AC coupled", "trigger level 10 N", "DC offset removed"])
+@pytest.mark.parametrize("form", ["csv", "npz"])
+def test_a_remark_on_the_settings_of_records_is_accepted(tmp_path: Path, form: str, text: str) -> None:
+    np.testing.assert_allclose(read_signals(signals(tmp_path, form, "", text)).force.ravel(), PULSE, atol=1e-9)

@@ -46,6 +46,10 @@ _NUMBER = re.compile(r"(?<![\w.,/^-])[-+]?(?:\d+(?:[.,]\d+)?|\.\d+)(?:[eE][-+]?\
 _TIMES = re.compile(
     r"(?:\btimes|\bmultiplied by|\bdivided by|[\u00d7*])\s*[-+]?\d[\d.,]*(?:[eE][-+]?\d+)?|\bx\s?1[0.e]\d*", re.I
 )
+_PER_VOLT = re.compile(r"[munpk\u00b5\u03bc]?[VC]/")
+"""Units of a sensitivity."""
+_CURVE = re.compile(r"\bcal\b|\btransducer\b|\bsensor (?:frf|response|h|curve)\b|\b(?:frf|response|h) sensor\b")
+"""Words of a sensor's own response, line by line."""
 _CLAUSE = re.compile(r"[;\n]|,(?!\d)|\.\s")
 _HARMLESS = word_set(
     "air ambient angle ans average averages avg band bands bandwidth begin beta bins bit bits block blocks"
@@ -85,7 +89,8 @@ def is_harmless_number(name: str, value: complex) -> bool:
 def may_act(name: str) -> bool:
     """Return whether a name is one of numbers that multiply or shift the values."""
     plain = " ".join(words_of(name))
-    return bool(_MULTIPLIES.search(plain) or _SHIFTS.search(plain)) and not _REFERENCE.search(plain)
+    acts = _MULTIPLIES.search(plain) or _SHIFTS.search(plain) or _CURVE.search(plain)
+    return bool(acts) and not _REFERENCE.search(plain)
 
 
 def find_acting_number(key: str, text: str) -> str:
@@ -142,9 +147,9 @@ def _acts_by_unit(key: Sequence[str], number: str, unit: str) -> bool:
     words = " ".join(key)
     if unit.lower().startswith("db"):
         return not _LEVEL.search(words)
-    if re.match(r"[munpk\u00b5\u03bc]?[VC]/", unit):
-        return True
     if not unit:
         return re.search(r"[.,]\d|[eE]", number) is not None and not any(word in _HARMLESS for word in key)
+    if _PER_VOLT.match(unit):
+        return True
     reading = read_unit(unit)
     return reading is not None and reading.kind == "time" and not _TIME.search(words)

@@ -145,7 +145,9 @@ def _claims(statement: Statement, axis: Literal["Hz", "s"]) -> list[_Claim]:
     """Return the facts in one statement."""
     about, text, where, _ = statement
     if about in ("quantity", "motion quantity"):
-        return [_quantity_claim(statement)]
+        kind: About = "unit" if about == "quantity" else "motion unit"
+        units = [claim for unit in read_label(text).units for claim in _unit_claims(Statement(kind, unit, where))]
+        return [_quantity_claim(statement), *units]
     if about in ("unit", "motion unit", "load unit"):
         return _unit_claims(statement)
     if about == "axis unit":
@@ -162,7 +164,7 @@ def _claims(statement: Statement, axis: Literal["Hz", "s"]) -> list[_Claim]:
         problem = f"'{text[:_SHOWN]}' is not a motion per load: '{label.unclear}' is not understood."
         raise MeasurementError(Fault(where, problem, _ACCEPTED_LABELS, _HOW_TO_CORRECT))
     claims = [_Claim("moment", moment, f"'{text[:_SHOWN]}'", where) for moment in label.moments]
-    kind: About = "load unit" if about == "load label" else "unit"
+    kind = "load unit" if about == "load label" else "unit"
     for unit in label.units:
         is_axis = frequency_factor(unit) is not None and (reading := read_unit(unit)) and reading.kind == "frequency"
         claims += _axis_claims(unit, where, axis) if is_axis else _unit_claims(Statement(kind, unit, where))

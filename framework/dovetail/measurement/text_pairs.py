@@ -140,7 +140,7 @@ def sentence(line: str) -> Pair | None:
     text = line.strip(" .")
     match = _BRACKETED.fullmatch(text)
     if match and _is_subject(match["key"]) and _is_unit(match["unit"].strip()):
-        return Pair(match["key"], match["unit"].strip())
+        return Pair(f"{match['key']} unit", match["unit"].strip())
     match = _IN.fullmatch(text)
     if match and _is_subject(match["key"]) and _is_unit(match["unit"]):
         return Pair(f"{match['key']} unit", match["unit"], is_sentence=True)

@@ -32,6 +32,8 @@ from dovetail.measurement.recording import ReadOptions, Recording, parse_quantit
 from dovetail.measurement.statements import check_axis, fields_of, interpret, meaning_of_file
 
 _LONGEST_TEXT = 1000
+_MISSING = ("fillvalue", "_fillvalue", "missing_value", "missingvalue", "fill_value")
+_NUMBER = re.compile(r"[-+]?\d[\d.]*(?:[eE][-+]?\d+)?")
 _SAY_UNIT = "Save a text frequency_unit with the array, or the frequencies in Hz."
 
 
@@ -160,7 +162,20 @@ def _load_numbers(archive: RecordedArrays, name: str, field_name: str, kind: str
         is_real = field_name == "values" and array.dtype.kind in "fiu"
         amplitude = "; an amplitude alone is called amplitude" if is_real else ""
         raise _shape_error(archive, name, array, f"(n_freq,) {kind} numbers{amplitude}")
-    return array.astype(np.complex128 if kind == "complex" else np.float64)
+    numbers = array.astype(np.complex128 if kind == "complex" else np.float64)
+    _check_filled(archive, name, numbers)
+    return numbers
+
+
+def _check_filled(archive: RecordedArrays, name: str, numbers: NDArray[Any]) -> None:
+    """Refuse numbers that stand for missing ones, as attributes say in netCDF and other files."""
+    for key, text in archive.entries[name].attributes.items():
+        if plain_name(key) in _MISSING and (match := _NUMBER.search(text)):
+            lines = np.flatnonzero(numbers.real == float(match[0]))
+            if lines.size:
+                problem = f"{lines.size} of its numbers are {match[0]}, which says that they are missing ({key})."
+                remedy = "Remove these lines from the file: a measurement need not be evenly spaced."
+                raise MeasurementError(Fault(f"{archive.path}  {name}", problem, remedy=remedy))
 
 
 def _select_frf(

@@ -13,6 +13,7 @@ from dovetail.measurement.frf_units import frequency_factor, read_unit
 from dovetail.measurement.impact_test.records import AxisFact, Point
 from dovetail.measurement.impact_test.sensitivity import volts
 from dovetail.measurement.impact_test.signal_names import Role, read_name
+from dovetail.measurement.other_quantities import find_other_quantity
 from dovetail.measurement.quantity_words import read_label, word_set, words_of
 from dovetail.measurement.text_pairs import json_entries, sentence
 
@@ -92,7 +93,8 @@ class Remarks:
             return
         words = set(words_of(key))
         role = role or _role_of(words)
-        if words & _UNIT_WORDS:
+        is_unit = role and (reading := read_unit(text)) is not None and reading.kind in ("load", "motion")
+        if words & _UNIT_WORDS or is_unit:
             self._read_unit(words, text, where, role)
         elif words & _POINT_WORDS and re.fullmatch(_DOF, text.strip(), re.IGNORECASE):
             self._read_point(text.strip(), where, role)
@@ -102,6 +104,8 @@ class Remarks:
             self.numbers.append((key, text, where))
         elif _is_quantity(words, text) and role != "force":
             self.statements["response"].append(Statement("motion quantity", text, where))
+        elif find_other_quantity(key, text):
+            self.numbers.append((key, text, where))
         else:
             if (pair := sentence(text)) is not None:
                 self.read(pair.key, pair.value, where, role)
@@ -142,7 +146,7 @@ class Remarks:
         for key, text, where in self.numbers:
             if has_units and (_SENSITIVITY.search(f"{key} {text}") or re.search(r"[mµuk]?V/", text)):
                 continue
-            problem = find_acting_number(key, text)
+            problem = _problem(key, text)
             said = f"say so: {argument('names', {'skip': key})}" if key else "remove the line"
             remedy = (
                 f"If the samples take it into account, {said}, and give their units: `force_unit=`, `response_unit=`. "
@@ -196,7 +200,7 @@ class Remarks:
         return True
 
     def _read_prose(self, text: str, where: str) -> None:
-        if find_acting_number("", text):
+        if _problem("", text):
             self.numbers.append(("", text, where))
         for match in _IN_UNIT.finditer(text):
             reading = read_unit(match[1].strip("."))
@@ -204,6 +208,13 @@ class Remarks:
                 role = "force" if reading.kind == "load" else "response"
                 about = "load unit" if role == "force" else "motion unit"
                 self.mentions[role].append(Statement(about, match[1].strip("."), where))  # type: ignore[arg-type]
+
+
+def _problem(key: str, text: str) -> str:
+    """Return why a remark may act on the samples, which may be voltages if it gives a sensitivity."""
+    sensitivity = re.search(r"\d\s*[mµu]?V/\S+", text)
+    found = f"'{sensitivity[0]}' may act on the samples." if sensitivity else ""
+    return find_acting_number(key, text) or find_other_quantity(key, text) or found
 
 
 def _role_of(words: set[str]) -> Role:
