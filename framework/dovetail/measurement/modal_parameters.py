@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from dovetail.atomic_files import read_bounded
 from dovetail.errors import DovetailError, Fault, MeasurementError
-from dovetail.measurement.content.column_names import plain_name
-from dovetail.measurement.content.tables import names_and_units
+from dovetail.measurement.content.column_names import names_and_units, plain_name
 from dovetail.measurement.content.text_tables import decode_text, find_table, read_rows
 from dovetail.measurement.frf_units import frequency_factor
 from dovetail.measurement.modal_remarks import check_lines

@@ -57,6 +57,13 @@ _VALUES = (
 )
 PHASES = ("phase", "angle", "arg")
 """Names of a phase that leave open whether it is in degrees or in radians."""
+FIELD_WORDS = frozenset(word for field in NUMERIC_FIELDS for word in FIELD_NAMES[field])
+"""The names of the fields with a number for each line."""
+_VALUE_WORDS = frozenset(word for field in VALUE_FIELDS for word in FIELD_NAMES[field]) | set(PHASES)
+_BRACKET = re.compile(r"([^\[(]*?)\s*[\[(](.*)[\])]")
+_SLASH = re.compile(r"(.+?)\s+/\s+(\S.*)")
+"""A name and its unit according to DIN 1313: ``Frequency / Hz``."""
+_LONGEST = 1000
 _ANGLES = {
     **dict.fromkeys(("deg", "deg.", "degree", "degrees", "°"), "phase_deg"),
     **dict.fromkeys(("rad", "radian", "radians"), "phase_rad"),
@@ -325,3 +332,24 @@ def combine_values(fields: Mapping[str, NDArray[Any]], locate: Callable[[int], s
     with np.errstate(invalid="ignore"):  # an infinite phase becomes NaN, and the recording refuses it
         values.real, values.imag = fields["amplitude"] * np.cos(phase), fields["amplitude"] * np.sin(phase)
     return values, True
+
+
+def names_and_units(cells: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Split cells such as ``Real [um/N]`` or ``Frequency / Hz`` into names and units; a missing unit is empty.
+
+    Brackets may also contain the kind of values, as in ``Signal 2 (Real)``, which is part of the name.
+    """
+    pairs = [_name_and_unit(cell) for cell in cells]
+    return [name for name, _ in pairs], [unit for _, unit in pairs]
+
+
+def _name_and_unit(cell: str) -> tuple[str, str]:
+    if match := _BRACKET.fullmatch(cell[:_LONGEST]):
+        part, unit = _name_and_unit(match[2].strip())
+        if column_word(part, unit) in _VALUE_WORDS:
+            return (f"{match[1]} ({part})" if unit else cell), unit
+        return match[1], match[2].strip()
+    match = _SLASH.fullmatch(cell[:_LONGEST])
+    if match and column_word(match[1]) in (*FIELD_WORDS, *PHASES):
+        return match[1], re.sub(r"^[\[(](.*)[\])]$", r"\1", match[2])
+    return cell, ""

@@ -20,13 +20,14 @@ from dovetail.frf import MOST_AVERAGES, Quantity
 from dovetail.interfaces import Statement
 from dovetail.measurement.content.column_names import (
     FIELD_NAMES,
+    FIELD_WORDS,
     NUMERIC_FIELDS,
-    PHASES,
     VALUE_FIELDS,
     assign_fields,
     check_same_signal,
     column_word,
     combine_values,
+    names_and_units,
     quantities_in,
     taken_for,
 )
@@ -44,9 +45,6 @@ from dovetail.measurement.recording import (
 from dovetail.measurement.statements import check_axis, fields_of, meaning_of_file
 
 _COMMENT = re.compile(r"[#%]\s*(quantity|unit|averages|note|response|force)\s*[:=]\s*(.*?)\s*$", re.IGNORECASE)
-_BRACKET = re.compile(r"([^\[(]*?)\s*[\[(](.*)[\])]")
-_SLASH = re.compile(r"(.+?)\s+/\s+(\S.*)")
-"""A name and its unit according to DIN 1313: ``Frequency / Hz``."""
 _DECIBEL = re.compile(r"db(?:\s*(?:re|ref)?\.?:?\s*(?:1(?:\.0*)?\s*)?(?=\D)(.*))?", re.IGNORECASE)
 _PURE = ("", "-", "1", "none")
 _HEADERS = (
@@ -58,8 +56,6 @@ _SKIP = "skip"
 _LONGEST = 1000
 _PLAIN = ("real", "imag", "amplitude")
 """Names that state no more than a part."""
-_FIELD_WORDS = frozenset(word for field in NUMERIC_FIELDS for word in FIELD_NAMES[field])
-_VALUE_WORDS = frozenset(word for field in VALUE_FIELDS for word in FIELD_NAMES[field]) | set(PHASES)
 
 
 class Header(NamedTuple):
@@ -165,7 +161,7 @@ def check_columns(options: ReadOptions) -> list[int]:
         raise MeasurementError(Fault("the argument names", "the argument columns names the columns already."))
     names, units = names_and_units(options.columns)
     for name, unit in zip(names, units, strict=True):
-        if name != _SKIP and column_word(name, unit) not in _FIELD_WORDS:
+        if name != _SKIP and column_word(name, unit) not in FIELD_WORDS:
             accepted = ", ".join((*NUMERIC_FIELDS, _SKIP))
             hint = did_you_mean(name, (*NUMERIC_FIELDS, _SKIP))
             raise MeasurementError(Fault("the argument columns", f"'{name}' is not a field of an FRF.", accepted, hint))
@@ -347,27 +343,6 @@ def _comments_above(path: str, table: TextTable) -> dict[str, str]:
             comments[key] = match[2]
             comments[f"{key} stands in"] = f"{path}:{number + 1}"
     return comments
-
-
-def names_and_units(cells: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Split cells such as ``Real [um/N]`` or ``Frequency / Hz`` into names and units; a missing unit is empty.
-
-    Brackets may also contain the kind of values, as in ``Signal 2 (Real)``, which is part of the name.
-    """
-    pairs = [_name_and_unit(cell) for cell in cells]
-    return [name for name, _ in pairs], [unit for _, unit in pairs]
-
-
-def _name_and_unit(cell: str) -> tuple[str, str]:
-    if match := _BRACKET.fullmatch(cell[:_LONGEST]):
-        part, unit = _name_and_unit(match[2].strip())
-        if column_word(part, unit) in _VALUE_WORDS:
-            return (f"{match[1]} ({part})" if unit else cell), unit
-        return match[1], match[2].strip()
-    match = _SLASH.fullmatch(cell[:_LONGEST])
-    if match and column_word(match[1]) in (*_FIELD_WORDS, *PHASES):
-        return match[1], re.sub(r"^[\[(](.*)[\])]$", r"\1", match[2])
-    return cell, ""
 
 
 def _field_columns(
