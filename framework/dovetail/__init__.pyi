@@ -22,6 +22,7 @@ from .description import description_schema as description_schema
 from .design import MeasurementPlan as MeasurementPlan
 from .design import PlannedPoint as PlannedPoint
 from .design import plan_measurements as plan_measurements
+from .design import plan_next_test as plan_next_test
 from .errors import BundleError as BundleError
 from .errors import DatasetError as DatasetError
 from .errors import DescriptionError as DescriptionError

@@ -1,4 +1,4 @@
-"""``dovetail plan``: where to measure."""
+"""``dovetail plan``: where to measure, or which test of a series to make next."""
 
 from __future__ import annotations
 
@@ -7,29 +7,38 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dovetail.cli.options import AsJson, AssemblyFile, PluginFiles, load_assembly, part
+from dovetail.cli.commands import exit_unless_trustworthy
+from dovetail.cli.options import AsJson, PluginFiles, load_assembly, part
 from dovetail.cli.terminal import heading, print_json, progress_bars, say, table, title
+from dovetail.errors import Fault, ParameterError
 
 if TYPE_CHECKING:
-    from dovetail.design import MeasurementPlan, PlannedPoint
+    from dovetail.design import MeasurementPlan, PlannedPoint, SeriesPlan
 
 _SHOWN = 8
+_INTERVAL = 3.29
+"""Width of a 90 % interval over the standard deviation."""
 
 
 def plan(
-    assembly: AssemblyFile,
+    assembly: Annotated[
+        Path,
+        typer.Argument(metavar="ASSEMBLY", help="Description of the assembly, or of a series of tests (YAML)."),
+    ],
     at: Annotated[
         list[str] | None,
         typer.Option("--at", metavar="SUBSTRUCTURE", help="Substructure whose nodes are considered. May be repeated."),
     ] = None,
     noise: Annotated[
-        float,
+        float | None,
         typer.Option(
             metavar="PART",
             parser=part,
-            help="Noise of every line relative to the standard deviation of the described FRF.",
+            help="Noise of every line relative to the standard deviation of the described FRF; by default 0.01, or "
+            "that of the series' first test.",
+            show_default=False,
         ),
-    ] = 0.01,
+    ] = None,
     with_described: Annotated[
         bool,
         typer.Option(
@@ -43,20 +52,27 @@ def plan(
 
     For each node: by how much an FRF there would reduce the uncertainty of each parameter, averaged over the ranges;
     the modes that have a node of vibration there; and what a second point would add to the best one.
+
+    Of a series, rank the tests that it lists under 'candidates', or else its own, by how much they would narrow the
+    interval of each unknown. The series is identified first.
     """
     import dovetail
+    from dovetail.series.series_file import is_series
 
-    loaded = load_assembly(assembly, plugin)
+    if is_series(assembly):
+        _plan_series(assembly, at, noise, plugin, with_described=with_described, as_json=as_json)
+        return
+    loaded, size = load_assembly(assembly, plugin), 0.01 if noise is None else noise
     with progress_bars() as progress:
         ranking = dovetail.plan_measurements(
-            loaded, at or (), noise=noise, with_described=with_described, progress=progress
+            loaded, at or (), noise=size, with_described=with_described, progress=progress
         )
     if as_json:
         print_json(ranking.to_dict())
         return
     names = [parameter.name for parameter in loaded.parameters]
     headers = ["point", "position [mm]", "mean", *names, "modes not seen [Hz]"]
-    title(f"{loaded.name}: part of the prior variance that one FRF takes away, noise {noise:g}")
+    title(f"{loaded.name}: part of the prior variance that one FRF takes away, noise {size:g}")
     substructures = loaded.description.substructures
     nodes = [(r.substructure, substructures[r.substructure].nodes[r.node]) for r in loaded.description.responses]
     described = {(name, node.position, label) for name, node in nodes for label in ("", node.label)}
@@ -74,6 +90,45 @@ def plan(
     say("1: the measurement determines it; 0: the measurement adds nothing to its range.")
     if ranking.responses:
         _print_pair(ranking, assembly)
+
+
+def _plan_series(
+    path: Path,
+    at: list[str] | None,
+    noise: float | None,
+    plugin: list[Path] | None,
+    *,
+    with_described: bool,
+    as_json: bool,
+) -> None:
+    """Identify a series, and print by how much each candidate would narrow its intervals."""
+    import dovetail
+
+    if at or with_described:
+        problem = "this is a series, whose next test is planned, not the points of an assembly."
+        remedy = "Leave out --at and --with-described, and list tests under 'candidates' in the series."
+        raise ParameterError(Fault(str(path), problem, remedy=remedy))
+    with progress_bars() as progress:
+        result = dovetail.identify_series(path, plugins=plugin or (), progress=progress)
+        planned = dovetail.plan_next_test(result, noise=noise, progress=progress)
+    if as_json:
+        print_json(planned.to_dict())
+    else:
+        _print_series(planned)
+    exit_unless_trustworthy(result)
+
+
+def _print_series(planned: SeriesPlan) -> None:
+    title(f"{planned.name}: width of each interval with one more test, of that without it; noise {planned.noise:.2g}")
+    headers = ["unknown", "width now, of the range", *(test.name for test in planned.tests)]
+    rows = [
+        [name, f"{100.0 * _INTERVAL * known:.2g} %", *(f"{test.narrowing[name]:.2f}" for test in planned.tests)]
+        for name, known in planned.known.items()
+    ]
+    rows.append(["all, geometric mean", "", *(f"{test.mean_narrowing:.2f}" for test in planned.tests)])
+    table(headers, rows, numbers=headers[1:])
+    say()
+    say(f"The next test that reveals most is '{planned.tests[0].name}'. 1.00: the test adds nothing.")
 
 
 def _print_pair(ranking: MeasurementPlan, assembly: Path) -> None:

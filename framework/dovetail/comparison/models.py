@@ -15,8 +15,6 @@ from dovetail.assembly import Assembly, load
 from dovetail.comparison.comparison import ComparedModel, ModelComparison
 from dovetail.comparison.replaced_joints import with_joint
 from dovetail.comparison.series_models import compared_series
-from dovetail.documents.extends import read_source
-from dovetail.documents.fault_list import FaultList
 from dovetail.errors import Fault, ParameterError
 from dovetail.identification.identify import Measurement, as_frfs, lines_to_fit
 from dovetail.inference.adequacy.assess import JudgedFit, JudgementOptions, judge
@@ -34,6 +32,7 @@ from dovetail.problem import Problem
 from dovetail.problem.least_squares import minimise
 from dovetail.registry import PluginPaths
 from dovetail.series import SeriesDescription, read_series
+from dovetail.series.series_file import is_series
 
 Source: TypeAlias = str | os.PathLike[str]
 
@@ -94,7 +93,7 @@ def compare_models(
         A measurement cannot be read, or does not fit.
     """
     check_options(samples)
-    of_series = isinstance(description, SeriesDescription) or _is_series(description)
+    of_series = isinstance(description, SeriesDescription) or is_series(description)
     _check_arguments(of_series, measured, joints, roles)
     with one_blas_thread(), progress_reporter(progress) as report:
         if isinstance(description, SeriesDescription) or of_series:
@@ -113,11 +112,6 @@ def compare_models(
         }
         compared = _compared(problems, model_error, samples, seed, report)
         return ModelComparison(next(iter(models.values())).name, compared)
-
-
-def _is_series(path: Source) -> bool:
-    """Return whether a description is that of a series; a file that cannot be read is reported by its reader."""
-    return "dovetail_series" in read_source(path, FaultList())[1].entries
 
 
 def _check_arguments(

@@ -59,13 +59,14 @@ def compared_series(
         if same not in fitted:
             fitted[same] = fit_tests(model, model_error=model_error, seed=seed, progress=progress)
         with logged(__name__, f"marginal likelihood of {name}"):
-            compared.append(_one_compared(name, model, fitted[same], samples, seed, progress))
+            compared.append(compared_model(name, model, fitted[same], samples, seed, progress))
     return ModelComparison(series.name, tuple(compared))
 
 
-def _one_compared(
+def compared_model(
     name: str, series: SeriesDescription, tests: Sequence[FittedTest], samples: int, seed: int, progress: Progress
 ) -> ComparedModel:
+    """Return the marginal likelihood and the scores of a series whose tests have been fitted alone."""
     unknowns = SeriesUnknowns(series)
     fit = fit_series(unknowns, tests, progress=progress)
     posterior = sample_series(unknowns, tests, fit, samples=samples, seed=seed, progress=progress)

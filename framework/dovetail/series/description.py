@@ -88,6 +88,8 @@ class SeriesDescription:
         By the parameters' names in the assemblies; those of `other_parameters` for all that are not named.
     other_parameters : Role
     seed : int
+    candidates : tuple of SeriesTest
+        Tests that might be made next; they have no measured files.
     """
 
     name: str
@@ -96,6 +98,7 @@ class SeriesDescription:
     roles: Mapping[str, Role]
     other_parameters: Role = FREE
     seed: int = 0
+    candidates: tuple[SeriesTest, ...] = ()
 
     def role_of(self, parameter: str) -> Role:
         """Return the role of a parameter."""

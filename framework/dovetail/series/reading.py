@@ -21,7 +21,7 @@ from dovetail.measurement.file_section import MeasuredFile
 from dovetail.registry import PluginPaths, Registry, components
 from dovetail.series.description import FREE, Covariate, Role, SeriesDescription, SeriesTest
 from dovetail.series.role_checks import check_files, check_roles
-from dovetail.series.series_file import SeriesFile, TestSection
+from dovetail.series.series_file import CandidateSection, SeriesFile, TestSection
 from dovetail.units import to_fraction
 
 _WIDEST_SCATTER = 1.0
@@ -62,13 +62,13 @@ def read_series(source: str | os.PathLike[str] | Mapping[str, Any], *, plugins: 
     read = file.section
     reader = _Reader(faults, file, components(plugins), plugins)
     covariates = file.covariates()
-    tests = reader.tests(covariates)
+    tests, candidates = reader.tests(covariates)
     roles = reader.roles(covariates, tests)
     check_files(tests, faults)
     if not faults:
-        check_roles(tests, roles, Role(read.other_parameters), faults)
+        check_roles((*tests, *candidates), roles, Role(read.other_parameters), faults)
     faults.raise_if_any()
-    return SeriesDescription(read.name, tests, covariates, roles, Role(read.other_parameters), read.seed)
+    return SeriesDescription(read.name, tests, covariates, roles, Role(read.other_parameters), read.seed, candidates)
 
 
 @dataclass(frozen=True)
@@ -78,18 +78,27 @@ class _Reader:
     registry: Registry
     plugins: PluginPaths
 
-    def tests(self, covariates: Mapping[str, Covariate]) -> tuple[SeriesTest, ...]:
-        """Return the tests without faults."""
+    def tests(self, covariates: Mapping[str, Covariate]) -> tuple[tuple[SeriesTest, ...], tuple[SeriesTest, ...]]:
+        """Return the tests, and the candidates for the next one, without faults."""
         loaded: dict[str, Assembly] = {}
-        tests = (self._test(name, section, covariates, loaded) for name, section in self.file.tests())
-        return tuple(test for test in tests if test is not None)
+        tests = [self._test(name, section, covariates, loaded) for name, section in self.file.tests()]
+        candidates = [self._candidate(name, section, covariates, loaded) for name, section in self.file.candidates()]
+        return tuple(test for test in tests if test), tuple(candidate for candidate in candidates if candidate)
+
+    def _candidate(
+        self, name: str, section: CandidateSection, covariates: Mapping[str, Covariate], loaded: dict[str, Assembly]
+    ) -> SeriesTest | None:
+        place: Place = ("candidates", name)
+        values = self.file.values(place, section, covariates)
+        assembly = self._assembly(place, section, loaded)
+        return None if assembly is None else SeriesTest(name, assembly, (), values)
 
     def _test(
         self, name: str, section: TestSection, covariates: Mapping[str, Covariate], loaded: dict[str, Assembly]
     ) -> SeriesTest | None:
         place: Place = ("tests", name)
-        values = self.file.values(name, section, covariates)
-        assembly = self._assembly(name, section, loaded)
+        values = self.file.values(place, section, covariates)
+        assembly = self._assembly(place, section, loaded)
         files = tuple(self._file(place, measured) for measured in section.measured)
         if assembly is None:
             return None
@@ -107,13 +116,12 @@ class _Reader:
             self.faults.add((*place, "measured"), f"there is no file '{measured.file}'.", remedy=remedy)
         return path, self.file.options(measured)
 
-    def _assembly(self, name: str, test: TestSection, loaded: dict[str, Assembly]) -> Assembly | None:
+    def _assembly(self, place: Place, test: CandidateSection, loaded: dict[str, Assembly]) -> Assembly | None:
         """Return the assembly of a test; the same object for tests with the same description."""
-        named = self.file.assembly_of(name, test)
+        named = self.file.assembly_of(place, test)
         if named is None:
             return None
         file, where = named
-        place: Place = ("tests", name)
         path = self.file.folder / file
         item = self.faults.root.at((*place, "change"))
         change: Any = {} if item is None else plain_values(item)

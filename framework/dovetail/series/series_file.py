@@ -52,13 +52,18 @@ class JointSection(_Section):
         return self
 
 
-class TestSection(_Section):
-    """One test."""
+class CandidateSection(_Section):
+    """A test that might be made."""
 
     assembly: str | None = None
     change: dict[str, Any] = {}
-    measured: Annotated[tuple[MeasuredFile, ...], BeforeValidator(_as_files), Field(min_length=1)]
     at: dict[str, Any] = {}
+
+
+class TestSection(CandidateSection):
+    """One test."""
+
+    measured: Annotated[tuple[MeasuredFile, ...], BeforeValidator(_as_files), Field(min_length=1)]
     joint: JointSection | None = None
 
 
@@ -70,9 +75,15 @@ class SeriesSection(_Section):
     accelerometer_mass: Mass = 0.0
     covariates: dict[str, Annotated[str, BeforeValidator(lambda unit: "1" if unit == 1 else unit)]] = {}
     tests: Annotated[dict[str, Any], Field(min_length=1)]
+    candidates: dict[str, Any] = {}
     parameters: dict[str, Any] = {}
     other_parameters: Literal["shared", "free"] = "free"
     seed: Annotated[int, Field(ge=0)] = 0
+
+
+def is_series(path: str | os.PathLike[str]) -> bool:
+    """Return whether a description is that of a series; a file that cannot be read is reported by its reader."""
+    return _KEY in read_source(path, FaultList())[1].entries
 
 
 class SeriesFile:
@@ -127,34 +138,41 @@ class SeriesFile:
             if section is not None:
                 yield name, section
 
-    def assembly_of(self, name: str, test: TestSection) -> tuple[str, Place] | None:
+    def candidates(self) -> Iterator[tuple[str, CandidateSection]]:
+        """Yield the candidates for the next test whose sections have no faults, by name."""
+        for name in self.section.candidates:
+            section = validate(CandidateSection, ("candidates", name), self.faults, f"candidate '{name}'")
+            if section is not None:
+                yield name, section
+
+    def assembly_of(self, place: Place, test: CandidateSection) -> tuple[str, Place] | None:
         """Return the description that a test uses, and where the file names it; None with a fault if it has none."""
         if test.assembly:
-            return test.assembly, ("tests", name, "assembly")
+            return test.assembly, (*place, "assembly")
         if self.section.assembly:
             return self.section.assembly, ("assembly",)
-        problem = f"the test '{name}' names no assembly."
+        problem = f"the test '{place[-1]}' names no assembly."
         remedy = "Name it here, or 'assembly:' for all tests at the top of the file."
-        self.faults.add(("tests", name), problem, "the path of a description", remedy, key=True)
+        self.faults.add(place, problem, "the path of a description", remedy, key=True)
         return None
 
     def options(self, measured: MeasuredFile) -> dict[str, Any]:
         """Return the options of `read_frf` with which a file is read."""
         return {"accelerometer_mass": self.section.accelerometer_mass, **measured.options}
 
-    def values(self, name: str, test: TestSection, covariates: Mapping[str, Covariate]) -> dict[str, float]:
+    def values(self, place: Place, test: CandidateSection, covariates: Mapping[str, Covariate]) -> dict[str, float]:
         """Return the covariates of a test, SI."""
         values = {}
         for key, value in test.at.items():
-            place: Place = ("tests", name, "at", key)
+            where = (*place, "at", key)
             if key not in covariates:
                 hint = did_you_mean(key, covariates) or "List it under 'covariates' with its unit."
                 if key not in self.section.covariates:
                     problem = f"'{key}' is not a covariate of the series."
-                    self.faults.add(place, problem, listing(covariates) or "none", hint, key=True)
+                    self.faults.add(where, problem, listing(covariates) or "none", hint, key=True)
                 continue
             try:
                 values[key] = to_si(value, covariates[key].unit)
             except UnitError as error:
-                self.faults.add(place, error.faults[0].problem)
+                self.faults.add(where, error.faults[0].problem)
         return values

@@ -129,14 +129,15 @@ def read_cases(source: str | os.PathLike[str], **reading: Any) -> Cases:
 def _case(
     file: SeriesFile, name: str, test: TestSection, covariates: Mapping[str, Covariate], reading: Mapping[str, Any]
 ) -> Case | None:
-    values, assembly = file.values(name, test, covariates), file.assembly_of(name, test)
+    place = ("tests", name)
+    values, assembly = file.values(place, test, covariates), file.assembly_of(place, test)
     over = next(iter(file.section.covariates), None)
     if over is not None and over not in test.at:
         problem = f"the test does not give '{over}', over which the series runs."
-        file.faults.add(("tests", name), problem, remedy=f"Add 'at: {{{over}: ...}}'.", key=True)
+        file.faults.add(place, problem, remedy=f"Add 'at: {{{over}: ...}}'.", key=True)
     if len(test.measured) != 1:
         problem = f"{len(test.measured)} measured files, and a test has one response here."
-        file.faults.add(("tests", name, "measured"), problem, "one file")
+        file.faults.add((*place, "measured"), problem, "one file")
     if assembly is None:
         return None
     measured, joint = _measurement(file, test.measured[0], reading), test.joint
