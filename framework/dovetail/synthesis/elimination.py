@@ -81,7 +81,7 @@ def plan_elimination(pattern: NDArray[np.bool_], keep: Sequence[int], order: Seq
     return _planned(np.asarray(pattern, dtype=np.bool_).tobytes(), len(pattern), tuple(keep), tuple(order))
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=64)
 def _planned(entries: bytes, size: int, keep: tuple[int, ...], last: tuple[int, ...]) -> Program:
     pattern = np.frombuffer(entries, dtype=np.bool_).reshape(size, size)
     neighbours = [set(np.flatnonzero(row).tolist()) - {dof} for dof, row in enumerate(pattern)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TypeAlias
 
 import numpy as np
@@ -304,6 +304,11 @@ class Plan:
         return self._kernel(self.layout(derivatives=True))
 
     def _kernel(self, layout: Layout, *, amplitude: bool = False) -> MachineKernel:
-        if self.program.multiplications > SETTINGS.straight_line:
-            return compiled(*looped_kernel_source(self.program, layout, amplitude=amplitude))
-        return compiled(*kernel_source(self.program, layout, amplitude=amplitude))
+        return compiled(*_source(self.program, layout, amplitude))
+
+
+@lru_cache(maxsize=64)
+def _source(program: Program, layout: Layout, amplitude: bool) -> tuple[str, int]:
+    """Return the source of a kernel and its scratch memory; the same system on other lines has the same program."""
+    straight = program.multiplications <= SETTINGS.straight_line
+    return (kernel_source if straight else looped_kernel_source)(program, layout, amplitude=amplitude)

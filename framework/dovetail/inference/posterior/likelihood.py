@@ -40,6 +40,9 @@ class Settings:
     """Root mean square of the part of a residual vector outside the subspace; its noise is 1."""
     most_shapes: int = 200
     """Largest number of vectors of the basis."""
+    least_error: float = 1e-9
+    """Variance of an error of the model along a direction of the residuals, whose noise is 1, below which it is left
+    out: it changes chi-squared by less than that part."""
     least_amplitude: float = 1e-3
     """Smallest amplitude, over the largest of the response, by which FRFs are divided."""
 
@@ -181,14 +184,16 @@ class MarginalisedResiduals(SumOfSquares):
     Notes
     -----
     Their squares sum to `marginalised_squares`. With ``E E^T = V L V^T`` and ``R = (1 + L)^(1/2)``, the factor is
-    ``(1 + E^T E)^(-1/2) = 1 - E^T V (R + R^2)^(-1) V^T E``.
+    ``(1 + E^T E)^(-1/2) = 1 - E^T V (R + R^2)^(-1) V^T E``. Many errors act along few directions of the residuals,
+    the rows of ``V^T E``; those with a negligible L are left out.
     """
 
     def __init__(self, misfit: FrfResiduals, errors: NDArray[np.float64], weight: float = 1.0) -> None:
-        self._misfit, self._errors, self._weight = misfit, errors, weight
+        self._misfit, self._weight = misfit, weight
         self.limit = misfit.limit
-        squares, self._mixing = np.linalg.eigh(errors @ errors.T)
-        self._squares = np.maximum(squares, 0.0)
+        squares, mixing = np.linalg.eigh(errors @ errors.T)
+        kept = squares > _SETTINGS.least_error
+        self._squares, self._errors = squares[kept], mixing[:, kept].T @ errors
 
     def weighted(self, factor: float) -> MarginalisedResiduals:
         """Return the same residuals with a weight that is larger by a factor."""
@@ -207,15 +212,14 @@ class MarginalisedResiduals(SumOfSquares):
     def squares(self, residuals: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the sums of squares (n,) of the scaled ones of residuals (n, m) of the measurement."""
         weight = self._weight**2
-        along = residuals @ self._errors.T @ self._mixing * np.sqrt(weight / (1.0 + weight * self._squares))
+        along = residuals @ self._errors.T * np.sqrt(weight / (1.0 + weight * self._squares))
         return np.asarray(weight * (squared_norms(residuals) - squared_norms(along)))
 
     def scaled(self, residuals: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return residuals (n, m) of the measurement, or changes of them, with the model's errors marginalised."""
         weight = self._weight**2
         root = np.sqrt(1.0 + weight * self._squares)
-        part = (self._mixing * (-weight / (root * (1.0 + root)))) @ self._mixing.T
-        scaled = (residuals @ self._errors.T @ part) @ self._errors
+        scaled = (residuals @ self._errors.T * (-weight / (root * (1.0 + root)))) @ self._errors
         scaled += residuals
         scaled *= self._weight
         return np.asarray(scaled)

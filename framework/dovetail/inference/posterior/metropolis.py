@@ -33,12 +33,17 @@ class Settings:
     """Correlation of moved samples with their starts, in each coordinate, below which they count as independent."""
     most_cost: float = 1500.0
     """Computations of the residuals of each sample, those for derivatives included, after which no step begins."""
-    tangent: int = 2
-    """Tangent steps at a time."""
+    tangent: tuple[int, int] = (2, 4)
+    """Fewest and most tangent steps at a time: as many as seem to be missing."""
+    tried: int = 100
+    """Points that take tangent steps, which cost most, before these are known to be worth it: all points if fewer of
+    them are distinct, since other steps need points that differ."""
     iteration_cost: float = 3.5
     """Cost of an iteration of a tangent step over that of computing the residuals."""
-    differences: int = 10
-    """Difference steps at a time."""
+    differences: tuple[int, int] = (10, 40)
+    """Fewest and most difference steps at a time."""
+    prior: tuple[int, int] = (1, 4)
+    """Fewest and most draws of all coordinates from the prior at a time."""
     least_points: int = 4
     """Points from which there are differences to step by."""
     whole_difference: float = 0.1
@@ -81,22 +86,22 @@ class Chains:
         self._density, self._random, self._limit = density, random, limit
         self.z, self.log_posterior = points.z.copy(), points.log_posterior
 
-    def tangent_steps(self) -> float:
-        """Move along the valley of the posterior; return the cost, in computations of the residuals of each point."""
-        start = self._density.points_at(self.z)
-        points, _, iterations = tangent_steps(self._density, start, self._random, _SETTINGS.tangent, self._limit)
-        self.z, self.log_posterior = points.z.copy(), points.log_posterior
-        return _SETTINGS.iteration_cost * iterations / len(self.z)
+    def tangent_steps(self, steps: int = _SETTINGS.tangent[0], points: int | None = None) -> float:
+        """Move some or all points along the valley; return the cost, in computations of the residuals of each point."""
+        count = len(self.z)
+        rows = np.linspace(0, count - 1, min(count, points or count)).round().astype(np.intp)
+        start = self._density.points_at(self.z[rows])
+        moved, _, iterations = tangent_steps(self._density, start, self._random, steps, self._limit)
+        self.z[rows], self.log_posterior[rows] = moved.z, moved.log_posterior
+        return _SETTINGS.iteration_cost * iterations / count
 
-    def difference_steps(self) -> float:
+    def difference_steps(self, steps: int = _SETTINGS.differences[0]) -> float:
         """Move each half of the points by differences of points of the other half; return the cost."""
         count, width = self.z.shape
-        for _ in range(_SETTINGS.differences):
+        for _ in range(steps):
             order = self._random.permutation(count)
-            for moved, others in (
-                (order[: count // 2], order[count // 2 :]),
-                (order[count // 2 :], order[: count // 2]),
-            ):
+            halves = order[: count // 2], order[count // 2 :]
+            for moved, others in (halves, halves[::-1]):
                 first, second = self._random.integers(0, len(others), (2, len(moved)))
                 shorter = _SETTINGS.shorter ** self._random.random(len(moved))
                 whole = self._random.random(len(moved)) < _SETTINGS.whole_difference
@@ -104,16 +109,16 @@ class Chains:
                 step = length[:, np.newaxis] * (self.z[others[first]] - self.z[others[second]])
                 step += _SETTINGS.scatter * self._random.standard_normal(step.shape)
                 self._propose(moved, self.z[moved] + step, 0.0)
-        return float(_SETTINGS.differences)
+        return float(steps)
 
-    def prior_steps(self) -> float:
+    def prior_steps(self, steps: int = _SETTINGS.prior[0]) -> float:
         """Draw each coordinate of all points anew from the prior, one after the other; return the cost."""
-        for column in self._random.permutation(self.z.shape[1]):
+        for column in np.concatenate([self._random.permutation(self.z.shape[1]) for _ in range(steps)]):
             proposed = self.z.copy()
             proposed[:, column] = self._random.standard_normal(len(proposed))
             prior_ratio = (proposed[:, column] ** 2 - self.z[:, column] ** 2) / 2.0
             self._propose(np.arange(len(proposed)), proposed, prior_ratio)
-        return float(self.z.shape[1])
+        return float(steps * self.z.shape[1])
 
     def _propose(
         self, rows: NDArray[np.intp], proposed: NDArray[np.float64], log_ratio: NDArray[np.float64] | float
@@ -135,7 +140,9 @@ class _Kind:
     ----------
     chains : Chains
     steps : callable
-        Takes some steps and returns their cost.
+        Takes a number of steps and returns their cost.
+    counts : (int, int)
+        Fewest and most steps at a time.
 
     Attributes
     ----------
@@ -144,17 +151,23 @@ class _Kind:
     cost : float
     """
 
-    def __init__(self, chains: Chains, steps: Callable[[], float]) -> None:
-        self._chains, self._steps = chains, steps
-        self.decay, self.cost = np.zeros(chains.z.shape[1]), 0.0
+    def __init__(self, chains: Chains, steps: Callable[[int], float], counts: tuple[int, int]) -> None:
+        self._chains, self._steps, self._counts = chains, steps, counts
+        self.decay, self.cost, self._taken = np.zeros(chains.z.shape[1]), 0.0, 0
 
-    def take(self) -> None:
+    def take(self, steps: Callable[[int], float] | None = None, *, count: int | None = None) -> None:
         """Take steps, and add how far they have moved each coordinate."""
-        before = self._chains.z.copy()
-        self.cost += self._steps()
+        before, count = self._chains.z.copy(), count or self._counts[0]
+        self.cost += (steps or self._steps)(count)
+        self._taken += count
         jumps = np.mean((self._chains.z - before) ** 2, axis=0)
         variance = np.maximum(np.maximum(before.var(axis=0), self._chains.z.var(axis=0)), np.finfo(float).tiny)
         self.decay -= np.log1p(-np.minimum(jumps / (2.0 * variance), _SETTINGS.largest_jump))
+
+    def take_for(self, column: int, decay: float) -> None:
+        """Take as many steps as a decay of a coordinate's correlation seems to need."""
+        wanted = decay * self._taken / max(float(self.decay[column]), np.finfo(float).tiny)
+        self.take(count=int(np.clip(np.ceil(wanted), *self._counts)))
 
     def rate(self, column: int) -> float:
         """Return the mean decay of a coordinate's correlation for the cost."""
@@ -170,20 +183,25 @@ def decorrelate(
 ) -> Chains:
     """Move points by Metropolis steps until they are independent of their starts, or time is over."""
     chains = Chains(density, points, random, limit)
-    steps = [chains.tangent_steps, chains.prior_steps]
+    tangent = _Kind(chains, chains.tangent_steps, _SETTINGS.tangent)
+    kinds = [tangent, _Kind(chains, chains.prior_steps, _SETTINGS.prior)]
     if len(points.z) >= _SETTINGS.least_points:
-        steps.append(chains.difference_steps)
-    kinds = [_Kind(chains, one) for one in steps]
+        kinds.append(_Kind(chains, chains.difference_steps, _SETTINGS.differences))
     goal, spent = -np.log(_SETTINGS.remaining_correlation), 0.0
     decayed, untried = np.zeros(points.z.shape[1]), list(kinds)
+    differ = len(np.unique(points.z, axis=0)) >= _SETTINGS.tried
+    few_tangent_steps = partial(chains.tangent_steps, points=_SETTINGS.tried if differ else None)
     progress("independence", 0, 100)
     while decayed.min() < goal and spent < _SETTINGS.most_cost:
         slowest = int(np.argmin(decayed))
         if limit.is_over:
             limit.leave_out("steps that make samples independent")
             break
-        kind = untried.pop(0) if untried else max(kinds, key=partial(_Kind.rate, column=slowest))
-        kind.take()
+        if untried:
+            kind = untried.pop(0)
+            kind.take(few_tangent_steps if kind is tangent else None)
+        else:
+            max(kinds, key=partial(_Kind.rate, column=slowest)).take_for(slowest, goal - decayed[slowest])
         decayed, spent = np.sum([each.decay for each in kinds], axis=0), sum(each.cost for each in kinds)
         chains.correlation = float(np.exp(-decayed.min()))
         progress("independence", int(100 * min(1.0, max(decayed.min() / goal, spent / _SETTINGS.most_cost))), 100)

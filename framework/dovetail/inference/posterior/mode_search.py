@@ -21,6 +21,7 @@ from dovetail.inference.posterior.likelihood import (
     PosteriorResiduals,
     build_likelihood,
     normal_from_unit,
+    squared_norms,
     unit_from_normal,
 )
 from dovetail.inference.posterior.model_error import ModelError
@@ -69,7 +70,9 @@ class Settings:
     """Uncertainty of chi-squared from few lines, in standard errors, within which a mode may be of interest."""
     tolerance: float = 0.3
     steps: int = 100
-    """Limits of the searches on all lines; sampling starts at the modes and does not need them more precisely."""
+    """Limits of the searches on all lines."""
+    near: float = 3.0
+    """Tolerance of those from modes on few lines: sampling, which searches again near them, needs no more."""
 
 
 _SETTINGS = Settings()
@@ -145,12 +148,20 @@ def search_modes(
         return maximise_posterior(likelihood.posterior, of_fit)
     ends = np.concatenate([direct, cooled, exchanged])
     ends = _different(_maxima(tempered(1.0), ends, most_steps=_SETTINGS.rough_steps, **rough))
-    starts = _promising(tempered(1.0), np.concatenate([of_fit, ends[:refined]]), every)
-    modes = maximise_posterior(likelihood.posterior, starts, callback=callback)
+    found = _promising(tempered(1.0), np.concatenate([of_fit, ends[:refined]]), every)
+    if every == 1:  # the ends are modes on all lines
+        near_fit = maximise_posterior(likelihood.posterior, of_fit, callback=callback)
+        modes = _highest_first(likelihood.posterior, np.concatenate([near_fit, found]))
+    else:
+        modes = maximise_posterior(likelihood.posterior, found, tolerance=_SETTINGS.near, callback=callback)
     if problem.limit.is_over:
         problem.limit.leave_out("the search for other groups of likely values")
     progress("modes", total, total)  # fewer may have been different
     return modes
+
+
+def _highest_first(posterior: PosteriorResiduals, z: NDArray[np.float64]) -> NDArray[np.float64]:
+    return z[np.argsort(squared_norms(posterior.residuals(z)), kind="stable")]
 
 
 def _on_few_lines(

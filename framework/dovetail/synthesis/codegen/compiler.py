@@ -52,7 +52,7 @@ class MachineKernel:
         self._function(vectors, samples, lines, *[array.ctypes.data for array in (*arrays, scratch)])
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=64)
 def compiled(source: str, scratch: int = 0) -> MachineKernel:
     """Return the kernel of an LLVM IR text; the same text, as for other frequencies, is compiled only once."""
     return MachineKernel(source, scratch)
