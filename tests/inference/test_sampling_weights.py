@@ -15,6 +15,7 @@ from dovetail.inference.posterior.alternating import Alternating
 from dovetail.inference.posterior.laplace import half_about_the_fit
 from dovetail.inference.posterior.likelihood import normal_from_unit, squared_norms
 from dovetail.inference.posterior.separate_modes import ends_about, separate_modes, shares
+from dovetail.inference.posterior.weights import clipped
 from dovetail.interfaces import NO_LIMIT
 from dovetail.problem import Problem
 from dovetail.problem.least_squares import Linearisation
@@ -39,7 +40,7 @@ def test_samples_are_moved_where_fewer_than_four_tenths_of_them_count(sdof, monk
 
         def _move(self, points, log_weight, count):
             calls.append(count)
-            return SimpleNamespace(z=points, log_posterior=np.zeros(100))
+            return SimpleNamespace(z=points, log_posterior=np.zeros(100), correlation=0.0)
 
     monkeypatch.setattr(sampling, "_Sampler", Sampler)
     frf = noisy(sdof, sdof.frf(), 0.1)
@@ -123,7 +124,7 @@ def test_the_same_mode_counts_once_and_one_of_hardly_any_probability_not_at_all(
 @pytest.mark.parametrize(("light", "kept"), [(4.0, False), (3.5, True)])
 def test_the_largest_weights_are_cut_where_a_few_dominate(light, kept):
     log_weight = np.where(np.arange(1000) < 20, 0.0, -light)
-    weight = sampling._clipped(log_weight)
+    weight = np.exp(clipped(log_weight))
     share = weight[:20].sum() / weight.sum()
     assert share == pytest.approx(20 / (20 + 980 * np.exp(-light)) if kept else 0.02, abs=0.002)
 

@@ -88,6 +88,7 @@ class _StoredPosterior(_Stored):
     samples: _StoredSamples
     reached: float
     evidence: Evidence | None = None
+    effective_samples: float = np.inf
     model_error: ModelError | float
     lines: int
     seconds: float
@@ -345,6 +346,7 @@ def _posterior(file: Path, parameters: Mapping[str, IdentifiedParameter], stored
         unreliable=tuple(name for name, parameter in stored.parameters.items() if parameter.doubtful),
         normal=tuple(parameter.name for parameter in ranges if parameter.prior == "normal"),
         evidence=stored.evidence,
+        effective=stored.effective_samples,
     )
 
 

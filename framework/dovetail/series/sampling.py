@@ -17,7 +17,7 @@ from dovetail.inference.posterior.likelihood import ReducedResiduals, squared_no
 from dovetail.inference.posterior.metropolis import Chains, decorrelate
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints
 from dovetail.inference.posterior.tangent_steps import Density
-from dovetail.inference.posterior.verdicts import drawn_by_weight, effective_sample_size
+from dovetail.inference.posterior.weights import drawn_by_weight, effective_after_moves, effective_sample_size
 from dovetail.interfaces import Progress, logged, silent
 from dovetail.series.fitted_tests import FittedTest
 from dovetail.series.fitting import SeriesFit, minimise, normal_equations
@@ -260,8 +260,7 @@ class _Sampler:
         residuals = self.residuals
         density = Density(residuals.residuals, residuals.linearise, partial(ArrowTangentMap, residuals))
         ends = decorrelate(density, points.at_rows(chosen), self._random, self._progress)
-        correlation = ends.correlation
-        size = 1.0 / (correlation**2 / effective_sample_size(clipped) + (1.0 - correlation**2) / count)
+        size = effective_after_moves(clipped, count, ends.correlation)
         return ends, self._log_posterior(ends.z) - ends.log_posterior + sum(self._outside) / 2.0, size
 
     def _log_posterior(self, z: Array) -> Array:

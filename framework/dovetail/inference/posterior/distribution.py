@@ -22,7 +22,6 @@ from dovetail.inference.posterior.verdicts import (
     Group,
     Known,
     Verdict,
-    drawn_by_weight,
     ends_cut,
     ends_of,
     heaviest_combination,
@@ -33,6 +32,7 @@ from dovetail.inference.posterior.verdicts import (
     word_for,
     word_for_groups,
 )
+from dovetail.inference.posterior.weights import drawn_by_weight
 from dovetail.interfaces import Parameter
 from dovetail.problem.definition import values_at
 
@@ -113,6 +113,9 @@ class Posterior:
     evidence : Evidence or None
         The marginal likelihood; None if too few searches count for it, with the form "laplace", and with a result of an
         earlier version.
+    effective : float
+        How many independent samples Metropolis steps left, where there were any: moved samples still resemble one
+        another where they were drawn from the same few.
     """
 
     names: tuple[str, ...]
@@ -132,6 +135,7 @@ class Posterior:
     log_likelihood: NDArray[np.float64] | None = None
     normal: tuple[str, ...] = ()
     evidence: Evidence | None = None
+    effective: float = np.inf
 
     @staticmethod
     def from_fractions(
@@ -145,6 +149,7 @@ class Posterior:
         seconds: float,
         log_likelihood: NDArray[np.float64] | None = None,
         evidence: Evidence | None = None,
+        effective: float = np.inf,
     ) -> Posterior:
         """Return the posterior of parameters with these samples, in fractions of the ranges."""
         normal = np.array([parameter.prior == "normal" for parameter in parameters])
@@ -161,6 +166,7 @@ class Posterior:
             log_likelihood=log_likelihood,
             normal=tuple(parameter.name for parameter in parameters if parameter.prior == "normal"),
             evidence=evidence,
+            effective=effective,
         )
 
     def sample(self, count: int, seed: int = 0) -> NDArray[np.float64]:
@@ -174,7 +180,7 @@ class Posterior:
     @property
     def effective_sample_size(self) -> float:
         """Number of independent samples of equal weight with the same information (Kish)."""
-        return float(1.0 / np.sum(self.weight**2))
+        return float(min(1.0 / np.sum(self.weight**2), self.effective))
 
     @property
     def converged_fraction(self) -> float:

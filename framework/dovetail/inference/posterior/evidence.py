@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,3 +46,7 @@ class Evidence:
             return None
         mean = float(np.log(weight.sum() / searches) + log_weight.max())
         return Evidence(mean, float(np.sqrt(max(1.0 / effective - 1.0 / searches, 0.0))))
+
+    def plus(self, constant: float) -> Evidence:
+        """Return the evidence with a constant of the likelihood added to its logarithm."""
+        return replace(self, log=self.log + constant)

@@ -25,6 +25,7 @@ from dovetail.inference.posterior.likelihood import (
     unit_from_normal,
 )
 from dovetail.inference.posterior.model_error import ModelError
+from dovetail.inference.posterior.separate_modes import distinct
 from dovetail.interfaces import Progress, silent
 from dovetail.problem import Problem
 from dovetail.problem.least_squares import Linearisation, Minima, SumOfSquares, minimise
@@ -257,10 +258,8 @@ class _Race:
 def _are_different(minima: Minima) -> NDArray[np.bool_]:
     """Return which minima (n,) are not at the same place as a lower one, by the curvature there."""
     different = np.zeros(len(minima.cost), dtype=np.bool_)
-    for row in np.argsort(minima.cost, kind="stable"):
-        steps = minima.position[different] - minima.position[row]
-        squares = np.einsum("kp,kpq,kq->k", steps, minima.curvature[different], steps)
-        different[row] = (squares > _SETTINGS.same**2).all()
+    order = np.argsort(minima.cost, kind="stable").tolist()
+    different[distinct(minima.position, minima.curvature, order, _SETTINGS.same)] = True
     return different
 
 

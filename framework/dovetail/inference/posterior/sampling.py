@@ -7,14 +7,16 @@ that this region needs. Randomize-then-optimize then draws independent samples, 
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.inference.fitting import Fit
 from dovetail.inference.posterior.distribution import Posterior, check_options
+from dovetail.inference.posterior.drawn_samples import DrawnSamples, draw_about_modes
 from dovetail.inference.posterior.evidence import Evidence
+from dovetail.inference.posterior.fewer_lines import with_fewer_lines
 from dovetail.inference.posterior.laplace import half_about_the_fit, laplace_posterior
 from dovetail.inference.posterior.likelihood import (
     PRIOR_PRECISION,
@@ -31,7 +33,14 @@ from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoint
 from dovetail.inference.posterior.separate_modes import ends_about, mixed, nearest_modes, separate_modes, shares
 from dovetail.inference.posterior.tangent_steps import Density
 from dovetail.inference.posterior.unknown_chain import UnknownChain
-from dovetail.inference.posterior.verdicts import drawn_by_weight, effective_sample_size
+from dovetail.inference.posterior.weights import (
+    a_few_dominate,
+    are_even,
+    clipped,
+    drawn_by_weight,
+    effective_after_moves,
+    from_logarithms,
+)
 from dovetail.interfaces import Progress, logged, silent
 from dovetail.problem import Problem
 from dovetail.problem.modal_observations import ModalProblem
@@ -39,7 +48,7 @@ from dovetail.problem.modal_observations import ModalProblem
 
 @dataclass(frozen=True)
 class Settings:
-    """How the region of the posterior is explored, and when samples need Metropolis steps."""
+    """How the region of the posterior is explored, and how many samples are drawn at a time."""
 
     pilots: int = 48
     """Number of searches in each round of exploration."""
@@ -67,16 +76,10 @@ class Settings:
     fewest: int = 50
     """Samples below which the Laplace approximation takes their place if time ends: with fewer, each end of an
     interval would rest on one or two of them."""
-    even_weights: float = 0.4
-    """Effective samples over searches above which samples need no Metropolis steps."""
-    uneven_weights: float = 0.1
-    """Effective samples over searches below which a few weights dominate and the largest are clipped."""
     still: float = 0.1
     """Decrease of chi-squared that the tangent promises below which an end of a search is a mode."""
     least_ends: float = 0.7
     """Searches about several modes that must end there; those along one curved valley mostly do not."""
-    weight_quantile: float = 0.975
-    """Quantile at which they are clipped: where the tangent map folds over, single weights are huge."""
 
 
 _SETTINGS = Settings()
@@ -135,6 +138,7 @@ def sample_posterior(
             progress=progress,
         )
         return chain.without(posterior)
+    problem, fit, log_constant = with_fewer_lines(problem, fit, model_error)
     progress("modes", 0, 1)
     with logged(__name__, "modes of the posterior"):
         likelihood, best = likelihood_at_mode(problem, fit, model_error)
@@ -143,21 +147,20 @@ def sample_posterior(
     began, wanted = time.perf_counter(), samples
     with logged(__name__, f"{samples} samples of the posterior"):
         if isinstance(problem, ModalProblem):
-            z, log_weight, converged, evidence = _draw(likelihood.posterior, modes, samples, seed)
-            log_likelihood, lines, begun = None, len(likelihood.variance), samples
-            samples = 0 if problem.limit.is_over else samples
+            drawn = draw_about_modes(likelihood.posterior, modes, samples, seed)
+            lines, samples = len(likelihood.variance), 0 if problem.limit.is_over else samples
         else:
             sampler = _Sampler(likelihood, modes, fit.information, np.random.default_rng([seed, 2]), progress)
-            z, log_weight, log_likelihood = sampler.draw(samples)
-            converged, begun, lines = sampler.converged, sampler.begun, sampler.lines
-            samples, evidence = samples - sampler.missing, sampler.evidence
+            drawn, lines = sampler.draw(samples), sampler.lines
+            samples -= sampler.missing
+    z, weight = drawn.z, from_logarithms(drawn.log_weight)
     if samples < wanted:
         few = not len(z) or samples < min(_SETTINGS.fewest, wanted)
         finished = f"{samples} of {wanted} samples"
         problem.limit.leave_out("samples (a Gaussian at the best fit takes their place)" if few else finished)
         if few:
             return laplace_posterior(problem, fit, samples=wanted, model_error=model_error, seed=seed)
-    weight = np.exp(log_weight - log_weight.max())
+    log_likelihood, evidence = drawn.log_likelihood, drawn.evidence
     if model_error.quantities:
         z, weight = half_about_the_fit(problem, fit, model_error, z, weight, seed)
         log_likelihood = None
@@ -167,11 +170,12 @@ def sample_posterior(
         fraction,
         weight / weight.sum(),
         model_error=model_error,
-        searches=round(len(weight) * (begun or samples) / max(converged, 1)),
+        searches=round(len(weight) * (drawn.searches or samples) / max(drawn.converged, 1)),
         lines=lines,
         seconds=time.perf_counter() - began,
         log_likelihood=likelihood.log(fraction) if log_likelihood is None else log_likelihood,
-        evidence=None if evidence is None else replace(evidence, log=evidence.log + likelihood.log_constant),
+        evidence=None if evidence is None else evidence.plus(likelihood.log_constant + log_constant),
+        effective=drawn.effective,
     )
 
 
@@ -192,14 +196,10 @@ class _Sampler:
     ----------
     lines : int
         Number of lines from which the reduced misfit is computed.
-    converged : int
-        Number of searches for samples that converged.
     begun : int
-        Number of these searches that came to an end.
+        Number of searches for samples that came to an end.
     missing : int
         Searches that the time limit left out; all of them if not all modes had their turn.
-    evidence : Evidence or None
-        Up to a constant of the likelihood; of the searches for samples.
     """
 
     def __init__(
@@ -234,8 +234,7 @@ class _Sampler:
             if self._limit.is_over:
                 break
             snapshots = np.concatenate([snapshots, frfs[near]])[-_SETTINGS.most_snapshots :]
-        self.lines, self.converged, self.begun, self.missing = reduced.lines, 0, 0, 0
-        self.evidence: Evidence | None = None
+        self.lines, self.begun, self.missing = reduced.lines, 0, 0
         ample = self._limit.remaining > _SETTINGS.ample * (self._limit.elapsed - began)
         self._batch = _SETTINGS.batch if ample else _SETTINGS.limited_batch
 
@@ -267,25 +266,26 @@ class _Sampler:
         squares = squared_norms(components) - 2.0 * target @ components.T
         return target, LinearisedPoints.at(self._posterior, points[np.argmin(squares, axis=1)])
 
-    def draw(self, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Return samples z, the logarithms of their weights, and their log-likelihoods, by all lines.
+    def draw(self, count: int) -> DrawnSamples:
+        """Return samples with their weights and log-likelihoods by all lines.
 
         If the weights of the ends of searches are uneven, samples are drawn by weight and moved by Metropolis steps.
         """
         ends, log_density = self._search(count)
-        z, log_weight = ends.z, ends.log_posterior - log_density
-        self.converged = len(z)
-        log_likelihood = self._log_likelihood(z)
+        z, log_weight, converged = ends.z, ends.log_posterior - log_density, len(ends.z)
+        log_likelihood, effective = self._log_likelihood(z), np.inf
         on_all_lines = log_likelihood - squared_norms(z) / 2.0 - log_density
-        self.evidence = Evidence.of_weights(on_all_lines + np.log(max(self.begun, 1)), self.begun)
-        uneven = effective_sample_size(log_weight) < _SETTINGS.even_weights * max(self.begun, 1)
-        if uneven and self._limit.is_over:
+        evidence = Evidence.of_weights(on_all_lines + np.log(max(self.begun, 1)), self.begun)
+        even = are_even(log_weight, self.begun)
+        if not even and self._limit.is_over:
             self._limit.leave_out("steps that make the weights of samples even")
-        elif uneven:
+        elif not even:
             points = self._move(z, log_weight, count)
+            effective = effective_after_moves(clipped(log_weight), count, points.correlation)
             z, log_density = points.z, points.log_posterior
             log_likelihood = self._log_likelihood(z)
-        return z, log_likelihood - squared_norms(z) / 2.0 - log_density, log_likelihood
+        weight = log_likelihood - squared_norms(z) / 2.0 - log_density
+        return DrawnSamples(z, weight, log_likelihood, evidence, self.begun, converged, effective)
 
     def _search(self, count: int) -> tuple[LinearisedPoints, NDArray[np.float64]]:
         """Return the ends of the searches that converged, and the logarithms of their density.
@@ -341,7 +341,7 @@ class _Sampler:
         """Return samples drawn by weight and moved by Metropolis steps."""
         if not len(z):
             z, log_weight = self._mode, np.zeros(1)
-        chosen = drawn_by_weight(_clipped(log_weight), count, self._random)
+        chosen = drawn_by_weight(from_logarithms(clipped(log_weight)), count, self._random)
         start = LinearisedPoints.at(self._posterior, z[chosen])
         return decorrelate(Density.of(self._posterior), start, self._random, self._progress, self._limit)
 
@@ -360,39 +360,6 @@ class _Sampler:
         return np.asarray(self._likelihood.log(unit_from_normal(z)) - squared_norms(z) / 2.0)
 
 
-def _draw(
-    posterior: PosteriorResiduals, modes: NDArray[np.float64], count: int, seed: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64], int, Evidence | None]:
-    """Return samples z (n, p) of a posterior with few residuals, log weights, how many searches converged, evidence.
-
-    Parameters
-    ----------
-    posterior : PosteriorResiduals
-    modes : (n_modes, p) array
-        Starts of the searches, the highest mode first.
-    count, seed
-        As in `sample_posterior`.
-    """
-    random, separate = np.random.default_rng([seed, 8]), separate_modes(LinearisedPoints.at(posterior, modes))
-    about, log_weights = [], []
-    for number, share, tangent_map in shares(posterior, separate, count):
-        target, starts = random.standard_normal((share, modes.shape[1])), separate.at_rows(np.full(share, number))
-        ends, log_density = ends_about(separate, number, tangent_map, target, starts)
-        about.append(ends)
-        log_weights.append(ends.log_posterior - log_density - np.log(share))
-    points, log_weight = LinearisedPoints.joined(about), np.concatenate(log_weights)
-    converged, evidence = len(log_weight), Evidence.of_weights(log_weight + np.log(count), count)
-    if not converged:
-        points, log_weight = separate, separate.log_posterior
-    order = mixed(len(log_weight), separate, random)
-    points, log_weight = points.at_rows(order), log_weight[order]
-    if effective_sample_size(log_weight) < _SETTINGS.even_weights * count:
-        chosen = drawn_by_weight(_clipped(log_weight), count, random)
-        moved = decorrelate(Density.of(posterior), points.at_rows(chosen), random)
-        return moved.z, np.zeros(count), converged, evidence
-    return points.z, log_weight, converged, evidence
-
-
 def _joined(
     found: list[tuple[int, LinearisedPoints, NDArray[np.float64]]], done: NDArray[np.intp]
 ) -> tuple[LinearisedPoints, NDArray[np.float64]]:
@@ -403,13 +370,4 @@ def _joined(
 
 
 def _a_few_dominate(ends: LinearisedPoints, log_density: NDArray[np.float64]) -> bool:
-    """Return whether the weights of samples are so uneven that further ones would not help."""
-    weight = ends.log_posterior - log_density
-    return not len(weight) or effective_sample_size(weight) < _SETTINGS.uneven_weights * len(weight)
-
-
-def _clipped(log_weight: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the weights of samples, the largest of them clipped if a few dominate."""
-    if effective_sample_size(log_weight) < _SETTINGS.uneven_weights * len(log_weight):
-        log_weight = np.minimum(log_weight, np.quantile(log_weight, _SETTINGS.weight_quantile))
-    return np.asarray(np.exp(log_weight - log_weight.max()))
+    return a_few_dominate(ends.log_posterior - log_density)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,13 +24,32 @@ def separate_modes(modes: LinearisedPoints) -> LinearisedPoints:
     """Return the modes that are not within one another's Gaussians, except those of hardly any probability."""
     precision = modes.jacobian @ modes.jacobian.transpose(0, 2, 1)
     log_mass = modes.log_posterior - np.linalg.slogdet(precision)[1] / 2.0
-    kept: list[int] = []
-    for number in np.argsort(-log_mass).tolist():
-        likely = log_mass[number] > log_mass.max() + np.log(_LEAST_MASS)
-        others = modes.at_rows(np.array(kept, dtype=np.intp))
-        if likely and (_distances(others, modes.z[[number]]) > _APART**2).all():
-            kept.append(number)
-    return modes.at_rows(np.array(kept, dtype=np.intp))
+    likely = log_mass > log_mass.max() + np.log(_LEAST_MASS)
+    order = [number for number in np.argsort(-log_mass).tolist() if likely[number]]
+    return modes.at_rows(np.array(distinct(modes.z, precision, order, _APART), dtype=np.intp))
+
+
+def distinct(
+    position: NDArray[np.float64], curvature: NDArray[np.float64], order: Sequence[int], deviations: float
+) -> list[int]:
+    """Choose points in a given order, without those near a point that was chosen before.
+
+    Parameters
+    ----------
+    position : (n, p) array
+    curvature : (n, p, p) array
+        Inverse covariance of the Gaussian about each point.
+    order : sequence of int
+    deviations : float
+        Smallest distance from a chosen point, in standard deviations of its Gaussian.
+    """
+    chosen: list[int] = []
+    for number in order:
+        steps = position[chosen] - position[number]
+        squares = np.einsum("kp,kpq,kq->k", steps, curvature[chosen], steps)
+        if (squares > deviations**2).all():
+            chosen.append(number)
+    return chosen
 
 
 def _distances(modes: LinearisedPoints, z: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.inference.posterior.alternating import Alternating
+from dovetail.inference.posterior.weights import drawn_by_weight
 
 LEVEL = 0.9
 """Probability that an interval holds the true value."""
@@ -265,20 +266,6 @@ def heaviest_combination(groups: NDArray[np.intp], weight: NDArray[np.float64]) 
     _, combination = np.unique(groups, axis=0, return_inverse=True)
     combination = combination.reshape(-1)
     return np.asarray(combination == np.argmax(np.bincount(combination, weight)))
-
-
-def drawn_by_weight(weight: NDArray[np.float64], count: int, random: np.random.Generator) -> NDArray[np.intp]:
-    """Return increasing indices (count,) of samples drawn by weight (systematic resampling)."""
-    levels = (np.arange(count) + random.random()) / count * weight.sum()
-    return np.asarray(np.minimum(np.searchsorted(np.cumsum(weight), levels), len(weight) - 1))
-
-
-def effective_sample_size(log_weight: NDArray[np.float64]) -> float:
-    """Return the number of samples of equal weight with the same information (Kish); 0 without samples."""
-    if not len(log_weight):
-        return 0.0
-    weight = np.exp(log_weight - log_weight.max())
-    return float(weight.sum() ** 2 / np.sum(weight**2))
 
 
 def quantiles(

@@ -1,0 +1,81 @@
+"""Samples of a posterior with their weights, and those of a posterior of few residuals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.inference.posterior.evidence import Evidence
+from dovetail.inference.posterior.likelihood import PosteriorResiduals
+from dovetail.inference.posterior.metropolis import decorrelate
+from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints
+from dovetail.inference.posterior.separate_modes import ends_about, mixed, separate_modes, shares
+from dovetail.inference.posterior.tangent_steps import Density
+from dovetail.inference.posterior.weights import (
+    are_even,
+    clipped,
+    drawn_by_weight,
+    effective_after_moves,
+    from_logarithms,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnSamples:
+    """Samples z (n, p) with their weights.
+
+    Parameters
+    ----------
+    z : (n, p) array
+    log_weight : (n,) array
+    log_likelihood : (n,) array or None
+        By all lines, if it was computed.
+    evidence : Evidence or None
+        Up to a constant of the likelihood; of the searches for samples.
+    searches, converged : int
+        Number of searches for samples that came to an end, and of those that reached it.
+    effective : float
+        Number of independent samples that they are worth, but for their weights.
+    """
+
+    z: NDArray[np.float64]
+    log_weight: NDArray[np.float64]
+    log_likelihood: NDArray[np.float64] | None
+    evidence: Evidence | None
+    searches: int
+    converged: int
+    effective: float
+
+
+def draw_about_modes(posterior: PosteriorResiduals, modes: NDArray[np.float64], count: int, seed: int) -> DrawnSamples:
+    """Return samples of a posterior with few residuals.
+
+    Parameters
+    ----------
+    posterior : PosteriorResiduals
+    modes : (n_modes, p) array
+        Starts of the searches, the highest mode first.
+    count, seed
+        As in `sample_posterior`.
+    """
+    random, separate = np.random.default_rng([seed, 8]), separate_modes(LinearisedPoints.at(posterior, modes))
+    about, log_weights = [], []
+    for number, share, tangent_map in shares(posterior, separate, count):
+        target, starts = random.standard_normal((share, modes.shape[1])), separate.at_rows(np.full(share, number))
+        ends, log_density = ends_about(separate, number, tangent_map, target, starts)
+        about.append(ends)
+        log_weights.append(ends.log_posterior - log_density - np.log(share))
+    points, log_weight = LinearisedPoints.joined(about), np.concatenate(log_weights)
+    converged, evidence = len(log_weight), Evidence.of_weights(log_weight + np.log(count), count)
+    if not converged:
+        points, log_weight = separate, separate.log_posterior
+    order = mixed(len(log_weight), separate, random)
+    points, log_weight = points.at_rows(order), log_weight[order]
+    if are_even(log_weight, count):
+        return DrawnSamples(points.z, log_weight, None, evidence, count, converged, np.inf)
+    chosen = drawn_by_weight(from_logarithms(clipped(log_weight)), count, random)
+    moved = decorrelate(Density.of(posterior), points.at_rows(chosen), random)
+    effective = effective_after_moves(clipped(log_weight), count, moved.correlation)
+    return DrawnSamples(moved.z, np.zeros(count), None, evidence, count, converged, effective)

@@ -1,0 +1,74 @@
+"""How many independent samples weighted ones are worth, and what is done where a few weights dominate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Settings:
+    """When weights count as even."""
+
+    even: float = 0.4
+    """Effective samples over searches above which samples need no Metropolis steps."""
+    uneven: float = 0.1
+    """Effective samples over searches below which a few weights dominate and the largest are clipped."""
+    quantile: float = 0.975
+    """Quantile at which they are clipped: where the tangent map folds over, single weights are huge."""
+
+
+_SETTINGS = Settings()
+
+
+def drawn_by_weight(weight: NDArray[np.float64], count: int, random: np.random.Generator) -> NDArray[np.intp]:
+    """Return increasing indices (count,) of samples drawn by weight (systematic resampling)."""
+    levels = (np.arange(count) + random.random()) / count * weight.sum()
+    return np.asarray(np.minimum(np.searchsorted(np.cumsum(weight), levels), len(weight) - 1))
+
+
+def effective_sample_size(log_weight: NDArray[np.float64]) -> float:
+    """Return the number of samples of equal weight with the same information (Kish); 0 without samples."""
+    if not len(log_weight):
+        return 0.0
+    weight = np.exp(log_weight - log_weight.max())
+    return float(weight.sum() ** 2 / np.sum(weight**2))
+
+
+def effective_after_moves(log_weight: NDArray[np.float64], count: int, correlation: float) -> float:
+    """Return the effective number of samples that were drawn by weight and then moved.
+
+    Parameters
+    ----------
+    log_weight : (n,) array
+        Logarithms of the weights by which they were drawn.
+    count : int
+        Number of samples drawn.
+    correlation : float
+        Of the moved samples with their starts: that part of their differences is still that of the starts.
+    """
+    return float(1.0 / (correlation**2 / effective_sample_size(log_weight) + (1.0 - correlation**2) / count))
+
+
+def are_even(log_weight: NDArray[np.float64], searches: int) -> bool:
+    """Return whether weighted samples of a number of searches can be used as they are."""
+    return effective_sample_size(log_weight) >= _SETTINGS.even * max(searches, 1)
+
+
+def a_few_dominate(log_weight: NDArray[np.float64]) -> bool:
+    """Return whether the weights of samples are so uneven that further samples would not help."""
+    return not len(log_weight) or effective_sample_size(log_weight) < _SETTINGS.uneven * len(log_weight)
+
+
+def clipped(log_weight: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the logarithms of the weights, the largest of them clipped if a few dominate."""
+    if a_few_dominate(log_weight):
+        return np.asarray(np.minimum(log_weight, np.quantile(log_weight, _SETTINGS.quantile)))
+    return log_weight
+
+
+def from_logarithms(log_weight: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return weights (n,), the largest of them 1."""
+    return np.asarray(np.exp(log_weight - log_weight.max(initial=-np.inf)))
