@@ -15,7 +15,7 @@ from dovetail.inference.posterior.alternating import Alternating
 from dovetail.inference.posterior.laplace import half_about_the_fit
 from dovetail.inference.posterior.likelihood import normal_from_unit, squared_norms
 from dovetail.inference.posterior.separate_modes import ends_about, separate_modes, shares
-from dovetail.inference.posterior.weights import clipped
+from dovetail.inference.posterior.weights import clipped, effective_after_moves
 from dovetail.interfaces import NO_LIMIT
 from dovetail.problem import Problem
 from dovetail.problem.least_squares import Linearisation
@@ -184,3 +184,20 @@ def test_both_halves_of_unevenly_weighted_samples_have_equal_weight(light_cart):
     assert [np.count_nonzero(rows[:2]) for rows in (order.given_measurement, order.about_fit)] == [1, 1]
     single, one = half_about_the_fit(*light_cart, np.ones((1, 3)), np.array([3.0]), 0)
     assert (single.tolist(), one.tolist()) == ([[1.0, 1.0, 1.0]], [1.0])
+
+
+@pytest.mark.parametrize(
+    ("drawn_from", "correlation", "expected"), [(100, 0.25, 100.0), (10, 0.0, 100.0), (10, 1.0, 10.0), (0, 1.0, 1.0)]
+)
+def test_samples_that_resemble_their_starts_count_less(drawn_from, correlation, expected):
+    log_weight = np.zeros(drawn_from)
+    assert effective_after_moves(log_weight, 100, correlation) == pytest.approx(expected)
+
+
+def test_moved_samples_of_one_measurement_report_what_they_have_in_common(sdof, monkeypatch):
+    """The weights are even after the moves, and would count all of them."""
+    monkeypatch.setattr(sampling, "are_even", lambda *_: False)
+    frf = noisy(sdof, sdof.frf(), 0.1)
+    posterior = sample_posterior(Problem.of(sdof, frf), refine(Problem.of(sdof, frf)), samples=100)
+    kish = 1.0 / np.sum(posterior.weight**2)
+    assert 50.0 < posterior.effective_sample_size < kish

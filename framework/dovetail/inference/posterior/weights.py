@@ -43,13 +43,14 @@ def effective_after_moves(log_weight: NDArray[np.float64], count: int, correlati
     Parameters
     ----------
     log_weight : (n,) array
-        Logarithms of the weights by which they were drawn.
+        Logarithms of the weights by which they were drawn; without any, all were at one place.
     count : int
         Number of samples drawn.
     correlation : float
         Of the moved samples with their starts: that part of their differences is still that of the starts.
     """
-    return float(1.0 / (correlation**2 / effective_sample_size(log_weight) + (1.0 - correlation**2) / count))
+    before = max(effective_sample_size(log_weight), 1.0)
+    return float(1.0 / (correlation**2 / before + (1.0 - correlation**2) / count))
 
 
 def are_even(log_weight: NDArray[np.float64], searches: int) -> bool:
@@ -64,7 +65,7 @@ def a_few_dominate(log_weight: NDArray[np.float64]) -> bool:
 
 def clipped(log_weight: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the logarithms of the weights, the largest of them clipped if a few dominate."""
-    if a_few_dominate(log_weight):
+    if len(log_weight) and a_few_dominate(log_weight):
         return np.asarray(np.minimum(log_weight, np.quantile(log_weight, _SETTINGS.quantile)))
     return log_weight
 
