@@ -1,4 +1,4 @@
-"""Writes docs/api.md, the list of everything public, from the packages' ``__all__``: ``python docs/make_api.py``."""
+"""Writes docs/api.md and docs/api/, which list everything public, by ``__all__``: ``python docs/make_api.py``."""
 
 import inspect
 from pathlib import Path
@@ -13,7 +13,7 @@ import dovetail.pages
 import dovetail_bench
 import dovetail_machining
 
-PAGE = Path(__file__).with_name("api.md")
+DOCS = Path(__file__).parent
 
 SECTIONS = {
     "assembly": "Assemblies",
@@ -49,7 +49,7 @@ PACKAGES = {
 }
 """Headings of the modules and packages whose names `import dovetail` does not offer."""
 
-REST = """
+WITHIN_RESULTS = """
 ## Within results
 
 ```{eval-rst}
@@ -58,7 +58,8 @@ REST = """
 .. autoclass:: Fit
    :members:
 ```
-
+"""
+TESTING = """
 ## Testing a plugin
 
 ```{eval-rst}
@@ -72,22 +73,48 @@ REST = """
 ```
 """
 
+PAGES = {
+    "assemblies": (
+        "Assemblies and measurements",
+        "assemblies, examples, measured FRFs, and where to measure",
+    ),
+    "identification": ("Identification", "identification, results, prediction, series, datasets, figures and errors"),
+    "plugins": ("For plugin authors", "what a plugin implements, and what its code may use"),
+    "evaluation": ("Evaluation and spindles", "the packages `dovetail_bench` and `dovetail_machining`"),
+}
+"""Title and content of each page, by its name."""
+_FIRST = ("assembly", "examples", "description", "measurement", "frf", "coupling", "design")
 
-def page() -> str:
-    """Return the text of the page."""
+
+def pages() -> dict[str, str]:
+    """Return the texts of all pages, by their paths below docs."""
     sections: dict[str, list[str]] = {heading: [] for heading in SECTIONS.values()}
     for name in dovetail.__all__:
-        package = _home(name)
-        sections[SECTIONS[package]].append(_directive(dovetail, name))
-    text = (
-        "# API\n\nHere you find everything that `import dovetail` offers, and below it `dovetail_bench` and\n"
-        "`dovetail_machining`, which ship with it. Names that are not on this page may change at any time.\n"
-    )
-    text += "".join(_section(dovetail, heading, directives) for heading, directives in sections.items())
-    text += REST
+        sections[SECTIONS[_home(name)]].append(_directive(dovetail, name))
+    texts = dict.fromkeys(PAGES, "")
+    first = {SECTIONS[package] for package in _FIRST}
+    for heading, directives in sections.items():
+        of_plugins = heading.startswith("For plugin authors")
+        page = "plugins" if of_plugins else "assemblies" if heading in first else "identification"
+        texts[page] += _section(dovetail, heading.removeprefix("For plugin authors: ").capitalize(), directives)
+    texts["identification"] += WITHIN_RESULTS
+    texts["plugins"] += TESTING
     for package, heading in PACKAGES.items():
-        text += _section(package, heading, [_directive(package, name) for name in package.__all__])
-    return text
+        page = "evaluation" if package in (dovetail_bench, dovetail_machining) else "plugins"
+        body = [_directive(package, name) for name in package.__all__]
+        texts[page] += _section(package, heading.removeprefix("For plugin authors: "), body)
+    heads = {name: f"# {title}\n\nHere you find {content}.\n" for name, (title, content) in PAGES.items()}
+    return {"api.md": _index(), **{f"api/{name}.md": heads[name] + text for name, text in texts.items()}}
+
+
+def _index() -> str:
+    rows = "\n".join(f"| [{title}](api/{name}.md) | {content} |" for name, (title, content) in PAGES.items())
+    tree = "\n".join(f"api/{name}" for name in PAGES)
+    return (
+        "# API\n\nHere you find everything that `import dovetail` offers, and the packages `dovetail_bench` and\n"
+        "`dovetail_machining`, which ship with it. Names that are not on these pages may change at any time.\n\n"
+        f"| page | contents |\n|---|---|\n{rows}\n\n```{{toctree}}\n:hidden:\n\n{tree}\n```\n"
+    )
 
 
 def _section(package: ModuleType, heading: str, directives: list[str]) -> str:
@@ -116,4 +143,6 @@ def _directive(package: ModuleType, name: str) -> str:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(page(), encoding="utf-8")
+    (DOCS / "api").mkdir(exist_ok=True)
+    for file, text in pages().items():
+        (DOCS / file).write_text(text, encoding="utf-8")

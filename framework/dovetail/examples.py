@@ -40,7 +40,7 @@ class Example:
 
 
 _COLLET = "measurements/h0_j_t0_60Nm"
-_CAMPAIGN = ("bt40_er32.yaml", "campaign/*.yaml", "campaign/cases/*", "campaign/measurements/*")
+_CAMPAIGN = ("bt40_er32.yaml", "campaign/*.yaml", "campaign/*.py", "campaign/cases/*", "campaign/measurements/*")
 EXAMPLES = {
     example.name: example
     for example in (
@@ -197,10 +197,12 @@ def copy(name: str, folder: str | Path = "assemblies") -> tuple[Path, ...]:
 
 def _files(name: str) -> list[Path]:
     source = _folder()
-    examples = EXAMPLES.values() if name == "all" else (_find(name),)
-    patterns = [p for example in examples for p in (example.description, example.measurement, *example.further) if p]
-    files = dict.fromkeys(file for pattern in patterns for file in sorted(source.glob(pattern)) if file.is_file())
-    return [file for file in files if file.suffix != ".py"]
+    if name == "all":
+        every = [file for file in sorted(source.rglob("*")) if file.is_file() and file.suffix != ".pyc"]
+        return sorted(every, key=lambda file: file.name != "sdof.yaml")
+    example = _find(name)
+    patterns = [pattern for pattern in (example.description, example.measurement, *example.further) if pattern]
+    return list(dict.fromkeys(f for pattern in patterns for f in sorted(source.glob(pattern)) if f.is_file()))
 
 
 def _find(name: str) -> Example:

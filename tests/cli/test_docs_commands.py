@@ -22,7 +22,8 @@ def run_page(page: str, folder: Path, type_line: Callable[[str], str], smaller: 
 
     A block below ``<!-- output -->`` must be in what the command before it prints.
     """
-    shutil.copytree(ROOT / "assemblies", folder / "assemblies")
+    if not (folder / "assemblies").exists():  # a page before this one has copied them
+        shutil.copytree(ROOT / "assemblies", folder / "assemblies")
     described = folder / "assemblies" / "sdof.yaml"
     described.write_text(_replaced(described.read_text(encoding="utf-8"), smaller), encoding="utf-8")
     printed: list[str] = []
@@ -81,31 +82,50 @@ def _wide(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "160")
 
 
-def test_the_first_look_runs_from_top_to_bottom(tmp_path, type_line):
-    assert run_page("first_look.md", tmp_path, type_line, {}) >= 10
+@pytest.fixture(scope="module")
+def one_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder in which the tutorials are read one after the other, as a reader would."""
+    return tmp_path_factory.mktemp("learn")
+
+
+@pytest.fixture
+def learn(one_folder: Path, type_line: Callable[[str], str], monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The same folder, as the current one."""
+    monkeypatch.chdir(one_folder)
+    return one_folder
+
+
+def test_the_tutorials_are_tested_here_in_their_order():
+    tree = (ROOT / "docs" / "learn.md").read_text(encoding="utf-8").partition("```{toctree}")[2]
+    tested = re.findall(r'run_page\("(\w+)\.md", learn', Path(__file__).read_text(encoding="utf-8"))
+    assert ["install", *tested] == [name for name in tree.split() if name.isidentifier()]
+
+
+def test_the_first_look_runs_from_top_to_bottom(learn, type_line):
+    assert run_page("first_look.md", learn, type_line, {}) >= 10
     made = {"frf.csv", "frf.png", "measured.uff", "small.zarr", "small_model", "predicted.csv", "sdof.svg"}
-    assert made <= {path.name for path in tmp_path.iterdir()}
-    assert {"report.html", "result.json", "parameters.csv"} <= {p.name for p in (tmp_path / "results").iterdir()}
-    assert {"robustness.csv", "robustness.png"} <= {p.name for p in (tmp_path / "robustness").iterdir()}
+    assert made <= {path.name for path in learn.iterdir()}
+    assert {"report.html", "result.json", "parameters.csv"} <= {p.name for p in (learn / "results").iterdir()}
+    assert {"robustness.csv", "robustness.png"} <= {p.name for p in (learn / "robustness").iterdir()}
 
 
-def test_your_own_measurement_is_described_mended_and_identified(tmp_path, type_line):
+def test_your_own_measurement_is_described_mended_and_identified(learn, type_line):
     """In a smaller band, by a Gaussian, and without the search for what explains the misfit of the draft."""
     smaller = {
         "to 10 kHz": "to 4 kHz",
         "-o wrong": "--cause-seconds 0 -o wrong",
-        "-o results": "--form laplace -o results",
+        "-o hub_results": "--form laplace -o hub_results",
     }
-    assert run_page("own_measurement.md", tmp_path, type_line, smaller) == 6
-    draft, mine = (dovetail.load_result(tmp_path / name) for name in ("wrong", "results"))
+    assert run_page("own_measurement.md", learn, type_line, smaller) == 6
+    draft, mine = (dovetail.load_result(learn / name) for name in ("wrong", "hub_results"))
     assert (draft.is_trustworthy, mine.is_trustworthy) == (False, True)
-    truth = dovetail.read_truth(tmp_path / "assemblies/measurements/shaft_hub.truth.json", mine.parameters.values())
+    truth = dovetail.read_truth(learn / "assemblies/measurements/shaft_hub.truth.json", mine.parameters.values())
     assert mine.parameters["k"].value == pytest.approx(truth.parameters["k"], rel=0.05)
 
 
-def test_a_new_joint_is_checked_and_identified(tmp_path, type_line):
-    assert run_page("new_joint.md", tmp_path, type_line, {}) == 5
-    assert (tmp_path / "pad_results" / "report.html").exists()
+def test_a_new_joint_is_checked_and_identified(learn, type_line):
+    assert run_page("new_joint.md", learn, type_line, {}) == 5
+    assert (learn / "pad_results" / "report.html").exists()
 
 
 def test_the_study_of_the_page_finds_the_settings_that_it_shows(tmp_path, type_line):
@@ -115,12 +135,12 @@ def test_the_study_of_the_page_finds_the_settings_that_it_shows(tmp_path, type_l
 
 
 @pytest.mark.slow
-def test_the_way_from_the_hammer_to_the_tool_tip(tmp_path, type_line):
+def test_the_way_from_the_hammer_to_the_tool_tip(learn, type_line):
     """Without the search for what explains the error of the mesh."""
     pytest.importorskip("pyFRF")
     smaller = {"-o joint": "--cause-seconds 0 -o joint"}
-    assert run_page("hammer_to_tool_tip.md", tmp_path, type_line, smaller) == 8
-    with (tmp_path / "compared" / "validation.csv").open() as stream:
+    assert run_page("hammer_to_tool_tip.md", learn, type_line, smaller) == 8
+    with (learn / "compared" / "validation.csv").open() as stream:
         errors = [abs(float(row["error_percent"])) for row in csv.DictReader(stream) if row["error_percent"]]
     assert len(errors) >= 7
     assert max(errors) < 1.0
