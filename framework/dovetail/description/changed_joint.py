@@ -17,7 +17,7 @@ class ChangedJoint(JointModel):
     def __init__(self, model: JointModel) -> None:
         super().__init__()
         self.name, self.summary = model.name, model.summary  # type: ignore[misc]  # for messages
-        self.spans_a_distance = model.spans_a_distance  # type: ignore[misc]
+        self.spans_a_distance = model.spans_a_distance
         self.Config, self.config = model.Config, model.config  # those of the description
         self.model = model
 

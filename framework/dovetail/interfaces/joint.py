@@ -171,7 +171,7 @@ class JointModel(Component):
     """
 
     kind: ClassVar[Kind] = "joint"
-    spans_a_distance: ClassVar[bool] = False
+    spans_a_distance: bool = False
 
     @property
     @abstractmethod

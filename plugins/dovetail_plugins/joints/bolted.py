@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
 from dovetail import (
+    DIRECTIONS,
+    PLANAR,
     ComponentConfig,
     InUnit,
     JointModel,
@@ -27,6 +29,10 @@ _LAYER = (
     Parameter("kr", "N m/rad", 1e2, 1e7, "log", "rotational stiffness, per node"),
     Parameter("ct", "N s/m", 0.1, 1e4, "log", "translational damping, per node"),
     Parameter("cr", "N m s/rad", 1e-4, 1e2, "log", "rotational damping, per node"),
+)
+_SLIDING = (
+    Parameter("ks", "N/m", 1e6, 1e10, "log", "stiffness against sliding, per node"),
+    Parameter("cs", "N s/m", 0.1, 1e4, "log", "damping of sliding, per node"),
 )
 _MASS = Parameter("mb", "kg", 1e-3, 0.5, "linear", "mass of bolt, nut and washers")
 
@@ -61,6 +67,10 @@ class Bolted(JointModel):
     of two rotations. However stiff its springs, the lap of two equal bars bends with at most a quarter of the stiffness
     of a solid bar of their height. ``dovetail check`` shows the natural frequencies with free and with no sliding;
     those of the structure lie between. ``dovetail check assemblies/bolted_lap_beam.yaml``: 448.1 and 481.8 Hz, 7.5 %.
+
+    With ``motion: space`` the layer acts in all directions between nodes at the faces, such as those of a
+    `spatial_beam` with an `offset`: ks and cs resist their sliding. With stiff springs the lap then is a solid bar
+    (``pytest tests/synthesis/test_laps_in_space.py``).
     """
 
     name = "bolted"
@@ -81,22 +91,31 @@ class Bolted(JointModel):
         bolt_mass : bool
             Add the parameter mb, the mass of the bolt.
         preload : Preload, optional
-            Dependence of kt and kr on the bolt's tension; by default they are those of this assembly.
+            Dependence of the stiffness on the bolt's tension; by default it is that of this assembly.
+        motion : 'plane' or 'space'
+            Whether the layer acts in x and rz, or in all six directions: x is normal to the faces, y and z along them.
         """
 
         nodes: Annotated[int, Field(ge=1, le=1000)] = 3
         bolt_mass: bool = False
         preload: Preload | None = None
+        motion: Literal["plane", "space"] = "plane"
+
+    def __init__(self, config: Any = None) -> None:
+        super().__init__(config)
+        self.spans_a_distance = self.config.motion == "plane"  # between the axes of the bars, not their faces
 
     @classmethod
     def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
-        """Return the default lap, and one with a bolt of known tension."""
-        return {}, {"nodes": 4, "bolt_mass": True, "preload": {"force": "8 kN", "reference": "10 kN", "exponent": 0.5}}
+        """Return the default lap, one with a bolt of known tension, and one in space."""
+        preload = {"force": "8 kN", "reference": "10 kN", "exponent": 0.5}
+        return {}, {"nodes": 4, "bolt_mass": True, "preload": preload}, {"motion": "space", "bolt_mass": True}
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The four parameters of the layer, and mb if the bolt has a mass."""
-        return (*_LAYER, _MASS) if self.config.bolt_mass else _LAYER
+        """Those of the layer, and mb if the bolt has a mass."""
+        layer = _LAYER if self.config.motion == "plane" else (*_LAYER, *_SLIDING)
+        return (*layer, _MASS) if self.config.bolt_mass else layer
 
     @property
     def linear_parameters(self) -> tuple[str, ...]:
@@ -106,18 +125,20 @@ class Bolted(JointModel):
     @property
     def ports(self) -> tuple[Port, ...]:
         """The two parts, a and b."""
-        return Port("a", self.config.nodes), Port("b", self.config.nodes)
+        directions = PLANAR if self.config.motion == "plane" else DIRECTIONS
+        return tuple(Port(name, self.config.nodes, directions=directions) for name in "ab")
 
     def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
-        """Return the matrices for theta (n, 4) or (n, 5)."""
+        """Return the matrices for theta (n, n_params)."""
         joint = StructuralMatrices.zeros(len(theta), self.size)
+        values = dict(zip([parameter.name for parameter in self.parameters], theta.T, strict=True))
         tightness = self._tightness()
-        kt, kr, ct, cr = theta[:, :4].T
-        joint.add_contact_layer(self.contact_dofs[0::2], tightness * kt, ct)
-        joint.add_contact_layer(self.contact_dofs[1::2], tightness * kr, cr)
-        if self.config.bolt_mass:
-            for dof, share in self._bolt():
-                joint.M[:, dof, dof] += share * theta[:, 4]
+        for name, directions in (("t", ("x",)), ("r", DIRECTIONS[3:]), ("s", ("y", "z"))):
+            pairs = [pair for pair in self.contact_dofs if self.node_dofs[pair[0]][1] in directions]
+            if f"k{name}" in values:
+                joint.add_contact_layer(pairs, tightness * values[f"k{name}"], values[f"c{name}"])
+        for dof, share in self._bolt() if self.config.bolt_mass else ():
+            joint.M[:, dof, dof] += share * values["mb"]
         return joint
 
     def omission(self, substructures: Sequence[SubstructureModel], nodes: Sequence[Sequence[int]]) -> Omission | None:
@@ -127,7 +148,7 @@ class Bolted(JointModel):
         two sections. If the faces do not slide, the bars themselves have to stretch by that, against
         E1 A1 E2 A2 / (E1 A1 + E2 A2).
         """
-        if self.config.nodes < 2:
+        if self.config.nodes < 2 or self.config.motion == "space":
             return None
         problem = "nothing in the model resists the sliding of the two faces, since parts have no axial motion."
         beams = [beam for beam in substructures if isinstance(beam, TimoshenkoBeam)]
@@ -153,4 +174,10 @@ class Bolted(JointModel):
         """Return the displacements at the middle of the lap that carry the bolt, with the share of its mass on each."""
         nodes = int(self.config.nodes)
         middle = sorted({(nodes - 1) // 2, nodes // 2})
-        return [(2 * (side * nodes + node), 0.5 / len(middle)) for side in (0, 1) for node in middle]
+        return [
+            (dof, 0.5 / len(middle))
+            for side in (0, 1)
+            for node in middle
+            for dof in self.node_dofs.of_node(side * nodes + node)
+            if self.node_dofs[dof][1] in DIRECTIONS[:3]
+        ]

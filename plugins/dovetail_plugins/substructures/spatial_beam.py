@@ -28,12 +28,34 @@ from dovetail_plugins.timoshenko import Material, Section
 _Length = Annotated[float, InUnit("m")]
 
 
+class OffsetSection(Section):
+    """A length of beam whose centroid may lie beside the line of the nodes.
+
+    Attributes
+    ----------
+    length : float
+        Length along the beam [m].
+    outer, inner : float
+        Diameters of a round section [m].
+    outer_end, inner_end : float
+        Diameters at the far end [m]; with them the diameters change linearly along the section.
+    width, height : float
+        Sides of a rectangular section [m]: along the beam's z, and along its x.
+    elements : int
+        Number of elements, of equal length.
+    offset : two lengths
+        Coordinates x and z of the centroid from the line of the nodes [m].
+    """
+
+    offset: tuple[_Length, _Length] = (0.0, 0.0)
+
+
 class SpatialBeam(SubstructureModel):
     """A chain of beam elements that bend in two planes, extend and twist, free at both ends.
 
     Bending in each plane is that of `timoshenko_beam`. Warping of rectangular sections is not resisted, and bending and
-    torsion are not coupled within a section, whose centroid and shear centre coincide. With `eccentricity` the nodes
-    lie beside the centroids, as at the face of a bar, and their extension then bends it.
+    torsion are not coupled within a section, whose centroid and shear centre coincide. With an `offset` the nodes lie
+    beside the centroids, as on the face of a bar, and their extension then bends it.
     """
 
     name = "spatial_beam"
@@ -47,26 +69,23 @@ class SpatialBeam(SubstructureModel):
         ----------
         material : Material
             Of the whole beam.
-        sections : sequence of Section
+        sections : sequence of OffsetSection
             The sections in order along the beam; `height` is the side along the beam's x, `width` that along its z.
-        eccentricity : two lengths
-            Coordinates x and z of the nodes from the centroids of the sections [m].
         """
 
         material: Material
-        sections: Annotated[tuple[Section, ...], Field(min_length=1)]
-        eccentricity: tuple[_Length, _Length] = (0.0, 0.0)
+        sections: Annotated[tuple[OffsetSection, ...], Field(min_length=1)]
 
     @classmethod
     def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
         """Return a stepped tube, and a rectangular bar with its nodes on a face."""
         steel = {"young": "200 GPa", "density": "7850 kg/m^3", "loss_factor": 0.003}
         tube = {"length": "60 mm", "outer": "40 mm", "inner": "20 mm", "elements": 3}
-        bar = {"length": "200 mm", "width": "30 mm", "height": "10 mm", "elements": 2}
-        return (
-            {"material": steel, "sections": [tube, {**tube, "outer": "30 mm"}]},
-            {"material": steel, "sections": [bar], "eccentricity": ["5 mm", "0 mm"]},
-        )
+        bar = {"length": "200 mm", "width": "30 mm", "height": "10 mm", "elements": 2, "offset": ["5 mm", "0 mm"]}
+        return {"material": steel, "sections": [tube, {**tube, "outer": "30 mm"}]}, {
+            "material": steel,
+            "sections": [bar],
+        }
 
     @cached_property
     def _planar(self) -> TimoshenkoBeam:
@@ -85,8 +104,7 @@ class SpatialBeam(SubstructureModel):
     @cached_property
     def nodes(self) -> tuple[Node, ...]:
         """The ends of the elements."""
-        x, z = self.config.eccentricity
-        return tuple(replace(node, directions=DIRECTIONS, point=(x, -node.position, z)) for node in self._planar.nodes)
+        return tuple(replace(node, directions=DIRECTIONS) for node in self._planar.nodes)
 
     @property
     def outline(self) -> list[tuple[float, float, float, float]]:
@@ -102,8 +120,9 @@ class SpatialBeam(SubstructureModel):
         material, elements = self.config.material, list[StructuralMatrices]()
         for section in self.config.sections:
             shape = SpatialSection.of_elements(section, material.poisson)
-            elements.append(spatial_element_matrices(section.length / section.elements, shape, material))
+            at_centroids = spatial_element_matrices(section.length / section.elements, shape, material)
+            x, z = section.offset
+            both_ends = Coordinates(np.asarray(np.kron(np.eye(2), carried(np.array([x, 0.0, z])))))
+            elements.append(both_ends.transformed(at_centroids) if x or z else at_centroids)
         joined = StructuralMatrices(*(np.concatenate([getattr(e, name) for e in elements]) for name in "MKCD"))
-        x, z = self.config.eccentricity
-        centroids = np.asarray(np.kron(np.eye(len(self.nodes)), carried(np.array([-x, 0.0, -z]))), dtype=np.float64)
-        return Coordinates(centroids).transformed(spatial_chain(joined)) if x or z else spatial_chain(joined)
+        return spatial_chain(joined)
