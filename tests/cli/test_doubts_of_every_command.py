@@ -58,7 +58,9 @@ def folder(tmp_path_factory):
     series = {"dovetail_series": 1, "assembly": "turned.yaml", "covariates": {"load": "N"}, "tests": tests}
     (folder / "series.yaml").write_text(json.dumps({**series, "parameters": {"k": "varying"}}))
     source = {"assembly": "turned.yaml", "measured": {"file": "turned0.csv"}}
-    (folder / "cases.yaml").write_text(json.dumps({"dovetail_cases": 1, "cases": {"one": {**source, "joint": source}}}))
+    (folder / "cases.yaml").write_text(
+        json.dumps({"dovetail_series": 1, "name": "cases", "tests": {"one": {**source, "joint": source}}})
+    )
     (folder / "arrived").mkdir()
     (folder / "arrived" / "new.csv").write_bytes((folder / "turned1.csv").read_bytes())
     return folder

@@ -138,7 +138,7 @@ def cases(folder, **joints):
         }
         for name, file in joints.items()
     }
-    (folder / "cases.yaml").write_text(json.dumps({"dovetail_cases": 1, "cases": content}))
+    (folder / "cases.yaml").write_text(json.dumps({"dovetail_series": 1, "name": "cases", "tests": content}))
     return folder / "cases.yaml"
 
 

@@ -15,7 +15,7 @@ from string import Template
 from typing import Any
 
 from dovetail.errors import DescriptionError, Fault, UnitError, argument
-from dovetail.interfaces import JointModel
+from dovetail.interfaces import PLANAR, JointModel
 from dovetail.registry import Registry
 from dovetail.units import to_si
 
@@ -46,13 +46,19 @@ class NewPart:
     inner: float
     material: str
 
-    def described(self, template: str, cuts: set[float], contact: float, gaps: int, highest: float) -> str:
+    def described(self, template: str, model: str, cuts: set[float], contact: float, gaps: int, highest: float) -> str:
         """Return the part's entry: sections between the cuts [m], that of the contact with an element in each gap."""
         ends = pairwise(sorted({round(cut, 9) for cut in cuts}))
         lengths = [round(end - begin, 9) for begin, end in ends]
         sections = [self._section(length, highest, gaps if length == round(contact, 9) else 1) for length in lengths]
         material = dict(zip(("young", "density", "poisson"), _MATERIALS[self.material], strict=True))
-        words = {"part": self.name, "sections": "\n".join(sections), "material": self.material, **material}
+        words = {
+            "part": self.name,
+            "model": model,
+            "sections": "\n".join(sections),
+            "material": self.material,
+            **material,
+        }
         return Template(template).substitute(words).rstrip()
 
     def _section(self, length: float, highest: float, least: int) -> str:
@@ -145,7 +151,9 @@ def new_description(
         (files("dovetail.description") / "assembly.yaml.template").read_text(encoding="utf-8").split("=====\n")
     )
     cuts = {0.0, place, outside, first.length}, {0.0, contact, second.length}
-    described = [part.described(per_part, at, contact, gaps, stop) for part, at in zip(pair, cuts, strict=True)]
+    in_a_plane = all({*port.directions} <= {*PLANAR} for port in joint.ports)
+    model = "timoshenko_beam" if in_a_plane else "spatial_beam"
+    described = [part.described(per_part, model, at, contact, gaps, stop) for part, at in zip(pair, cuts, strict=True)]
     connect = []
     for port, part, offset in zip(joint.ports, pair, (outside, 0.0), strict=True):
         at = ", ".join(_mm(offset + contact * node / max(port.nodes - 1, 1)) for node in range(port.nodes))
