@@ -202,3 +202,32 @@ def test_a_unit_in_a_remark_on_records_is_used(
 @pytest.mark.parametrize("form", ["csv", "npz"])
 def test_a_remark_on_the_settings_of_records_is_accepted(tmp_path: Path, form: str, text: str) -> None:
     np.testing.assert_allclose(read_signals(signals(tmp_path, form, "", text)).force.ravel(), PULSE, atol=1e-9)
+
+
+WINDOWS = [("window", "exponential"), ("", "exponential window"), ("response window", "Exponential"),
+           ("", "Window of the response: exp")]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "text"), WINDOWS)
+@pytest.mark.parametrize("form", NAMED)
+def test_the_damping_of_an_exponential_window_is_reported(tmp_path: Path, form: str, name: str, text: str) -> None:
+    with pytest.warns(UserWarning, match="adds to the damping of every mode"):
+        read_frf(stated(tmp_path, form, name, text), quantity="accelerance")
+
+
+@pytest.mark.parametrize(("name", "text"), WINDOWS)
+@pytest.mark.parametrize("form", ["csv", "npz"])
+def test_the_damping_of_an_exponential_window_of_records_is_reported(
+    tmp_path: Path, form: str, name: str, text: str
+) -> None:
+    with pytest.warns(UserWarning, match="adds to the damping of every mode"):
+        read_signals(signals(tmp_path, form, name, text))
+
+
+@pytest.mark.parametrize(("name", "text"), [("window", "none"), ("", "no exponential window"), ("window", "Hann")])
+@pytest.mark.parametrize("form", NAMED)
+def test_other_windows_are_not_reported(
+    tmp_path: Path, form: str, name: str, text: str, recwarn: pytest.WarningsRecorder
+) -> None:
+    read_frf(stated(tmp_path, form, name, text), quantity="accelerance")
+    assert not recwarn

@@ -53,7 +53,7 @@ FILLING = word_set(
     " comments remark remarks description title name header meta metadata text between prefix"
 )
 _LARGER = word_set("large larger big bigger high higher size factor multiplied divided")
-_NEGATION = re.compile(r"\b(?:no|not|none|off|false|nein|without|never)\b")
+NEGATION = re.compile(r"\b(?:no|not|none|off|false|nein|without|never)\b")
 _CLAUSE = re.compile(r"[;\n]|,(?!\d)|\.\s")
 _POWER = re.compile(r"\b10\s*[*\u00b7]?\s*log|\bpower\b|\bsquared\b")
 _REFERENCE = re.compile(
@@ -114,7 +114,7 @@ def clauses_of(key: str, text: str) -> list[str]:
             f"{whole}: {text}",
             *(one for one in clauses if VALUES & _words(one.lower()) and " " in one.strip()),
         ]
-    return [clause.lower() for clause in clauses if not _NEGATION.search(clause.lower())]
+    return [clause.lower() for clause in clauses if not NEGATION.search(clause.lower())]
 
 
 def _words(clause: str) -> frozenset[str]:

@@ -17,7 +17,7 @@ from dovetail.interfaces import About, Statement
 from dovetail.measurement.acting_numbers import find_acting_number
 from dovetail.measurement.changed_values import find_scale, reference_of_decibels
 from dovetail.measurement.frf_units import frequency_factor, read_unit
-from dovetail.measurement.other_quantities import find_other_quantity, names_rotation
+from dovetail.measurement.other_quantities import find_other_quantity, names_rotation, warn_of_exponential_window
 from dovetail.measurement.quantity_words import inverse_quantity, read_label, word_set, words_of
 from dovetail.measurement.text_pairs import (
     ANGLES,
@@ -134,6 +134,7 @@ def read_texts(texts: Iterable[tuple[str, str, str]], skip: Sequence[str] = ()) 
             continue
         for pair in pairs_of(name, text[:_LONGEST]):
             _read_pair(free_text, pair, where)
+        warn_of_exponential_window(name, text[:_LONGEST], where)
     return free_text
 
 

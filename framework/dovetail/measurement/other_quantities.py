@@ -7,8 +7,9 @@ of the air is not.
 from __future__ import annotations
 
 import re
+import warnings
 
-from dovetail.measurement.changed_values import FILLING, VALUES, clauses_of
+from dovetail.measurement.changed_values import FILLING, NEGATION, VALUES, clauses_of
 from dovetail.measurement.quantity_words import word_set
 
 _QUANTITIES = word_set(
@@ -27,6 +28,8 @@ _TURNED_SENSOR = re.compile(
     r"\bupside[ -]?down\b|\bpolarity\W+(?:neg\w*|minus|inv\w*|rev\w*|-)|\b(?:neg\w*|inv\w*|rev\w*) polarity\b"
     r"|kopf(?:ü|ue)ber"
 )
+_EXPONENTIAL = re.compile(r"\bexponential\b|\bexponentiell\w*|\bexp\b(?![\s({\[]*[-\u2212+ij(])")
+_WINDOW = re.compile(r"window|fenster|weighting|bewertung")
 _UNCALIBRATED = re.compile(r"\buncalibrated\b|\bnot calibrated\b|\bcalibrated\W+(?:no|false|0)\b")
 
 
@@ -58,6 +61,24 @@ def names_rotation(key: str, text: str) -> bool:
         if words & _ROTATIONS and words <= _ROTATIONS | _ABOUT and not words & _NO_ROTATION:
             return True
     return False
+
+
+def warn_of_exponential_window(key: str, text: str, where: str) -> None:
+    """Warn if a text says that an exponential window was applied, whose damping an identification takes for a joint's.
+
+    Parameters
+    ----------
+    key, text : str
+        As in `find_other_quantity`.
+    where : str
+    """
+    whole = f"{key}: {text}".strip(": ").lower().replace("_", " ")
+    if _EXPONENTIAL.search(whole) and _WINDOW.search(whole) and not NEGATION.search(whole):
+        warnings.warn(
+            f"{where}: '{whole[:60]}': such a window adds to the damping of every mode. If it was applied, give its "
+            "decay rate in the description, 'calibration: {window: ... 1/s}' of the response.",
+            stacklevel=2,
+        )
 
 
 def _plain_words(clause: str) -> frozenset[str]:

@@ -13,7 +13,7 @@ from dovetail.measurement.frf_units import frequency_factor, read_unit
 from dovetail.measurement.impact_test.records import AxisFact, Point
 from dovetail.measurement.impact_test.sensitivity import volts
 from dovetail.measurement.impact_test.signal_names import Role, read_name
-from dovetail.measurement.other_quantities import find_other_quantity
+from dovetail.measurement.other_quantities import find_other_quantity, warn_of_exponential_window
 from dovetail.measurement.quantity_words import read_label, word_set, words_of
 from dovetail.measurement.text_pairs import json_entries, sentence
 
@@ -76,6 +76,7 @@ class Remarks:
             self.read(pair.key, pair.value, where)
         elif text:
             self._read_prose(text, where)
+            warn_of_exponential_window("", text, where)
 
     def read(self, key: str, text: str, where: str, role: Role = "") -> None:
         """Read a key and its text; with a role, that of an attribute of this signal.
@@ -91,6 +92,7 @@ class Remarks:
             for own, value in entries:
                 self.read(own, value, where, role)
             return
+        warn_of_exponential_window(key, text, where)
         words = set(words_of(key))
         role = role or _role_of(words)
         is_unit = role and (reading := read_unit(text)) is not None and reading.kind in ("load", "motion")
