@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from dovetail.assembly import Assembly
-from dovetail.interfaces import Component
+from dovetail.description.changed_joint import ChangedJoint
+from dovetail.interfaces import Component, JointModel
 from dovetail.registry import installed_components
 
 _PACKAGES = ("dovetail-frf", "numpy", "scipy", "scikit-learn", "umap-learn", "torch")
@@ -47,11 +48,16 @@ def component_sources(assembly: Assembly) -> dict[str, str]:
     description = assembly.description
     components: list[Component] = [
         *description.substructures.values(),
-        *(joint.connection.model for joint in description.joints.values()),
+        *(_described(joint.connection.model) for joint in description.joints.values()),
         description.identification.reducer,
         description.identification.regressor,
     ]
     return {f"{component.kind} {component.name}": source_of(component) for component in components}
+
+
+def _described(model: JointModel) -> JointModel:
+    """Return the model that the description names, of a joint whose matrices are derived from it."""
+    return _described(model.model) if isinstance(model, ChangedJoint) else model
 
 
 def provenance(

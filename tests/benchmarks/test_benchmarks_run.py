@@ -160,6 +160,13 @@ def test_the_benchmark_of_intervals_counts_those_that_hold_the_truth():
 
 
 @pytest.mark.slow
+def test_the_benchmark_of_bushings_counts_the_intervals_of_twelve_unknowns():
+    printed = run("bushing_coverage.py", "--cases", 1, "--structures", 1, "--samples", 20)
+    (everything,) = (row for row in cells(printed) if row[0] == "all" and row[1] != "intervals")
+    assert int(everything[1]) == 12
+
+
+@pytest.mark.slow
 def test_the_study_of_the_gaussian_form_has_a_row_for_each_parameter():
     printed = run("laplace_coverage.py", "--cases", 1, "--sampled", 1)
     assert len(cells(printed)[2:]) == 13

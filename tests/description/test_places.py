@@ -112,6 +112,20 @@ def test_a_ball_joint_holds_the_same_whatever_its_axes():
     np.testing.assert_allclose(turned, plain, rtol=1e-12)
 
 
+def test_a_joint_with_axes_of_its_own_can_be_identified():
+    """All that names the joint's model, such as the record of where it comes from, sees that of the description."""
+    description = two_bars(joint={"axes": {"x": [1, 0, 1], "y": "y"}})
+    description["frequency"] = {"start": 50.0, "stop": 1000.0, "lines": 60}
+    parameters = {f"{letter}_{each}": {"value": 1.0} for letter in "c" for each in ("x", "y", "z", "rx", "ry", "rz")}
+    parameters |= {f"k_{each}": {"value": 1e6} for each in ("y", "z", "rx", "ry", "rz")}
+    description["joints"]["corner"]["parameters"] = parameters
+    assembly = dovetail.load(description)
+    measured = dovetail.noisy_frf(assembly.simulate({"k_x": 1e7}), 0.01, 0)
+    result = dovetail.identify(assembly, measured, method="refined")
+    assert result.parameters["k_x"].value == pytest.approx(1e7, rel=0.2)
+    assert result.provenance["components"]["joint bushing"].startswith("dovetail-frf")
+
+
 def test_a_direction_in_which_a_node_does_not_move_is_refused():
     planar = two_bars()
     planar["substructures"]["arm"] = {"model": "timoshenko_beam", "material": STEEL, "sections": [BAR]}

@@ -329,14 +329,16 @@ class ResponseFrfs:
         self._responses, self._pairs = responses, pairs
         to_quantity = [conversion(engine.frequency, "receptance", response.quantity) for response in responses]
         to_accelerance = [conversion(engine.frequency, "receptance", "accelerance")] * len(responses)
+        self._in_quantity, self._in_accelerance = np.stack(to_quantity), np.stack(to_accelerance)
         self._to_quantity, self._to_accelerance = (
-            engine.prepared(pairs.weighted(np.stack(factors))) for factors in (to_quantity, to_accelerance)
+            engine.prepared(factors if pairs.weights is None else None)
+            for factors in (self._in_quantity, self._in_accelerance)
         )
 
     def frfs(self, batch: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return FRFs (n, n_responses, n_freq) of parameter vectors (n, n_params)."""
         by_owner = self._map.by_component(batch)
-        values = _for_each(batch, self._pairs.summed(self.source.frfs(by_owner, self._to_quantity)))
+        values = _for_each(batch, self._pairs.summed(self.source.frfs(by_owner, self._to_quantity), self._in_quantity))
         for index in self._chains:
             values[:, index] *= self._chain(index, by_owner).factor
         return values
@@ -344,11 +346,12 @@ class ResponseFrfs:
     def amplitudes(self, batch: NDArray[np.float64]) -> NDArray[np.float32]:
         """Return amplitudes of the accelerances (n, n_responses, n_freq) in single precision."""
         by_owner = self._map.by_component(batch)
-        if self._pairs.are_responses:
+        if self._pairs.weights is None:
             amplitudes = self.source.amplitudes(by_owner, self._to_accelerance)
         else:
-            amplitudes = np.abs(self._pairs.summed(self.source.frfs(by_owner, self._to_accelerance)))
-        values = _for_each(batch, amplitudes.astype(np.float32, copy=False))
+            frfs = self.source.frfs(by_owner, self._to_accelerance)
+            amplitudes = np.abs(self._pairs.summed(frfs, self._in_accelerance)).astype(np.float32)
+        values = _for_each(batch, amplitudes)
         for index in self._chains:
             values[:, index] *= np.abs(self._chain(index, by_owner).factor)
         return values
@@ -356,7 +359,10 @@ class ResponseFrfs:
     def jacobian(self, batch: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         """Return FRFs (n, n_responses, n_freq) and their derivatives (n, n_responses, n_params, n_freq)."""
         by_owner = self._map.by_component(batch)
-        values, derivatives = map(self._pairs.summed, self.engine.frfs_jacobian(by_owner, self._to_quantity))
+        values, derivatives = (
+            self._pairs.summed(of_pairs, self._in_quantity)
+            for of_pairs in self.engine.frfs_jacobian(by_owner, self._to_quantity)
+        )
         values, slopes = _for_each(batch, values), self._map.jacobian(batch)
         by_value = _for_each(batch, np.swapaxes(derivatives, 2, 3))
         jacobian = chain_rule(by_value, slopes[:, self._columns_of(self.engine.graph.connections)])

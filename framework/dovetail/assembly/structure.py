@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
@@ -204,50 +203,50 @@ def without_window(graph: Graph, theta: Mapping[str, NDArray[np.float64]]) -> di
 
 @dataclass(frozen=True, eq=False)
 class ResponsePairs:
-    """Pairs of DOFs whose FRFs make those of responses, which are sums of several for directions between axes.
+    """Pairs of DOFs whose FRFs make those of responses.
 
     Parameters
     ----------
     points : list of Point
         DOFs of all responses and forces, each once.
     pairs : list of (int, int)
-        Numbers of output and input of each pair, one response after the other.
-    weights : (n_pairs,) array
-        Of each pair in the FRF of its response.
-    first : list of int
-        Number of the first pair of each response.
+        Numbers of output and input of each pair.
+    weights : (n_responses, n_pairs) array or None
+        Of each pair in the FRF of each response, for directions between the axes; None if each response is a pair.
     """
 
     points: list[Point]
     pairs: list[tuple[int, int]]
-    weights: NDArray[np.float64]
-    first: list[int]
+    weights: NDArray[np.float64] | None
 
     @staticmethod
     def of_responses(responses: Sequence[Response]) -> ResponsePairs:
-        """Return the pairs of some responses."""
+        """Return the pairs of some responses; a pair and its reciprocal one are the same in a sum."""
         ends = [
             [(a * b, output, force) for a, output in response.terms for b, force in response.force_terms]
             for response in responses
         ]
         points = list(dict.fromkeys(point for some in ends for _, *pair in some for point in pair))
-        pairs = [(points.index(output), points.index(force)) for some in ends for _, output, force in some]
-        weights = np.array([weight for some in ends for weight, _, _ in some])
-        first = list(accumulate((len(some) for some in ends[:-1]), initial=0))
-        return ResponsePairs(points, pairs, weights, first)
+        if all(len(some) == 1 and some[0][0] == 1.0 for some in ends):
+            pairs = [(points.index(output), points.index(force)) for ((_, output, force),) in ends]
+            return ResponsePairs(points, pairs, None)
+        weights: dict[tuple[int, int], NDArray[np.float64]] = {}
+        for number, some in enumerate(ends):
+            for weight, *pair in some:
+                low, high = sorted(map(points.index, pair))
+                weights.setdefault((low, high), np.zeros(len(ends)))[number] += weight
+        return ResponsePairs(points, list(weights), np.stack(list(weights.values()), axis=1))
 
-    @property
-    def are_responses(self) -> bool:
-        """Whether each response is one pair."""
-        return len(self.pairs) == len(self.first) and bool((self.weights == 1.0).all())
+    def summed(self, values: NDArray[np.complex128], factors: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return what responses have, times factors, from what the pairs have.
 
-    def weighted(self, factors: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """Return the factors (n_pairs, n_freq) of pairs for those of responses (n_responses, n_freq)."""
-        if self.are_responses:
-            return factors
-        counts = np.diff([*self.first, len(self.pairs)])
-        return np.asarray(np.repeat(factors, counts, axis=0) * self.weights[:, np.newaxis])
-
-    def summed(self, values: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """Return values (n, n_responses, ...) of responses from those of weighted pairs (n, n_pairs, ...)."""
-        return values if self.are_responses else np.add.reduceat(values, self.first, axis=1)
+        Parameters
+        ----------
+        values : (n, n_pairs, n_freq, ...) array
+        factors : (n_responses, n_freq) array
+            Applied already to pairs that are responses.
+        """
+        if self.weights is None:
+            return values
+        sums = np.moveaxis(np.tensordot(values, self.weights, axes=(1, 1)), -1, 1)
+        return np.asarray(sums * factors.reshape(*factors.shape, *[1] * (values.ndim - 3)))
