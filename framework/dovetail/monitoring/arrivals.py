@@ -10,13 +10,14 @@ import hashlib
 import os
 import re
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 
 from dovetail.atomic_files import read_bounded
 from dovetail.errors import DovetailError, Fault, FileError, UnitError
+from dovetail.monitoring.response_names import ResponseNames
 from dovetail.series.description import Covariate
 from dovetail.units import to_si
 
@@ -48,6 +49,8 @@ class Arrival:
         SHA-256 of its content.
     date : str
         ISO 8601, from the name or else the time of the last change (UTC).
+    each_response : tuple of Arrival
+        The files of the responses, in order, of a measurement in several files; else empty.
     """
 
     name: str
@@ -55,6 +58,20 @@ class Arrival:
     version: Version
     digest: str
     date: str
+    each_response: tuple[Arrival, ...] = ()
+
+    @staticmethod
+    def of_responses(name: str, arrivals: Sequence[Arrival]) -> Arrival:
+        """Return a measurement in several files, one for each response."""
+        version = Version(sum(one.version.size for one in arrivals), max(one.version.changed for one in arrivals))
+        unread = next((one.digest for one in arrivals if one.digest.startswith("unread: ")), None)
+        digest = unread or hashlib.sha256(" ".join(one.digest for one in arrivals).encode()).hexdigest()
+        return Arrival(name, arrivals[0].path.with_name(name), version, digest, arrivals[0].date, tuple(arrivals))
+
+    @property
+    def files(self) -> tuple[Arrival, ...]:
+        """The single files."""
+        return self.each_response or (self,)
 
 
 @dataclass
@@ -70,12 +87,15 @@ class Folder:
         Files that need no further look, by name.
     clock : callable
         Seconds, which only increase.
+    responses : ResponseNames or None
+        How the names of the files of one measurement differ, if each response has its own file.
     """
 
     path: Path
     settle: float = 2.0
     known: dict[str, Version] = field(default_factory=dict)
     clock: Callable[[], float] = time.monotonic
+    responses: ResponseNames | None = None
     _since: dict[str, tuple[Version, float]] = field(default_factory=dict)
 
     def look(self, *, trust_old: bool = False) -> tuple[list[Arrival], bool]:
@@ -91,33 +111,49 @@ class Folder:
         FileError
             The folder is missing, or cannot be read.
         """
-        arrivals, waiting, now = list[Arrival](), False, self.clock()
-        for name, version in self._files().items():
-            if self.known.get(name) == version:
+        arrivals, waiting, versions = list[Arrival](), False, self._files()
+        for name, members in self._measurements(versions).items():
+            files = [file for _, file in members]
+            if all(self.known.get(file) == versions[file] for file in files):
                 continue
-            before, since = self._since.get(name, (None, now))
-            if before != version:
-                since = now
-                self._since[name] = (version, now)
-            is_old = trust_old and time.time() - version.changed / 1e9 > _OLD
-            if not (is_old or now - since >= self.settle):
-                waiting = True
-                continue
-            arrival = self._arrival(name, version)
-            if arrival is None:
+            expected = 1 if self.responses is None or name == files[0] else len(self.responses.words)
+            is_whole = [response for response, _ in members] == list(range(expected))
+            settled = [self._is_settled(file, versions[file], trust_old=trust_old) for file in files]
+            can_be_read = is_whole and all(settled)
+            read = [self._arrival(file, versions[file]) for file in files] if can_be_read else []
+            complete = [arrival for arrival in read if arrival is not None]
+            if len(complete) < len(files):
                 waiting = True
             else:
-                arrivals.append(arrival)
+                arrivals.append(complete[0] if name == files[0] else Arrival.of_responses(name, complete))
         return sorted(arrivals, key=lambda one: (one.date, one.name)), waiting
 
+    def _measurements(self, files: Iterable[str]) -> dict[str, list[tuple[int, str]]]:
+        """Return the responses and files of each measurement, in the order of the responses, by its name."""
+        found: dict[str, list[tuple[int, str]]] = {}
+        for file in files:
+            name, response = (self.responses and self.responses.place(file)) or (file, 0)
+            found.setdefault(name, []).append((response, file))
+        return {name: sorted(members) for name, members in found.items()}
+
+    def _is_settled(self, name: str, version: Version, *, trust_old: bool) -> bool:
+        """Return whether a file has not changed for long enough."""
+        now = self.clock()
+        before, since = self._since.get(name, (None, now))
+        if before != version:
+            since = now
+            self._since[name] = (version, now)
+        return (trust_old and time.time() - version.changed / 1e9 > _OLD) or now - since >= self.settle
+
     def settled(self, arrival: Arrival) -> None:
-        """Take note that a file needs no further look until it changes."""
-        self.known[arrival.name] = arrival.version
-        self._since.pop(arrival.name, None)
+        """Take note that the files of a measurement need no further look until one changes."""
+        for file in arrival.files:
+            self.known[file.name] = file.version
+            self._since.pop(file.name, None)
 
     def is_unchanged(self, arrival: Arrival) -> bool:
-        """Return whether a file is still as it was when its content was read."""
-        return _version(arrival.path) == arrival.version
+        """Return whether all files are still as they were when their contents were read."""
+        return all(_version(file.path) == file.version for file in arrival.files)
 
     def _files(self) -> dict[str, Version]:
         try:

@@ -34,8 +34,13 @@ def record_of(arrival: Arrival, status: str, **more: Any) -> dict[str, Any]:
         "sha256": arrival.digest,
         "size": arrival.version.size,
         "changed_ns": arrival.version.changed,
+        **({"files": [_file(one) for one in arrival.each_response]} if arrival.each_response else {}),
         **more,
     }
+
+
+def _file(arrival: Arrival) -> dict[str, Any]:
+    return {"file": arrival.name, "size": arrival.version.size, "changed_ns": arrival.version.changed}
 
 
 def measured_record(

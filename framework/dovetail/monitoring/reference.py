@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,6 +22,7 @@ from dovetail.measurement import read_frf
 from dovetail.monitoring.equivalent import LawCurve
 from dovetail.monitoring.estimate import FileModel
 from dovetail.monitoring.kalman import RandomWalk
+from dovetail.monitoring.response_names import ResponseNames
 from dovetail.problem.observations import Observations
 from dovetail.registry import PluginPaths
 from dovetail.series.description import SeriesDescription
@@ -47,6 +48,8 @@ class Reference:
         Covariance of the positions by the error of the model, which all files have in common.
     curves : tuple of LawCurve
         Laws of the parameters over their covariates, as the tests of the series determine them.
+    responses : ResponseNames or None
+        How the names of the files of one measurement differ; None if all its FRFs are in one file.
     plugins : path or iterable of paths
     """
 
@@ -55,6 +58,7 @@ class Reference:
     start: Array
     common: Array
     curves: tuple[LawCurve, ...]
+    responses: ResponseNames | None = None
     plugins: PluginPaths = ()
 
     @staticmethod
@@ -64,11 +68,11 @@ class Reference:
         Raises
         ------
         ParameterError
-            The responses of the first test are in several files.
+            The names of the files of the first test do not show which belong together.
         MeasurementError
             A measurement of a test cannot be read, or does not fit its test.
         """
-        _check_one_file(series)
+        responses = _response_names(series)
         tests = fit_tests(series, progress=progress)
         first = tests[0]
         if first.lines.all_lines is not None:
@@ -78,7 +82,8 @@ class Reference:
             raise ParameterError(Fault(f"test {first.test.name}", problem, remedy=remedy))
         curves = LawCurve.of_series(series, tests, progress)
         fraction = np.clip(first.fraction, _MARGIN, 1.0 - _MARGIN)
-        return Reference(series, _file_model(series, first), fraction, _common_covariance(first), curves, plugins)
+        model, common = _file_model(series, first), _common_covariance(first)
+        return Reference(series, model, fraction, common, curves, responses, plugins)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -105,8 +110,8 @@ class Reference:
         }
         return hashlib.sha256(json.dumps(said, sort_keys=True, default=str).encode()).hexdigest()
 
-    def read(self, path: Path) -> Observations:
-        """Return the observations in a file.
+    def read(self, files: Sequence[Path]) -> Observations:
+        """Return the observations in a file, or in a file for each response.
 
         Raises
         ------
@@ -114,12 +119,17 @@ class Reference:
             It cannot be read as the first test was, does not fit its assembly, or has other lines or DOFs.
         """
         test = self.series.tests[0]
-        frfs = tuple(read_frf(path, plugins=self.plugins, **options) for _, options in test.measured)
+        if len(files) not in (1, len(test.measured)) or (self.responses is not None and len(files) == 1):
+            words = listing(self.responses.words if self.responses else ())
+            raise MeasurementError(Fault(files[0].name, "its name does not say which response it is.", words))
+        paths = files if len(files) > 1 else [files[0]] * len(test.measured)
+        pairs = list(zip(paths, (options for _, options in test.measured), strict=True))
+        frfs = tuple(read_frf(path, plugins=self.plugins, **options) for path, options in pairs)
         lines = lines_to_fit(test.assembly, frfs, None, silent, phase=True)
         expected = self.model.problem.measured
         if faults := batch_contradictions(test.assembly.description, [expected, frfs]):
             raise MeasurementError(*faults.values())
-        for frf, known in zip(lines.frfs, expected, strict=True):
+        for path, frf, known in zip(paths, lines.frfs, expected, strict=True):
             _check_lines(path, frf, known)
         return lines.problem.observations
 
@@ -133,13 +143,19 @@ class Reference:
         return offset
 
 
-def _check_one_file(series: SeriesDescription) -> None:
+def _response_names(series: SeriesDescription) -> ResponseNames | None:
+    """Return how the names of the files of one measurement differ; None if all its FRFs are in one file."""
     test = series.tests[0]
-    files = {path for path, _ in test.measured}
-    if len(files) > 1:
-        problem = f"its responses are in {len(files)} files: {listing(sorted(path.name for path in files))}."
-        remedy = "Save all FRFs of a measurement in one file, and choose each with 'index' or 'response'."
-        raise ParameterError(Fault(f"test {test.name}", problem, "one file for each measurement to watch", remedy))
+    files = [path for path, _ in test.measured]
+    if len(set(files)) == 1:
+        return None
+    names = ResponseNames.of([path.name for path in files]) if len(set(files)) == len(files) else None
+    if names is None:
+        problem = f"its responses are in the files {listing([path.name for path in files])}."
+        accepted = "one file, or a file for each response, with names that differ in one word"
+        remedy = "As in '2026-03-01 tip.csv' and '2026-03-01 flange.csv'."
+        raise ParameterError(Fault(f"test {test.name}", problem, accepted, remedy))
+    return names
 
 
 def _check_lines(path: Path, frf: Frf, known: Frf) -> None:

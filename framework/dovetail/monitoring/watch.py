@@ -51,7 +51,8 @@ class Watch:
     MeasurementError
         A measurement of a test cannot be read, or does not fit its test.
     ParameterError
-        The first test's responses are in several files, there are too few files to learn from, or nothing can change.
+        The names of the first test's files do not show which belong together, there are too few files to learn from,
+        or nothing can change.
     FileError
         A folder cannot be used, or has the state of another watch.
     """
@@ -75,7 +76,7 @@ class Watch:
         self._tracker = Tracker(self.reference, self.options)
         fingerprint = f"{self.reference.fingerprint} {self.options.reference} {self.options.false_alarms!r}"
         self._journal = Journal.open(Path(output), fingerprint, self._tracker.start())
-        self._folder = Folder(Path(folder), settle)
+        self._folder = Folder(Path(folder), settle, responses=self.reference.responses)
         self._counted: dict[str, str] = {}
         self._said: set[tuple[str, str]] = set()
         for record in self._journal.records:
@@ -92,7 +93,8 @@ class Watch:
         return self._folder.path
 
     def _remember(self, record: dict[str, Any]) -> None:
-        self._folder.known[record["file"]] = Version(record["size"], record["changed_ns"])
+        for file in record.get("files", [record]):
+            self._folder.known[file["file"]] = Version(file["size"], file["changed_ns"])
         self._said.add((record["file"], record["sha256"]))
         if record["status"] != DUPLICATE:
             self._counted.setdefault(record["sha256"], record["file"])
@@ -193,7 +195,7 @@ class Watch:
 
     def _measured(self, arrival: Arrival, caught: list[warnings.WarningMessage]) -> tuple[dict[str, Any], Step]:
         covariates = covariates_of(arrival.name, self.reference.series.covariates)
-        observations = self.reference.read(arrival.path)
+        observations = self.reference.read([file.path for file in arrival.files])
         step = self._tracker.step(self._journal.state, observations, covariates)
         notes = list(dict.fromkeys(str(one.message) for one in caught))
         last = next((record for record in reversed(self.records) if record["status"] in MEASURED), None)
