@@ -308,8 +308,8 @@ class ResponseFrfs:
     responses : sequence of Response
     calibrations : mapping of str to ParameterEntry
         Of responses, by their names.
-    pairs : ResponsePairs
-        The engine's pairs.
+    pairs : ResponsePairs, optional
+        The engine's pairs; by default those of the responses.
     """
 
     def __init__(
@@ -319,19 +319,19 @@ class ResponseFrfs:
         parameter_map: ParameterMap,
         responses: Sequence[Response],
         calibrations: Mapping[str, ParameterEntry],
-        pairs: ResponsePairs,
+        pairs: ResponsePairs | None = None,
     ) -> None:
         self.engine = engine
         self.source = source
         self._map = parameter_map
         self._chains = [index for index, response in enumerate(responses) if response.name in calibrations]
         self._calibrations = calibrations
-        self._responses, self._pairs = responses, pairs
+        self._responses, self._pairs = responses, pairs or ResponsePairs.of_responses(responses)
         to_quantity = [conversion(engine.frequency, "receptance", response.quantity) for response in responses]
         to_accelerance = [conversion(engine.frequency, "receptance", "accelerance")] * len(responses)
         self._in_quantity, self._in_accelerance = np.stack(to_quantity), np.stack(to_accelerance)
         self._to_quantity, self._to_accelerance = (
-            engine.prepared(factors if pairs.weights is None else None)
+            engine.prepared(factors if self._pairs.weights is None else None)
             for factors in (self._in_quantity, self._in_accelerance)
         )
 
