@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 
 from dovetail.inference.fitting import Fit
 from dovetail.inference.posterior.frequency_average import needs_average
-from dovetail.inference.posterior.likelihood import PRIOR_PRECISION
+from dovetail.inference.posterior.likelihood import PRIOR_PRECISION, Likelihood
 from dovetail.inference.posterior.model_error import ModelError
 from dovetail.problem import Problem
 from dovetail.problem.merged_lines import merged_lines
@@ -34,15 +33,7 @@ class Settings:
 _SETTINGS = Settings()
 
 
-class FewerLines(NamedTuple):
-    """A problem of few lines with its fit, and by how much the logarithm of all lines' likelihood is larger."""
-
-    problem: Problem
-    fit: Fit
-    log_constant: float
-
-
-def with_fewer_lines(problem: Problem, fit: Fit, model_error: ModelError) -> FewerLines:
+def with_fewer_lines(problem: Problem, fit: Fit, model_error: ModelError) -> tuple[Problem, Fit]:
     """Merge neighbouring lines to means if these determine the parameters as well; return the problem itself if not.
 
     Parameters
@@ -56,9 +47,9 @@ def with_fewer_lines(problem: Problem, fit: Fit, model_error: ModelError) -> Few
     Notes
     -----
     The means of lines that are equally sensitive to the parameters have the same likelihood as the lines, up to the
-    factor by which the lines scatter within their groups.
+    density of the scatter of the lines within their groups (`log_density_at_fit`).
     """
-    same = FewerLines(problem, fit, 0.0)
+    same = problem, fit
     if isinstance(problem, ModalProblem) or problem.changed is not None or len(problem.measured) > 1:
         return same
     lines = np.flatnonzero(fit.used)
@@ -74,16 +65,16 @@ def with_fewer_lines(problem: Problem, fit: Fit, model_error: ModelError) -> Few
     fewer = Problem(some.assembly.on(merged.frequency), Observations((merged,)), limit=problem.limit)
     used = np.ones(len(merged.frequency), dtype=np.bool_)
     there = replace(fit, variance=merged.variance, used=used, ignored=np.empty(0))
-    kept, fewer_constant = _information(fewer, there)
-    whole, constant = _information(problem, fit)
-    if scipy.linalg.eigh(kept, whole, eigvals_only=True)[0] < _SETTINGS.information:
-        return same
-    return FewerLines(fewer, there, constant - fewer_constant)
+    kept, whole = _information(fewer, there), _information(problem, fit)
+    return (fewer, there) if scipy.linalg.eigh(kept, whole, eigvals_only=True)[0] >= _SETTINGS.information else same
 
 
-def _information(problem: Problem, fit: Fit) -> tuple[NDArray[np.float64], float]:
-    """Return the information (p, p) on fractions of the ranges, with the prior's, and the log-likelihood at the fit."""
-    residual = problem.observations.weighted(fit.variance, fit.used)
-    linear = problem.residuals(residual).linearise(problem.to_unit(fit.theta)[np.newaxis])
-    prior = PRIOR_PRECISION * np.eye(len(fit.theta))
-    return linear.curvature[0] + prior, residual.log_scale - float(linear.cost[0]) / 2.0
+def _information(problem: Problem, fit: Fit) -> NDArray[np.float64]:
+    """Return the information (p, p) on fractions of the ranges, with the prior's."""
+    linear = problem.weighted(fit.variance, fit.used).linearise(problem.to_unit(fit.theta)[np.newaxis])
+    return np.asarray(linear.curvature[0] + PRIOR_PRECISION * np.eye(len(fit.theta)))
+
+
+def log_density_at_fit(likelihood: Likelihood, problem: Problem, fit: Fit) -> float:
+    """Return the logarithm of the density of the measured values, of a line or a mean each, at the fit."""
+    return float(likelihood.log(problem.to_unit(fit.theta)[np.newaxis])[0]) + likelihood.log_constant

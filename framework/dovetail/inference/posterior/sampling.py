@@ -16,13 +16,14 @@ from dovetail.inference.fitting import Fit
 from dovetail.inference.posterior.distribution import Posterior, check_options
 from dovetail.inference.posterior.drawn_samples import DrawnSamples, draw_about_modes
 from dovetail.inference.posterior.evidence import Evidence
-from dovetail.inference.posterior.fewer_lines import with_fewer_lines
+from dovetail.inference.posterior.fewer_lines import log_density_at_fit, with_fewer_lines
 from dovetail.inference.posterior.laplace import half_about_the_fit, laplace_posterior
 from dovetail.inference.posterior.likelihood import (
     PRIOR_PRECISION,
     Likelihood,
     PosteriorResiduals,
     ReducedResiduals,
+    build_likelihood,
     squared_norms,
     unit_from_normal,
 )
@@ -138,7 +139,7 @@ def sample_posterior(
             progress=progress,
         )
         return chain.without(posterior)
-    problem, fit, log_constant = with_fewer_lines(problem, fit, model_error)
+    measured, (problem, fit) = (problem, fit), with_fewer_lines(problem, fit, model_error)
     progress("modes", 0, 1)
     with logged(__name__, "modes of the posterior"):
         likelihood, best = likelihood_at_mode(problem, fit, model_error)
@@ -174,9 +175,21 @@ def sample_posterior(
         lines=lines,
         seconds=time.perf_counter() - began,
         log_likelihood=likelihood.log(fraction) if log_likelihood is None else log_likelihood,
-        evidence=None if evidence is None else evidence.plus(likelihood.log_constant + log_constant),
+        evidence=None
+        if evidence is None
+        else evidence.plus(_log_constant(likelihood, (problem, fit), measured, model_error)),
         effective=drawn.effective,
     )
+
+
+def _log_constant(
+    likelihood: Likelihood, used: tuple[Problem, Fit], measured: tuple[Problem, Fit], model_error: ModelError
+) -> float:
+    """Return the constant of a likelihood, as a density of the measured lines if means of these were used."""
+    if used == measured:
+        return likelihood.log_constant
+    of_lines = log_density_at_fit(build_likelihood(*measured, model_error), *measured)
+    return likelihood.log_constant + of_lines - log_density_at_fit(likelihood, *used)
 
 
 class _Sampler:
