@@ -17,6 +17,7 @@ from dovetail.atomic_files import write_whole
 from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf
 from dovetail.interfaces import ArrayEntry, RecordedArrays
+from dovetail.measurement.content.even_axis import check_other_axes
 from dovetail.measurement.content.unused_entries import read_unused
 from dovetail.measurement.frf_files import read_content
 from dovetail.measurement.frf_units import is_si
@@ -75,6 +76,10 @@ class ReceptanceMatrix:
             check = row == column  # off the diagonal an FRF may be mere noise
             values[:, row, column] = on_grid(frf, lines, check_spacing=check).values
         return values[numbers]
+
+
+_FIELDS = {"frequency": "frequency", "values": "receptance"}
+"""The fields of an FRF, and the arrays of an archive that hold them."""
 
 
 def write_receptance(matrix: ReceptanceMatrix, path: str | os.PathLike[str]) -> None:
@@ -142,7 +147,7 @@ def check_receptance_units(path: str | os.PathLike[str], arrays: Mapping[str, ND
     archive = RecordedArrays(
         Path(path), {name: ArrayEntry("", partial(np.asarray, array)) for name, array in arrays.items()}
     )
-    found = read_unused(archive, {"frequency": "frequency", "values": "receptance"}, ())
+    found = read_unused(archive, _FIELDS, ())
     meaning, mentions = meaning_of_file((), found)
     other = [mention for mention in mentions if mention.about.endswith("unit") and not is_si(mention.text)]
     where = other[0].where if other else str(path)
@@ -153,3 +158,4 @@ def check_receptance_units(path: str | os.PathLike[str], arrays: Mapping[str, ND
         raise MeasurementError(Fault(where, problem, accepted, "Convert the values, and remove the unit."))
     if meaning.axis_factor not in (None, 1.0):
         raise MeasurementError(Fault(where, "the frequencies of a receptance matrix are read in Hz.", "Hz"))
+    check_other_axes(archive, _FIELDS, arrays["frequency"], 1.0, ())

@@ -65,7 +65,9 @@ def from_archive(file: str) -> KnownReceptance:
     except DovetailError:
         archive = {}  # `read_receptance` reports what is wrong
     if "nodes" not in archive and "directions" not in archive:
-        return KnownReceptance(_reciprocal(read_receptance(path), ("x", "rz"), file), {"m1": 0.0}, (0, 1))
+        one_point = _reciprocal(read_receptance(path), ("x", "rz"), file)
+        _check_drive_points(one_point, ("x", "rz"), file)
+        return KnownReceptance(one_point, {"m1": 0.0}, (0, 1))
     return _with_table(archive, file)
 
 
@@ -89,7 +91,17 @@ def _with_table(archive: Mapping[str, NDArray[np.generic]], file: str) -> KnownR
     dofs = tuple(2 * index_of[node] + _DIRECTIONS.index(direction) for node, direction in pairs)
     chosen = whole.values[:, table.rows[:, np.newaxis], table.rows]
     names = [f"{node} {direction}" for node, direction in pairs]
-    return KnownReceptance(_reciprocal(_matrix(whole.frequency, chosen, file), names, file), nodes, dofs)
+    matrix = _reciprocal(_matrix(whole.frequency, chosen, file), names, file)
+    _check_drive_points(matrix, names, file)
+    return KnownReceptance(matrix, nodes, dofs)
+
+
+def _check_drive_points(matrix: ReceptanceMatrix, names: Sequence[str], file: str) -> None:
+    """Refuse a matrix with receptances on the diagonal that deliver power, as those of a reversed sign do."""
+    for index, name in enumerate(names):
+        frf = Frf(matrix.frequency, matrix.values[:, index, index], "receptance", label=name)
+        dof = ModelDof(f"'{name}'")
+        check_roles([Role(frf, dof, dof, f"{file}  the receptance of {name}", "")])
 
 
 def _reciprocal(matrix: ReceptanceMatrix, names: Sequence[str], file: str) -> ReceptanceMatrix:
