@@ -146,6 +146,14 @@ def test_the_way_from_the_hammer_to_the_tool_tip(learn, type_line):
     assert max(errors) < 1.0
 
 
+def test_a_bracket_in_space_is_described_measured_and_identified(learn, type_line):
+    assert run_page("bracket.md", learn, type_line, {}) == 5
+    result = dovetail.load_result(learn / "bracket_results")
+    assert len(result.parameters) == 12
+    assert {row.verdict for row in result.table} == {"identified"}
+    assert result.parameters["k_ry"].value == pytest.approx(2e4, rel=0.01)
+
+
 SMALLER = {
     "(20, 2)": "(2, 2)",
     "samples=2000": "samples=200",
