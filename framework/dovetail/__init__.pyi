@@ -128,6 +128,7 @@ from .interfaces import TargetDistribution as TargetDistribution
 from .interfaces import TimeLimit as TimeLimit
 from .interfaces import TrainingEpoch as TrainingEpoch
 from .interfaces import carried as carried
+from .interfaces import is_rotation as is_rotation
 from .interfaces import silent as silent
 from .interfaces import spread_normal as spread_normal
 from .measurement import EstimatedFrf as EstimatedFrf

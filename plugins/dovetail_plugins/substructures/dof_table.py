@@ -16,7 +16,9 @@ from dovetail import DovetailError, Fault, read_bounded
 
 TABLE_ARRAYS = {"nodes": "node", "directions": "direction", "positions": "position", "rows": "row"}
 """Arrays of a table in an archive, and the corresponding columns of a CSV file."""
-_COLUMNS = tuple(TABLE_ARRAYS.values())
+_COORDINATES = ("point_x", "point_y", "point_z")
+"""Columns, and arrays, of the coordinates of a node in space."""
+_COLUMNS = (*TABLE_ARRAYS.values(), *_COORDINATES)
 _EXAMPLE = "a first line 'node,direction' (and 'position', 'row'), then a line for each DOF"
 _LARGEST_FILE = 100_000_000
 
@@ -35,6 +37,8 @@ class DofTable:
         Of the node, in the file's unit of length.
     where : str
         The file, for messages.
+    points : (n_dofs, 3) array or None
+        Coordinates of the node in space, in the file's unit of length.
     """
 
     nodes: tuple[str, ...]
@@ -42,6 +46,7 @@ class DofTable:
     rows: NDArray[np.intp]
     positions: NDArray[np.float64] | None
     where: str
+    points: NDArray[np.float64] | None = None
 
     def label(self, row: int) -> str:
         """Return a label for a row of the matrices, counted from 0."""
@@ -68,14 +73,15 @@ class DofTable:
             if row in taken:
                 raise self._error(index, f"row {row + 1} already belongs to DOF {taken[row] + 1}.")
             seen[node, direction] = taken[int(row)] = index
-        self._check_positions()
+        for places in (self.positions, *(() if self.points is None else self.points.T)):
+            if places is not None:
+                self._check_positions(places)
         return self
 
-    def _check_positions(self) -> None:
-        if self.positions is None:
-            return
+    def _check_positions(self, positions: NDArray[np.float64]) -> None:
+        """Check that positions, or coordinates along one axis, are finite and one for each node."""
         position_of: dict[str, float] = {}
-        for index, (node, position) in enumerate(zip(self.nodes, self.positions, strict=True)):
+        for index, (node, position) in enumerate(zip(self.nodes, positions, strict=True)):
             if not np.isfinite(position):
                 raise self._error(index, f"the position of node '{node}' is not finite.")
             if position_of.setdefault(node, float(position)) != position:
@@ -87,6 +93,8 @@ class DofTable:
 
 def read_dof_table(path: Path, size: int) -> DofTable:
     """Read a table from a CSV file with the columns node, direction and, optionally, position and row (from 1).
+
+    A table of nodes in space has the columns point_x, point_y and point_z.
 
     Parameters
     ----------
@@ -119,18 +127,21 @@ def read_dof_table(path: Path, size: int) -> DofTable:
 def table_in(archive: Mapping[str, Any], where: str, size: int) -> DofTable | None:
     """Return the table in an archive: arrays 'nodes', 'directions' and, optionally, 'positions' and 'rows' (from 1).
 
+    Nodes in space have the arrays point_x, point_y and point_z.
+
     Raises
     ------
     DovetailError
         The table does not fit the matrices.
     """
-    columns = {column: _cells(archive[name]) for name, column in TABLE_ARRAYS.items() if name in archive}
+    known = {**TABLE_ARRAYS, **{name: name for name in _COORDINATES}}
+    columns = {column: _cells(archive[name]) for name, column in known.items() if name in archive}
     if not {"node", "direction"} & set(columns):
         return None
     for name, column in list(TABLE_ARRAYS.items())[:2]:
         if column not in columns:
             raise DovetailError(Fault(where, f"there is no '{name}', which the table of DOFs needs."))
-    lengths = {name: len(columns[column]) for name, column in TABLE_ARRAYS.items() if column in columns}
+    lengths = {name: len(columns[column]) for name, column in known.items() if column in columns}
     if len(set(lengths.values())) > 1:
         listed = ", ".join(f"{name} {length}" for name, length in lengths.items())
         raise DovetailError(Fault(where, f"the columns of the table of DOFs differ in length: {listed}."))
@@ -152,7 +163,14 @@ def _table(columns: Mapping[str, Sequence[str]], where: str, size: int) -> DofTa
         problem = f"the table has {count} DOFs, the matrices have {size} rows."
         raise DovetailError(Fault(where, problem, "all DOFs in the order of the rows, or some with a column 'row'"))
     positions = _numbers(columns["position"], "position", where) if "position" in columns else None
-    return DofTable(tuple(columns["node"]), tuple(columns["direction"]), rows, positions, where).checked(size)
+    points = None
+    if given := [name for name in _COORDINATES if name in columns]:
+        if len(given) < len(_COORDINATES):
+            problem = f"the table has {', '.join(given)} alone."
+            raise DovetailError(Fault(where, problem, ", ".join(_COORDINATES)))
+        points = np.stack([_numbers(columns[name], name, where) for name in _COORDINATES], axis=1)
+    nodes, directions = tuple(columns["node"]), tuple(columns["direction"])
+    return DofTable(nodes, directions, rows, positions, where, points).checked(size)
 
 
 def _numbers(cells: Sequence[str], name: str, where: str) -> NDArray[np.float64]:

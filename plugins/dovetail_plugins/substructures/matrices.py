@@ -12,7 +12,10 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from dovetail import (
+    DIRECTIONS,
+    PLANAR,
     ComponentConfig,
+    Direction,
     DovetailError,
     Fault,
     FileName,
@@ -21,12 +24,15 @@ from dovetail import (
     SparseMatrices,
     StructuralMatrices,
     SubstructureModel,
+    is_rotation,
 )
 from dovetail_plugins.substructures.definiteness import check_definiteness
 from dovetail_plugins.substructures.dof_table import DofTable, read_dof_table, table_in
 from dovetail_plugins.substructures.matrix_files import matrix_in, read_archive, read_matrix_market, sound_matrix
 from dovetail_plugins.substructures.matrix_remarks import check_stated_units, comments_of, texts_in
 
+_WORD = r"^-?[^\s-].*$"
+"""A word for a direction, after a minus if its sense is the opposite one."""
 _OptionalFile = Annotated[str | None, FileName()]
 _SMALL = 60
 """Number of DOFs up to which matrices are full, so that they are condensed for all frequencies at once."""
@@ -58,7 +64,8 @@ class Matrices(SubstructureModel):
     """Matrices M and K (optionally C and D) and a table that names their DOFs.
 
     Two directions of each node are used as x and rz, the displacement and the rotation in the plane in which the
-    assembly vibrates. All other DOFs are inner ones, which move freely and are condensed.
+    assembly vibrates, or with `axes` up to six in space. All other DOFs are inner ones, which move freely and are
+    condensed.
     """
 
     name = "matrices"
@@ -80,6 +87,8 @@ class Matrices(SubstructureModel):
             CSV with the table of DOFs: node, direction and, optionally, position and row.
         displacement, rotation : str
             The directions, named as in the table, that are x and rz; a preceding minus means the opposite sense.
+        axes : mapping of directions to str
+            Instead, for a part in space: the table's words for x, y, z, rx, ry and rz, or some of them.
         nodes : list of str
             Nodes for joints and responses; all by default.
         units : section
@@ -93,6 +102,7 @@ class Matrices(SubstructureModel):
         alternatives = (
             (("file",), ("mass", "stiffness", "damping", "structural_damping")),
             (("loss_factor",), ("structural_damping",)),
+            (("axes",), ("displacement", "rotation")),
         )
         file: _OptionalFile = None
         mass: _OptionalFile = None
@@ -100,8 +110,9 @@ class Matrices(SubstructureModel):
         damping: _OptionalFile = None
         structural_damping: _OptionalFile = None
         dofs: _OptionalFile = None
-        displacement: Annotated[str, Field(pattern=r"^-?[^\s-].*$")] = "x"
-        rotation: Annotated[str, Field(pattern=r"^-?[^\s-].*$")] = "rz"
+        displacement: Annotated[str, Field(pattern=_WORD)] = "x"
+        rotation: Annotated[str, Field(pattern=_WORD)] = "rz"
+        axes: dict[Direction, Annotated[str, Field(pattern=_WORD)]] = Field(default_factory=dict)
         nodes: tuple[str | int, ...] = ()
         units: FileUnits = FileUnits()
         loss_factor: Annotated[float, Field(ge=0, lt=1)] = 0.0
@@ -114,6 +125,11 @@ class Matrices(SubstructureModel):
                 raise ValueError("give either 'file', or 'mass' and 'stiffness'")
             if single and not (self.mass and self.stiffness and self.dofs):
                 raise ValueError("files of single matrices need 'mass', 'stiffness' and the table 'dofs'")
+            if self.axes and {"displacement", "rotation"} & self.model_fields_set:
+                raise ValueError("give either 'axes', or 'displacement' and 'rotation'")
+            words = [word.lstrip("-") for word in self.axes.values()]
+            if len(set(words)) < len(words):
+                raise ValueError("two of 'axes' are the same direction of the table")
             return self
 
     @classmethod
@@ -136,10 +152,32 @@ class Matrices(SubstructureModel):
     @cached_property
     def nodes(self) -> tuple[Node, ...]:
         """The nodes for joints and responses, in the order of the table; at position 0 if it has no positions."""
-        positions = dict.fromkeys(self._table.nodes, 0.0)
-        if self._table.positions is not None:
-            positions = dict(zip(self._table.nodes, self._table.positions * self.config.units.length, strict=True))
-        return tuple(Node(label, float(positions[label])) for label in self._labels)
+        table, length = self._table, self.config.units.length
+        positions, points = dict.fromkeys(table.nodes, 0.0), dict[str, tuple[float, float, float]]()
+        if table.positions is not None:
+            positions = dict(zip(table.nodes, table.positions * length, strict=True))
+        if table.points is not None:
+            points = {
+                node: (x, y, z) for node, (x, y, z) in zip(table.nodes, (table.points * length).tolist(), strict=True)
+            }
+        return tuple(
+            Node(label, float(positions[label]), self._directions_of(label), points.get(label))
+            for label in self._labels
+        )
+
+    @cached_property
+    def _words(self) -> dict[Direction, str]:
+        """The table's word for each direction, after a minus if its sense is the opposite one."""
+        if self.config.axes:
+            return {direction: self.config.axes[direction] for direction in DIRECTIONS if direction in self.config.axes}
+        return {"x": self.config.displacement, "rz": self.config.rotation}
+
+    def _directions_of(self, label: str) -> tuple[str, ...]:
+        """Return the directions of a node: in space those that the table has."""
+        if not self.config.axes:
+            return PLANAR
+        pairs = {*zip(self._table.nodes, self._table.directions, strict=True)}
+        return tuple(direction for direction, word in self._words.items() if (label, word.lstrip("-")) in pairs)
 
     @property
     def condensation_tolerance(self) -> float:
@@ -147,12 +185,13 @@ class Matrices(SubstructureModel):
         return float(self.config.tolerance)
 
     def matrices(self) -> StructuralMatrices | SparseMatrices:
-        """Return the (d, d) matrices: x and rz of each node, then the inner DOFs."""
+        """Return the (d, d) matrices: the DOFs of the nodes, then the inner DOFs."""
         return self._matrices
 
     def dof_label(self, dof: int) -> str:
         """Name a DOF by its node and direction."""
-        return f"node '{self._labels[dof // 2]}' {('x', 'rz')[dof % 2]}"
+        node, direction = self.node_dofs[dof]
+        return f"node '{self._labels[node]}' {direction}"
 
     def _read(self) -> tuple[dict[str, Any], DofTable, dict[str, Any]]:
         """Return the matrices that are present, the table of DOFs, and the file of each matrix."""
@@ -187,25 +226,31 @@ class Matrices(SubstructureModel):
         return matrices, table, where
 
     def _reached(self, size: int) -> tuple[list[int], int]:
-        """Return the rows of x and rz of the nodes, and the largest number of rigid-body motions of all DOFs."""
-        used = {str(option).lstrip("-") for option in (self.config.displacement, self.config.rotation)}
+        """Return the rows of the nodes' DOFs, and the largest number of rigid-body motions of all DOFs."""
+        used = {word.lstrip("-") for word in self._words.values()}
         table = self._table
         rows = zip(table.nodes, table.directions, table.rows, strict=True)
         reached = [int(row) for node, direction, row in rows if direction in used and node in self._labels]
         directions = set(table.directions)
-        if len(table.rows) < size or len(directions) > _PLANE:
+        if self.config.axes or len(table.rows) < size or len(directions) > _PLANE:
             return reached, min(size, _IN_SPACE)
         return reached, min(size, _PLANE if directions <= used else _PLANE + 1)
 
     def _chosen(self, table: DofTable) -> tuple[str, ...]:
-        """Return the nodes that have one of the two directions: all, or those of the option `nodes`."""
+        """Return the nodes that have one of the directions: all, or those of the option `nodes`."""
         wanted = {option: str(getattr(self.config, option)).lstrip("-") for option in ("displacement", "rotation")}
         directions = dict.fromkeys(table.directions)
+        if self.config.axes:
+            wanted = {f"axes.{direction}": word.lstrip("-") for direction, word in self._words.items()}
         reached = [n for n, d in zip(table.nodes, table.directions, strict=True) if d in wanted.values()]
-        if wanted["displacement"] not in directions:
+        for option, word in wanted.items() if self.config.axes else ():
+            if word not in directions:
+                listed = ", ".join(list(directions)[:12])
+                raise DovetailError(Fault(table.where, f"no DOF has the direction '{word}', see '{option}'.", listed))
+        if not self.config.axes and wanted["displacement"] not in directions:
             problem = f"no DOF has the direction '{wanted['displacement']}', which is used as x."
             raise DovetailError(Fault(table.where, problem, ", ".join(list(directions)[:12]), "Set 'displacement'."))
-        if "rotation" in self.config.model_fields_set and wanted["rotation"] not in directions:
+        if "rotation" in self.config.model_fields_set and wanted.get("rotation") not in directions:
             problem = f"no DOF has the direction '{wanted['rotation']}', which is used as rz."
             raise DovetailError(Fault(table.where, problem, ", ".join(list(directions)[:12]), "Set 'rotation'."))
         labels = tuple(dict.fromkeys(reached))
@@ -235,15 +280,15 @@ class Matrices(SubstructureModel):
         from scipy.sparse import coo_array
 
         node_of = {label: index for index, label in enumerate(self._labels)}
-        entries: list[tuple[int, int, float]] = []
-        for axis, option in enumerate(("displacement", "rotation")):
-            word = str(getattr(self.config, option))
-            value = (-1.0 if word.startswith("-") else 1.0) * (self.config.units.length if axis else 1.0)
+        entries, dofs = list[tuple[int, int, float]](), self.node_dofs
+        for axis, word in self._words.items():
+            value = (-1.0 if word.startswith("-") else 1.0) * (self.config.units.length if is_rotation(axis) else 1.0)
             for node, direction, row in zip(self._table.nodes, self._table.directions, self._table.rows, strict=True):
                 if direction == word.lstrip("-") and node in node_of:
-                    entries.append((int(row), 2 * node_of[node] + axis, value))
+                    (dof,) = dofs.among([node_of[node]], [axis])
+                    entries.append((int(row), dof, value))
         inner = np.setdiff1d(np.arange(size), [row for row, _, _ in entries])
-        first = 2 * len(self._labels)
+        first = dofs.size
         entries += [(int(row), first + index, 1.0) for index, row in enumerate(inner)]
         rows, columns, values = zip(*entries, strict=True)
         return coo_array((values, (rows, columns)), shape=(size, first + len(inner))).tocsc()
