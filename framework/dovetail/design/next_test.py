@@ -128,9 +128,7 @@ def plan_next_test(
     z = posterior.z[random.choice(len(posterior.z), samples, p=posterior.weight)]
     shared = z[:, : len(unknowns.shared)]
     noise = _noise(result) if noise is None else noise
-    before = np.zeros((samples, shared.shape[1], shared.shape[1]))
-    for number, test in enumerate(result.tests):
-        before += _information(test.likelihood().marginalised, unknowns.maps[number], unknowns.of_test(number, z))
+    before = _of_tests(result, z)
     candidates, information = result.series.candidates or result.series.tests, [before]
     with progress_reporter(progress) as report:
         for number, candidate in enumerate(candidates):
@@ -167,6 +165,17 @@ def _noise(result: SeriesIdentification) -> float:
     frf = test.problem.measured[0]
     variance = test.judged.fit.variance[: len(frf.frequency)]
     return float(np.sqrt(np.mean(variance)) / np.std(frf.values))
+
+
+def _of_tests(result: SeriesIdentification, z: Array) -> Array:
+    """Return the information (n, g, g) of the tests of the series about the shared unknowns, at all unknowns (n, d)."""
+    unknowns = result.unknowns
+    pairs = zip(result.tests, unknowns.maps, strict=True)
+    each = [
+        _information(test.likelihood().marginalised, of_test, unknowns.of_test(number, z))
+        for number, (test, of_test) in enumerate(pairs)
+    ]
+    return np.asarray(np.sum(each, axis=0))
 
 
 def _of_candidate(
