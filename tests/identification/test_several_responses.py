@@ -20,7 +20,7 @@ from dovetail.network.augmentation import Augmentation, NoisyFeatures
 from dovetail.network.preprocessing import log10p1
 from dovetail.problem import Problem
 from dovetail.problem.observations import Observations
-from dovetail.problem.residuals import FrfResiduals, ModelFrfs
+from dovetail.problem.residuals import FrfResiduals, ModelFrfs, _end_to_end
 from support.noisy_measurements import frf_on, noisy
 
 LINES = 300
@@ -385,3 +385,10 @@ def test_a_mode_that_the_first_response_does_not_show_is_paired_where_another_on
     frequencies = [np.sqrt(k) / (2 * np.pi) for k in true.values()]
     assert [mode.natural_frequency for mode in result.modes] == pytest.approx(frequencies, rel=1e-3)
     assert [mode.measured_peak for mode in result.modes] == pytest.approx(frequencies, rel=0.03)
+
+
+def test_the_lines_of_several_responses_are_joined_without_unknowns_too():
+    """As for a rigid joint, of which all is known: there is nothing by which to differentiate."""
+    values = np.arange(2 * 3 * 4).reshape(1, 2, 3, 4).astype(complex)
+    np.testing.assert_array_equal(_end_to_end(values), values.reshape(1, 6, 4))
+    assert _end_to_end(values[..., :0]).shape == (1, 6, 0)

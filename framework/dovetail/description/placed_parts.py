@@ -31,13 +31,13 @@ _PERPENDICULAR = 1e-9
 """Cosine of the angle between directions that are perpendicular."""
 
 
-def _as_vector(value: object) -> object:
+def _as_vector(value: object, accepted: str = "x, y, z") -> object:
     """Return the unit vector of a direction such as '-z'; anything else as it is."""
     if not isinstance(value, str):
         return value
     axis, sense = value.strip().removeprefix("-").removeprefix("+"), -1.0 if value.strip().startswith("-") else 1.0
     if axis not in DIRECTIONS[:3]:
-        raise ValueError(f"'{value:.40}' is not a direction; accepted: x, y, z, -x, -y, -z, or three numbers")
+        raise ValueError(f"'{value:.40}' is not a direction; accepted: {accepted}, -x, -y, -z, or three numbers")
     return tuple(sense * (axis == other) for other in DIRECTIONS[:3])
 
 
@@ -45,7 +45,7 @@ def _as_direction(value: object) -> object:
     """Return a unit vector for three numbers and for an axis with a sense; the names of DOFs as they are."""
     if isinstance(value, str) and value.strip() in DIRECTIONS:
         return value.strip()
-    vector = _as_vector(value)
+    vector = _as_vector(value, ", ".join(DIRECTIONS))
     if not isinstance(vector, (list, tuple)) or len(vector) != 3:
         raise ValueError(f"{value!r:.40} is not a direction; accepted: {', '.join(DIRECTIONS)}, or three numbers")
     numbers = np.array([to_si(number, "1") for number in vector])
@@ -59,7 +59,7 @@ def direction_text(direction: str | tuple[float, float, float]) -> str:
     return direction if isinstance(direction, str) else f"({', '.join(f'{part:.4g}' for part in direction)})"
 
 
-Vector = Annotated[tuple[float, float, float], BeforeValidator(_as_vector)]
+Vector = Annotated[tuple[float, float, float], BeforeValidator(lambda value: _as_vector(value))]
 """A direction: three numbers, or the name of an axis with its sense."""
 MovingDirection = Annotated[Direction | tuple[float, float, float], BeforeValidator(_as_direction)]
 """A direction of a DOF or, between the axes, of a displacement."""

@@ -115,7 +115,7 @@ def split_by_response(numbers: NDArray[np.intp], counts: tuple[int, ...]) -> lis
 
 def _end_to_end(array: NDArray[np.complex128]) -> NDArray[np.complex128]:
     """Concatenate the lines of all responses: (n, n_responses, n_freq, ...) becomes (n, n_lines, ...)."""
-    return array.reshape(len(array), -1, *array.shape[3:])
+    return array.reshape(len(array), array.shape[1] * array.shape[2], *array.shape[3:])
 
 
 def _joined(arrays: Sequence[NDArray[Any]], axis: int) -> NDArray[Any]:
