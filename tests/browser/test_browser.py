@@ -260,6 +260,39 @@ def test_mode_shapes_swing_until_they_are_held(browser: Browser, assemblies: Pat
             assert page.evaluate(f"new Promise(go => setTimeout(() => go({points}), 150))") == held
 
 
+def test_mode_shapes_in_space_turn_by_keys_and_by_hand(browser: Browser) -> None:
+    bar = {"length": 0.2, "width": 0.02, "height": 0.01, "elements": 2}
+    beam = {"model": "spatial_beam", "material": {"young": 210e9, "density": 7850.0}, "sections": [bar]}
+    ends = {"a": {"to": "beam", "at": 0.0}, "b": {"to": "ground", "at": 0.0}}
+    known = {f"{letter}_{each}": {"value": 1e3} for letter in "kc" for each in ("x", "y", "z", "rx", "ry")}
+    assembly = {
+        "dovetail": 1,
+        "name": "beam",
+        "frequency": {"start": 10.0, "stop": 2000.0, "lines": 100},
+        "substructures": {"beam": {**beam, "place": {"along": "z"}}, "ground": {"model": "ground"}},
+        "joints": {"foot": {"model": "bushing", "connect": ends, "parameters": known}},
+        "response": {"at": "beam", "position": 0.2},
+    }
+    with PageServer(Explorer(dovetail.load(assembly))) as serving:
+        threading.Thread(target=serving.serve_forever, daemon=True).start()
+        with browser.page(serving.address) as page:
+            page.wait_for(READY)
+            page.wait_for("document.querySelectorAll('.mode path').length > 0")
+            page.evaluate("document.querySelector('#modes button').click(); 0")
+            shape = "document.querySelector('.mode path').getAttribute('d')"
+            held = page.evaluate(shape)
+            page.evaluate("document.querySelector('.mode svg').focus(); 0")
+            page.key("ArrowRight")
+            page.wait_for(f"{shape} !== '{held}'")
+            page.key("ArrowLeft")
+            page.wait_for(f"{shape} === '{held}'")
+            box = page.box(".mode svg")
+            middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+            page.drag(middle, (middle[0] + 40, middle[1] + 20))
+            page.wait_for(f"{shape} !== '{held}'")
+            assert page.errors() == []
+
+
 def test_fit_from_here_shows_intervals_and_keeps_what_is_locked(browser: Browser, server: PageServer) -> None:
     with browser.page(server.address) as page:
         page.wait_for(READY)
