@@ -334,7 +334,7 @@ def draw_beam(beam: TimoshenkoBeam | SpatialBeam) -> Sheet:
 def draw_rigid_body(body: RigidBody) -> Sheet:
     """Draw a body with its centre of mass and its nodes."""
     sheet = Sheet(560, 216, "Rigid body: its first node carries the others; mass and inertia about the centre of mass.")
-    sheet.path("a", "M170 70C200 30 420 30 470 84S470 196 320 190S140 130 170 70Z")
+    sheet.path("a", "M170 70C200 30 420 30 470 84S490 214 320 208S140 130 170 70Z")
     sheet.add('<circle class="open" cx="320" cy="112" r="6"/>')
     sheet.text(320, 100, "center: mass, inertia, products", "small")
     for number, (node, (x, y)) in enumerate(zip(body.nodes, ((200, 90), (430, 80), (410, 170)), strict=True)):
