@@ -184,7 +184,7 @@ def test_shapes_give_the_residues_of_the_receptance(assemblies):
     residue = mode.shapes["mass"][0, 0] ** 2
     summed = residue / (omega - mode.pole) + np.conj(residue) / (omega - np.conj(mode.pole))
     np.testing.assert_allclose(summed, assembly.frf([K, 2000.0]), rtol=1e-10)
-    assert mode.contribution(("mass", 0), ("mass", 0), 100.0) == pytest.approx(
+    assert mode.contribution([(1.0, ("mass", 0))], [(1.0, ("mass", 0))], 100.0) == pytest.approx(
         abs(residue / (200j * np.pi - mode.pole)), rel=1e-9
     )
     assert (mode.shapes["base"] == 0.0).all()
