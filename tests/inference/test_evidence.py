@@ -67,8 +67,8 @@ def test_the_evidence_is_that_of_nested_sampling(case):
         lambda fraction: float(likelihood.log(fraction[np.newaxis])[0] + likelihood.log_constant),
         lambda fraction: fraction,
         len(assembly.parameters),
-        nlive=300,
-        sample="rwalk",
+        nlive=1200,
+        sample="unif",
         rstate=np.random.default_rng(0),
     )
     nested.run_nested(dlogz=0.05, print_progress=False)
