@@ -27,7 +27,7 @@ FUNCTIONS = [
 
 def test_every_public_function_accepts_the_same_progress_values():
     taking = {f.__name__: inspect.signature(f).parameters["progress"] for f in FUNCTIONS if _takes_progress(f)}
-    assert len(taking) == 9
+    assert len(taking) == 10
     assert {str(parameter.annotation) for parameter in taking.values()} == {"Progress | bool | None"}
     assert {parameter.default for parameter in taking.values()} == {None}
 

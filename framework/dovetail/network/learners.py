@@ -76,7 +76,8 @@ def _section_of_estimator(estimator: Any) -> dict[str, Any]:
     defaults = {name: entry.default for name, entry in inspect.signature(type(estimator)).parameters.items()}
     given = {name: value for name, value in estimator.get_params(deep=False).items() if value is not defaults[name]}
     options = {name: value for name, value in given.items() if not _equal(value, defaults[name])}
-    return {"model": "sklearn", "estimator": type(estimator).__name__, "options": options}
+    package = type(estimator).__module__.partition(".")[0]  # the model of such estimators has the name of their package
+    return {"model": package, "estimator": type(estimator).__name__, "options": options}
 
 
 def _equal(value: object, other: object) -> bool:

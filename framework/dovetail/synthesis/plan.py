@@ -304,11 +304,11 @@ class Plan:
         return self._kernel(self.layout(derivatives=True))
 
     def _kernel(self, layout: Layout, *, amplitude: bool = False) -> MachineKernel:
-        return compiled(*_source(self.program, layout, amplitude))
+        return compiled(*_source(self.program, layout, amplitude, SETTINGS.straight_line))
 
 
 @lru_cache(maxsize=64)
-def _source(program: Program, layout: Layout, amplitude: bool) -> tuple[str, int]:
+def _source(program: Program, layout: Layout, amplitude: bool, straight_line: int) -> tuple[str, int]:
     """Return the source of a kernel and its scratch memory; the same system on other lines has the same program."""
-    straight = program.multiplications <= SETTINGS.straight_line
+    straight = program.multiplications <= straight_line
     return (kernel_source if straight else looped_kernel_source)(program, layout, amplitude=amplitude)
