@@ -121,6 +121,11 @@ def test_the_same_mode_counts_once_and_one_of_hardly_any_probability_not_at_all(
     assert len(separate_modes(sampling.LinearisedPoints.at(steep, modes)).z) == 1
 
 
+def test_without_an_end_that_is_a_mode_there_is_no_separate_one():
+    nowhere = sampling.LinearisedPoints.at(Parabola(), np.empty((0, 1)))
+    assert len(separate_modes(nowhere).z) == 0
+
+
 @pytest.mark.parametrize(("light", "kept"), [(4.0, False), (3.5, True)])
 def test_the_largest_weights_are_cut_where_a_few_dominate(light, kept):
     log_weight = np.where(np.arange(1000) < 20, 0.0, -light)

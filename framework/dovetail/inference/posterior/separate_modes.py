@@ -15,16 +15,16 @@ _LEAST_MASS = 1e-3
 """Probability about a mode, over the largest about any, below which it is left out."""
 _APART = 3.0
 """Standard deviations from which two modes are separate."""
-_ITERATIONS = 30
-"""Largest number of iterations of the search for one sample. Of 100 searches of the collet that converge within 60, one
-needs more than 20; the others would take most of the time."""
+_ITERATIONS = 60
+"""Largest number of iterations of the search for one sample. Of 100 searches of the collet 4 to 13 are still on their
+way after 40, and 3 to 9 after 200. Of some random structures most searches need more than 30."""
 
 
 def separate_modes(modes: LinearisedPoints) -> LinearisedPoints:
     """Return the modes that are not within one another's Gaussians, except those of hardly any probability."""
     precision = modes.jacobian @ modes.jacobian.transpose(0, 2, 1)
     log_mass = modes.log_posterior - np.linalg.slogdet(precision)[1] / 2.0
-    likely = log_mass > log_mass.max() + np.log(_LEAST_MASS)
+    likely = log_mass > log_mass.max(initial=-np.inf) + np.log(_LEAST_MASS)
     order = [number for number in np.argsort(-log_mass).tolist() if likely[number]]
     return modes.at_rows(np.array(distinct(modes.z, precision, order, _APART), dtype=np.intp))
 
