@@ -188,3 +188,16 @@ def test_shapes_give_the_residues_of_the_receptance(assemblies):
         abs(residue / (200j * np.pi - mode.pole)), rel=1e-9
     )
     assert (mode.shapes["base"] == 0.0).all()
+
+
+def test_a_dof_that_nothing_resists_changes_no_pole():
+    """Such as the rotation of parts without any, which a joint that depends on frequency attaches to others."""
+    M, C, K = np.diag([2.0, 1.0]), np.diag([3.0, 1.0]), np.array([[3e5, -1e5], [-1e5, 2e5]])
+    wider = [np.zeros((1, 3, 3), dtype=complex) for _ in "KCM"]
+    for whole, part in zip(wider, (K, C, M), strict=True):
+        whole[np.ix_([0], [0, 2], [0, 2])] = part
+    expected, _ = next(all_poles(K[np.newaxis], C[np.newaxis], M[np.newaxis], Wanted(3)))
+    poles, shapes = next(all_poles(*wider, Wanted(3)))
+    assert len(expected) == 2
+    np.testing.assert_allclose(poles, expected, rtol=1e-9)
+    assert not shapes[:, 1].any()

@@ -19,8 +19,6 @@ LEAST_TURN = 0.02
 structural damping the poles of an overdamped motion are not exactly real: a loss factor of 0.05 gives 0.0125."""
 _STRAIN_FLOOR = 1e-13
 """As for undamped modes; see `natural_frequencies`."""
-_ELSEWHERE = 1.37
-"""Factor of the shift, if a matrix is singular there."""
 _DOUBTFUL = 1e-9
 """The same, below which a shape may be that of a rigid-body mode with errors of the eigenvector."""
 _NEAR_ZERO = 1e-5
@@ -137,11 +135,6 @@ class Pencil:
         return Pencil(A, C, M, joints)
 
 
-def _below(A: Any, C: Any, M: Any, z: Any) -> Any:
-    """Return the lower half (n, d, 2 d) of the companion matrices."""
-    return -np.linalg.solve(A + z * (C + z * M), np.concatenate([z**2 * M, z * (C + 2.0 * z * M)], axis=2))
-
-
 def all_poles(A: Any, C: Any, M: Any, wanted: Wanted) -> Iterator[tuple[Any, Any]]:
     """Yield poles (k,) and shapes (k, d) of each of the stacked A + s C + s^2 M (n, d, d), by increasing magnitude.
 
@@ -149,14 +142,12 @@ def all_poles(A: Any, C: Any, M: Any, wanted: Wanted) -> Iterator[tuple[Any, Any
     bodies. The Rayleigh quotient with its eigenvector gives the pole to rounding.
     """
     inertia, stiffness = (np.diagonal(part.real, axis1=1, axis2=2).sum(axis=1) for part in (M, A))
+    idle = ~np.any([(part != 0).any(axis=(0, 1)) for part in (A, C, M)], axis=0)
+    A = A + np.diag(idle.astype(np.float64))  # what nothing resists gets an infinite pole, whatever its stiffness
     both = (stiffness > 0.0) & (inertia > 0.0)  # joints that depend on frequency may have less than no mass near one
     with np.errstate(over="ignore", invalid="ignore"):
         z = np.sqrt(np.divide(stiffness, inertia, out=np.ones(len(M)), where=both))[:, np.newaxis, np.newaxis]
-        try:
-            below = _below(A, C, M, z)
-        except np.linalg.LinAlgError:  # a joint that depends on frequency may be singular just there
-            z = _ELSEWHERE * z
-            below = _below(A, C, M, z)
+        below = -np.linalg.solve(A + z * (C + z * M), np.concatenate([z**2 * M, z * (C + 2.0 * z * M)], axis=2))
     if not np.isfinite(below).all():
         raise DovetailError(
             "there are no natural frequencies: a stiffness is too large, or a mass too small, to compute with."
