@@ -9,9 +9,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.description.joint_coordinates import JointInCoordinates, LawInCoordinates, has_law
+from dovetail.description.joint_coordinates import JointInCoordinates, LawInCoordinates
 from dovetail.interfaces import DIRECTIONS, JointModel, NodeDofs, Port, SubstructureModel
 from dovetail.synthesis import Attachment, Connection
+from dovetail.synthesis.joint_evaluation import depends_on_frequency
 
 _Node = tuple[NodeDofs, int]
 """The DOFs of a part's nodes, and one of the nodes."""
@@ -85,7 +86,7 @@ def at_carriers(connection: Connection, parts: Mapping[str, SubstructureModel]) 
     if not any(node in dofs[at.substructure].carriers for at in connection.attachments for node in at.nodes):
         return connection
     every = [(dofs[at.substructure], node) for at in connection.attachments for node in at.nodes]
-    model = (CarriedLaw if has_law(connection.model) else CarriedJoint)(connection.model, tuple(every))
+    model = (CarriedLaw if depends_on_frequency(connection.model) else CarriedJoint)(connection.model, tuple(every))
     return replace(connection, model=model, attachments=tuple(_carriers(connection, dofs)))
 
 

@@ -11,7 +11,7 @@ import scipy  # loads a part of it when that is first used
 from numpy.typing import NDArray
 
 from dovetail.description.changed_joint import ChangedJoint
-from dovetail.interfaces import Coordinates, JointModel, ScaledMatrices, StructuralMatrices, describes_matrices
+from dovetail.interfaces import Coordinates, ScaledMatrices, StructuralMatrices, describes_matrices
 
 
 class JointInCoordinates(ChangedJoint):
@@ -60,8 +60,3 @@ class LawInCoordinates(JointInCoordinates):
         """Return its derivatives by each parameter, (n, n_freq, d, d) each."""
         derivatives = self.model.dynamic_stiffness_jacobian(frequency, theta)
         return (self.coordinates.transformed_stiffness(derivative) for derivative in derivatives)
-
-
-def has_law(model: JointModel) -> bool:
-    """Return whether a joint has a dynamic stiffness of its own dependence on frequency."""
-    return type(model).dynamic_stiffness is not JointModel.dynamic_stiffness

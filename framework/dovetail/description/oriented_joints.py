@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import model_validator
 
-from dovetail.description.joint_coordinates import JointInCoordinates, LawInCoordinates, has_law
+from dovetail.description.joint_coordinates import JointInCoordinates, LawInCoordinates
 from dovetail.description.placed_parts import TurnSection, Vector, turned
 from dovetail.errors import PluginError
 from dovetail.interfaces import (
@@ -20,6 +20,7 @@ from dovetail.interfaces import (
     exact_rotation,
     six_directions,
 )
+from dovetail.synthesis.joint_evaluation import depends_on_frequency
 
 _PERPENDICULAR = 1e-9
 """Cosine of the angle between directions that are perpendicular."""
@@ -167,4 +168,4 @@ def oriented(model: JointModel, rotation: NDArray[np.float64]) -> OrientedJoint:
     rotation : (3, 3) array
         The joint's axes in the assembly, in columns.
     """
-    return (OrientedLaw if has_law(model) else OrientedJoint)(model, rotation)
+    return (OrientedLaw if depends_on_frequency(model) else OrientedJoint)(model, rotation)
