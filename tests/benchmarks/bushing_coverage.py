@@ -11,12 +11,11 @@ prior. The columns are those of `interval_coverage.py`.
 from __future__ import annotations
 
 import argparse
-import time
 from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
-from interval_coverage import Case, table
+from interval_coverage import Case, outcome, table
 
 import dovetail
 
@@ -99,19 +98,7 @@ def identified(number: int, seed: int, structures: int, samples: int) -> Case:
     seeds = rng.integers(0, 2**31, len(assembly.each_response)).tolist()
     alone = zip(assembly.each_response, seeds, strict=True)
     measured = [dovetail.noisy_frf(each.simulate(theta), 0.01, draw) for each, draw in alone]
-    began = time.perf_counter()
-    result = dovetail.identify(assembly, measured, samples=samples, model_error=0.0, cause_seconds=0, seed=number)
-    seconds = time.perf_counter() - began
-    ends = np.array(list((result.interval or {}).values()))
-    return Case(
-        number,
-        number % structures,
-        tuple(parameter.name for parameter in assembly.parameters),
-        theta < ends[:, 0],
-        theta > ends[:, 1],
-        tuple(row.verdict for row in result.table),
-        seconds,
-    )
+    return outcome(number, number % structures, assembly, theta, measured, samples)
 
 
 def study(count: int, structures: int, seed: int, samples: int, report: Callable[[str], object] = print) -> list[Case]:

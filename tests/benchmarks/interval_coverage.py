@@ -66,13 +66,18 @@ def identified(number: int, seed: int, structures: int, samples: int) -> Case:
     assembly = assembly.on(draw_axis(assembly, rng, LINES))
     noise = NOISES[number // structures % len(NOISES)]
     measured = measure(assembly, theta, noise, rng, stated=number % 2 == 0)
+    return outcome(number, number % structures, assembly, theta, measured, samples)
+
+
+def outcome(number: int, drawn: int, assembly, theta: np.ndarray, measured, samples: int) -> Case:
+    """Identify a measurement by the default method, and compare its intervals with the true parameters."""
     began = time.perf_counter()
     result = dovetail.identify(assembly, measured, samples=samples, model_error=0.0, cause_seconds=0, seed=number)
     seconds = time.perf_counter() - began
     ends = np.array(list((result.interval or {}).values()))
     return Case(
         number,
-        number % structures,
+        drawn,
         tuple(parameter.name for parameter in assembly.parameters),
         theta < ends[:, 0],
         theta > ends[:, 1],
