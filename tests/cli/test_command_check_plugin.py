@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import re
 
+import pytest
+
 from dovetail.testing import check_names
 
 SOUND = '''
@@ -66,3 +68,40 @@ def test_a_name_of_several_kinds_checks_them_all(run, tmp_path):
 
 def test_an_unknown_name(run):
     assert run("check-plugin", "colet", code=1).stderr.startswith("  there is no model 'colet'.\n")
+
+
+@pytest.mark.parametrize("command", ["check-plugin", "describe"])
+def test_a_folder_instead_of_a_name_says_how_to_install_its_package(run, tmp_path, command):
+    folder = tmp_path / "dovetail-pad"
+    run("new-plugin", "joint", "pad", "-o", folder)
+    assert run(command, folder, code=1).stderr == (
+        f"{folder}\n  this is a folder.\n"
+        f"  Install its package with `pip install -e {folder}`, then name the model: `dovetail check-plugin NAME`.  "
+        "Accepted: the name of a model\n"
+    )
+
+
+@pytest.mark.parametrize("command", ["check-plugin", "describe"])
+def test_a_folder_without_a_package_says_how_a_model_is_offered(run, tmp_path, command):
+    message = run(command, tmp_path, code=1).stderr
+    assert message.startswith(f"{tmp_path}\n  this is a folder.\n")
+    assert "--plugin FILE.py" in message
+
+
+@pytest.mark.parametrize("command", ["check-plugin", "describe"])
+def test_a_file_instead_of_a_name_says_how_it_is_given(run, tmp_path, command):
+    file = tmp_path / "pad.py"
+    file.write_text(SOUND)
+    assert run(command, file, code=1).stderr == (
+        f"{file}\n  this is a file.\n"
+        f"  Give its name, and the file with --plugin {file}.  Accepted: the name of a model\n"
+    )
+
+
+@pytest.mark.parametrize("words", [("check-plugin", "pad"), ("plugins",), ("describe", "pad")])
+def test_a_folder_as_a_plugin_file_says_how_to_install_its_package(run, tmp_path, words):
+    folder = tmp_path / "dovetail-pad"
+    run("new-plugin", "joint", "pad", "-o", folder)
+    message = run(*words, "--plugin", folder, code=1).stderr
+    assert message.startswith(f"{folder}\n  this is a folder.\n")
+    assert f"pip install -e {folder}" in message

@@ -54,9 +54,9 @@ def describe(model: ModelName, plugin: PluginFiles = None, as_json: AsJson = Fal
     If models of several kinds have this name, all of them are shown.
     """
     from dovetail.registry import components
-    from dovetail.registry.model_description import as_plain, describe_offer, offers_named
+    from dovetail.registry.model_description import as_plain, describe_offer
 
-    described = [describe_offer(offer) for offer in offers_named(components(plugin or ()), model)]
+    described = [describe_offer(offer) for offer in components(plugin or ()).named(model)]
     if as_json:
         print_json([as_plain(entry) for entry in described])
         return

@@ -1,4 +1,3 @@
-from .catalogue import HOW_TO_OFFER as HOW_TO_OFFER
 from .catalogue import Offer as Offer
 from .catalogue import PluginPaths as PluginPaths
 from .catalogue import Registry as Registry

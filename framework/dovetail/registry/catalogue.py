@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -18,7 +18,9 @@ from dovetail.registry.component_checks import reason_against
 from dovetail.registry.loading import (
     COMPONENTS,
     DEFAULTS,
+    HOW_TO_OFFER,
     LoadFailure,
+    fault_of_path,
     hooks_of,
     installed_plugins,
     load_entry,
@@ -31,7 +33,6 @@ PluginPaths: TypeAlias = str | os.PathLike[str] | Iterable[str | os.PathLike[str
 
 _SLOW = 2.0
 """Seconds; an import that takes longer is listed."""
-HOW_TO_OFFER = "A model of your own needs `plugins='FILE.py'`."
 
 
 @dataclass(frozen=True)
@@ -177,11 +178,15 @@ class Registry:
 
     def unknown(self, kind: Kind, name: str) -> Fault:
         """Return the fault of an unknown model name."""
-        remedy = did_you_mean(name, self.names(kind))
+        return self._fault_of_name(name, f"'{name}' is not a {kind} model.", self.names(kind), 30)
+
+    def _fault_of_name(self, name: str, problem: str, known: Collection[str], listed: int) -> Fault:
+        if fault := fault_of_path(name):
+            return fault
+        remedy = did_you_mean(name, known)
         for failure in self._failures:
             remedy += f"{' ' if remedy else ''}(Not loaded: {failure.source}: {failure.reason})"
-        remedy = f"{remedy} {HOW_TO_OFFER}".lstrip()
-        return Fault("", f"'{name}' is not a {kind} model.", listing(self.names(kind), 30), remedy)
+        return Fault("", problem, listing(known, listed), f"{remedy} {HOW_TO_OFFER}".lstrip())
 
     def named(self, name: str) -> tuple[Offer, ...]:
         """Return the offers with this name, of all kinds.
@@ -189,9 +194,12 @@ class Registry:
         Raises
         ------
         PluginError
-            It is offered more than once for a kind.
+            There is none, or it is offered more than once for a kind.
         """
-        return tuple(self.find(kind, name) for kind in self.kinds_of(name))
+        if offers := tuple(self.find(kind, name) for kind in self.kinds_of(name)):
+            return offers
+        known = sorted({known for kind in KINDS for known in self.names(kind)})
+        raise PluginError(self._fault_of_name(name, f"there is no model '{name}'.", known, 40))
 
     def kinds_of(self, name: str) -> tuple[Kind, ...]:
         """Return the kinds that have a model of this name."""

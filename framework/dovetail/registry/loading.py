@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import inspect
+import os
 import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -23,6 +24,7 @@ from dovetail.parallel import FILE_MODULE
 from dovetail.registry.hookspec import GROUP, HookSpecification
 
 COMPONENTS, DEFAULTS, COMMANDS = HOOKS = ("dovetail_components", "dovetail_defaults", "dovetail_commands")
+HOW_TO_OFFER = "A model of your own needs `plugins='FILE.py'`."
 HINT = f"a function '{COMPONENTS}()' marked with @dovetail.hookimpl that returns a list of component classes"
 
 
@@ -70,7 +72,9 @@ def load_module(path: str | Path) -> ModuleType:
         The file is missing, is not a Python file, or fails to run.
     """
     file = Path(path)
-    if not file.is_file():
+    if os.path.isdir(file):
+        raise PluginError(Fault(str(path), "this is a folder.", "a file that ends in .py", _advice_on_folder(file)))
+    if not os.path.isfile(file):
         raise PluginError(Fault(str(path), "there is no such plugin file."))
     digest = hashlib.sha256(str(file.resolve()).encode()).hexdigest()[:12]
     name = f"{FILE_MODULE}{file.stem}_{digest}"  # files of the same name in two folders are two modules
@@ -90,6 +94,23 @@ def load_module(path: str | Path) -> ModuleType:
             remedy = f"The file is part of the package '{file.parent.name}': install it (pip install -e FOLDER)."
         raise PluginError(Fault(_failing_line(error, file), reason_of(error), remedy=remedy)) from error
     return module
+
+
+def fault_of_path(name: str) -> Fault | None:
+    """Return the fault of a folder or a file where the name of a model is expected; None for any other name."""
+    if os.path.isdir(name):
+        return Fault(name, "this is a folder.", "the name of a model", _advice_on_folder(Path(name)))
+    if name.endswith(".py"):
+        remedy = f"Give its name, and the file with `plugins='{name}'`."
+        return Fault(name, "this is a file.", "the name of a model", remedy)
+    return None
+
+
+def _advice_on_folder(folder: Path) -> str:
+    """Return how the plugins in a folder are used."""
+    if any((folder / file).is_file() for file in ("pyproject.toml", "setup.py", "setup.cfg")):
+        return f"Install its package with `pip install -e {folder}`, then name the model: `dovetail check-plugin NAME`."
+    return HOW_TO_OFFER
 
 
 def hooks_of(plugin: ModuleType | object, source: str) -> Any:

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from typing import Any
 
-from dovetail.errors import Fault, PluginError, did_you_mean, listing
+from dovetail.errors import Fault, PluginError
 from dovetail.interfaces import KINDS, JointModel, Law, option_schema, parameter_faults, port_faults, source_file
-from dovetail.registry.catalogue import HOW_TO_OFFER, Offer, Registry, create_with_defaults
+from dovetail.registry.catalogue import Offer, Registry, create_with_defaults
 from dovetail.units import format_quantity
 
 _DEEPEST = 8
@@ -36,28 +36,6 @@ def list_models(registry: Registry) -> dict[str, Any]:
             for (kind, name), sources in registry.conflicts.items()
         ],
     }
-
-
-def offers_named(registry: Registry, name: str) -> tuple[Offer, ...]:
-    """Return the models of a name, of any kind.
-
-    Raises
-    ------
-    PluginError
-        There is none, or it is offered twice.
-    """
-    for kind, conflicting in registry.conflicts:
-        if conflicting == name:
-            registry.find(kind, name)
-    offers = registry.named(name)
-    if not offers:
-        names = sorted({known for kind in KINDS for known in registry.names(kind)})
-        remedy = did_you_mean(name, names)
-        for failure in registry.failures:
-            remedy += f"{' ' if remedy else ''}(Not loaded: {failure.source}: {failure.reason})"
-        remedy = f"{remedy} {HOW_TO_OFFER}".lstrip()
-        raise PluginError(Fault("", f"there is no model '{name}'.", listing(names, 40), remedy))
-    return offers
 
 
 def as_plain(entry: dict[str, Any]) -> dict[str, Any]:

@@ -169,9 +169,10 @@ def _words(kind: str, wanted: str) -> dict[str, str]:
     if keyword.iskeyword(model) or hasattr(dovetail, model) or model in ("Annotated", "Field"):
         problem = f"'{wanted:.60}' would make a class '{model}', a name that the code of a plugin needs itself."
         raise PluginError(Fault("", problem, remedy="Choose another."))
-    for offer in installed_components().named(name):
-        if offer.component.kind == kind:
-            raise PluginError(Fault("", f"{offer.source} offers a {kind} '{name}' already.", remedy="Choose another."))
+    registry = installed_components()
+    if kind in registry.kinds_of(name):
+        source = registry.find(kind, name).source
+        raise PluginError(Fault("", f"{source} offers a {kind} '{name}' already.", remedy="Choose another."))
     return {
         "kind": kind,
         "name": name,

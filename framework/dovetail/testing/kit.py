@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from dovetail.errors import DovetailError, Fault, PluginError, listing
+from dovetail.errors import DovetailError, PluginError
 from dovetail.interfaces import KINDS, Component, Kind, Progress, plugin_errors, progress_reporter
 from dovetail.registry import Registry, installed_components
 from dovetail.testing import (
@@ -164,16 +164,7 @@ def components_named(name: str, registry: Registry | None = None) -> tuple[type[
     PluginError
         There are none, or several of the same kind.
     """
-    registry = registry or installed_components()
-    for kind, conflicting in registry.conflicts:
-        if conflicting == name:
-            registry.find(kind, name)
-    offers = registry.named(name)
-    if not offers:
-        known = listing(sorted({word for kind in KINDS for word in registry.names(kind)}), 30)
-        failures = " ".join(f"(Not loaded: {failure.source}: {failure.reason})" for failure in registry.failures)
-        raise PluginError(Fault("", f"there is no model '{name}'.", known, failures))
-    return tuple(offer.component for offer in offers)
+    return tuple(offer.component for offer in (registry or installed_components()).named(name))
 
 
 def _named(module: ModuleType) -> dict[str, _Check]:
