@@ -2,25 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import overload
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dovetail.description.changed_joint import ChangedJoint
+from dovetail.description.changed_joint import MappedJoint
 from dovetail.description.checked import JointEntry
-from dovetail.interfaces import (
-    JointModel,
-    ScaledMatrices,
-    SparseMatrices,
-    StructuralMatrices,
-    describes_matrices,
-)
+from dovetail.interfaces import JointModel, SparseMatrices, StructuralMatrices
 
 
-class _StructurallyDamped(ChangedJoint):
+class _StructurallyDamped(MappedJoint):
     """A joint with structural damping instead of its viscous damping C, equally strong at one frequency [Hz].
 
     A damper c becomes the structural damping 2 pi f c, which gives a parallel spring k the loss factor 2 pi f c / k.
@@ -30,31 +22,13 @@ class _StructurallyDamped(ChangedJoint):
         super().__init__(model)
         self._omega = 2.0 * np.pi * frequency
 
-    @property
-    def linear_parameters(self) -> tuple[str, ...]:
-        """Those of the model."""
-        return self.model.linear_parameters if describes_matrices(self.model, "linear_parameters") else ()
-
-    @property
-    def scaled_matrices(self) -> ScaledMatrices | None:
-        """Those of the model, with D instead of C."""
-        scaled = self.model.scaled_matrices if describes_matrices(self.model, "scaled_matrices") else None
-        return None if scaled is None else scaled.changed(self._structural)
-
-    def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
-        """Return the model's matrices (n, d, d), with D instead of C."""
-        return self._structural(self.model.matrices(theta))
-
-    def matrices_jacobian(self, theta: NDArray[np.float64]) -> Sequence[StructuralMatrices]:
-        """Return their derivatives by each parameter, per unit of it."""
-        return [self._structural(derivative) for derivative in self.model.matrices_jacobian(theta)]
-
     @overload
-    def _structural(self, viscous: StructuralMatrices) -> StructuralMatrices: ...
+    def mapped(self, matrices: StructuralMatrices) -> StructuralMatrices: ...
     @overload
-    def _structural(self, viscous: SparseMatrices) -> SparseMatrices: ...
-    def _structural(self, viscous: StructuralMatrices | SparseMatrices) -> StructuralMatrices | SparseMatrices:
-        return type(viscous)(viscous.M, viscous.K, D=viscous.D + self._omega * viscous.C)
+    def mapped(self, matrices: SparseMatrices) -> SparseMatrices: ...
+    def mapped(self, matrices: StructuralMatrices | SparseMatrices) -> StructuralMatrices | SparseMatrices:
+        """Return the matrices with D instead of C."""
+        return type(matrices)(matrices.M, matrices.K, D=matrices.D + self._omega * matrices.C)
 
 
 def structurally_damped(joint: JointEntry) -> JointEntry:

@@ -2,7 +2,23 @@
 
 from __future__ import annotations
 
-from dovetail.interfaces import JointModel, Parameter, Port
+from abc import abstractmethod
+from collections.abc import Sequence
+from functools import cached_property
+from typing import overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.interfaces import (
+    JointModel,
+    Parameter,
+    Port,
+    ScaledMatrices,
+    SparseMatrices,
+    StructuralMatrices,
+    describes_matrices,
+)
 
 
 class ChangedJoint(JointModel):
@@ -50,3 +66,34 @@ class ChangedJoint(JointModel):
     def contact_dofs(self) -> tuple[tuple[int, int], ...]:
         """Those of the model."""
         return self.model.contact_dofs
+
+
+class MappedJoint(ChangedJoint):
+    """A joint whose matrices are a linear map of those of its model."""
+
+    @overload
+    def mapped(self, matrices: StructuralMatrices) -> StructuralMatrices: ...
+    @overload
+    def mapped(self, matrices: SparseMatrices) -> SparseMatrices: ...
+    @abstractmethod
+    def mapped(self, matrices: StructuralMatrices | SparseMatrices) -> StructuralMatrices | SparseMatrices:
+        """Return the matrices (..., d, d) of this joint from those of the model."""
+
+    @property
+    def linear_parameters(self) -> tuple[str, ...]:
+        """Those of the model."""
+        return self.model.linear_parameters if describes_matrices(self.model, "linear_parameters") else ()
+
+    @cached_property
+    def scaled_matrices(self) -> ScaledMatrices | None:
+        """Those of the model, mapped."""
+        scaled = self.model.scaled_matrices if describes_matrices(self.model, "scaled_matrices") else None
+        return None if scaled is None else scaled.changed(self.mapped)
+
+    def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
+        """Return those of the model (n, d, d), mapped."""
+        return self.mapped(self.model.matrices(theta))
+
+    def matrices_jacobian(self, theta: NDArray[np.float64]) -> Sequence[StructuralMatrices]:
+        """Return their derivatives by each parameter, per unit of it."""
+        return [self.mapped(derivative) for derivative in self.model.matrices_jacobian(theta)]

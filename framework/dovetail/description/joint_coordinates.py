@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from functools import cached_property
+from typing import overload
 
 import numpy as np
-import scipy  # loads a part of it when that is first used
 from numpy.typing import NDArray
 
-from dovetail.description.changed_joint import ChangedJoint
-from dovetail.interfaces import Coordinates, ScaledMatrices, StructuralMatrices, describes_matrices
+from dovetail.description.changed_joint import MappedJoint
+from dovetail.interfaces import Coordinates, SparseMatrices, StructuralMatrices
 
 
-class JointInCoordinates(ChangedJoint):
+class JointInCoordinates(MappedJoint):
     """A joint whose model acts on linear functions of its nodes' DOFs."""
 
     @property
@@ -25,26 +25,15 @@ class JointInCoordinates(ChangedJoint):
     @cached_property
     def coordinates(self) -> Coordinates:
         """The model's DOFs at its ports by those of this joint."""
-        return Coordinates(scipy.linalg.block_diag(*self.blocks))
+        return Coordinates.node_by_node(self.blocks)
 
-    @property
-    def linear_parameters(self) -> tuple[str, ...]:
-        """Those of the model."""
-        return self.model.linear_parameters if describes_matrices(self.model, "linear_parameters") else ()
-
-    @cached_property
-    def scaled_matrices(self) -> ScaledMatrices | None:
-        """Those of the model, for the DOFs of this joint."""
-        scaled = self.model.scaled_matrices if describes_matrices(self.model, "scaled_matrices") else None
-        return None if scaled is None else scaled.changed(self.coordinates.transformed)
-
-    def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
-        """Return the matrices (n, d, d) for the DOFs of this joint."""
-        return self.coordinates.transformed(self.model.matrices(theta))
-
-    def matrices_jacobian(self, theta: NDArray[np.float64]) -> Sequence[StructuralMatrices]:
-        """Return their derivatives by each parameter, per unit of it."""
-        return [self.coordinates.transformed(derivative) for derivative in self.model.matrices_jacobian(theta)]
+    @overload
+    def mapped(self, matrices: StructuralMatrices) -> StructuralMatrices: ...
+    @overload
+    def mapped(self, matrices: SparseMatrices) -> SparseMatrices: ...
+    def mapped(self, matrices: StructuralMatrices | SparseMatrices) -> StructuralMatrices | SparseMatrices:
+        """Return the matrices for the DOFs of this joint."""
+        return self.coordinates.transformed(matrices)
 
 
 class LawInCoordinates(JointInCoordinates):

@@ -17,13 +17,11 @@ from dovetail.interfaces import (
     ComponentConfig,
     JointModel,
     Port,
+    are_perpendicular,
     exact_rotation,
     six_directions,
 )
 from dovetail.synthesis.joint_evaluation import depends_on_frequency
-
-_PERPENDICULAR = 1e-9
-"""Cosine of the angle between directions that are perpendicular."""
 
 
 class AxesSection(ComponentConfig):
@@ -51,7 +49,7 @@ class AxesSection(ComponentConfig):
             raise ValueError("give two of 'x', 'y' and 'z'; the third follows")
         if any(not np.linalg.norm(vector) > 0.0 for vector in axes.values()):
             raise ValueError("a direction has no length")
-        if len(axes) == 2 and abs(np.dot(*axes.values())) > _PERPENDICULAR:
+        if len(axes) == 2 and not are_perpendicular(*axes.values()):
             raise ValueError("'{}' and '{}' are not perpendicular".format(*axes))
         return self
 

@@ -20,6 +20,8 @@ from dovetail.interfaces import (
     SparseMatrices,
     StructuralMatrices,
     SubstructureModel,
+    are_perpendicular,
+    cross_matrix,
     exact_rotation,
     six_directions,
 )
@@ -27,8 +29,6 @@ from dovetail.units import InUnit, to_si
 
 _TURNED_BACK = np.diag([1.0, -1.0, -1.0])
 """Half a turn about x: the axis runs the other way, x stays, and rotations about z change their sign."""
-_PERPENDICULAR = 1e-9
-"""Cosine of the angle between directions that are perpendicular."""
 
 
 def _as_vector(value: object, accepted: str = "x, y, z") -> object:
@@ -83,9 +83,7 @@ class TurnSection(ComponentConfig):
     @property
     def rotation(self) -> NDArray[np.float64]:
         """The rotation (3, 3), by Rodrigues' formula."""
-        axis = np.asarray(self.about) / np.linalg.norm(self.about)
-        x, y, z = axis
-        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        cross = cross_matrix(np.asarray(self.about) / np.linalg.norm(self.about))
         return exact_rotation(np.eye(3) + np.sin(self.angle) * cross + (1.0 - np.cos(self.angle)) * cross @ cross)
 
 
@@ -130,7 +128,7 @@ class PlaceSection(ComponentConfig):
         for name, vector in given:
             if vector is not None and not np.linalg.norm(vector) > 0.0:
                 raise ValueError(f"'{name}' has no length")
-        if self.along and abs(np.dot(*self._along_and_across())) > _PERPENDICULAR:
+        if self.along and not are_perpendicular(*self._along_and_across()):
             if self.across:
                 raise ValueError("'along' and 'across' are not perpendicular")
             raise ValueError("say with 'across' where the part's x points, perpendicular to 'along'")
@@ -227,12 +225,7 @@ class Placement:
             directions = self._directions(node)
             assert directions is not None
             blocks.append(six_directions(self.rotation)[np.ix_(_axes(directions), _axes(node.directions))].T)
-        size = sum(len(block) for block in blocks)
-        whole, first = np.zeros((size, size)), 0
-        for block in blocks:
-            whole[first : first + len(block), first : first + len(block)] = block
-            first += len(block)
-        return Coordinates(whole)
+        return Coordinates.node_by_node(blocks)
 
 
 def _axes(directions: Sequence[str]) -> list[int]:
@@ -264,7 +257,7 @@ class PlacedPart(SubstructureModel):
     @cached_property
     def absent_dofs(self) -> frozenset[int]:
         """Those of the part."""
-        absent, L = self._part.absent_dofs, self._coordinates.of_dofs
+        absent, L = self._part.absent_dofs, self._coordinates.L
         return frozenset(int(dof) for dof in np.flatnonzero((L[sorted(absent)] != 0.0).any(axis=0)))
 
     @property
@@ -298,7 +291,7 @@ class PlacedPart(SubstructureModel):
 
     def receptance(self, frequency: NDArray[np.float64], dofs: Sequence[int]) -> NDArray[np.complex128]:
         """Return the part's receptance (n_freq, n, n) along the assembly's axes."""
-        L = self._coordinates.of_dofs
+        L = self._coordinates.L
         own = [dof for dof in self._coordinates.dofs_of(list(dofs)) if dof not in self._part.absent_dofs]
         chosen = L[np.ix_(own, list(dofs))]
         return np.asarray(chosen.T @ self._part.receptance(frequency, own) @ chosen)

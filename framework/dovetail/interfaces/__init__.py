@@ -11,7 +11,13 @@ from dovetail.interfaces.component import (
     source_file,
 )
 from dovetail.interfaces.context import FeatureContext, fit_in_context, takes_context
-from dovetail.interfaces.coordinates import Coordinates, exact_rotation, rigid_body_motions, six_directions
+from dovetail.interfaces.coordinates import (
+    Coordinates,
+    are_perpendicular,
+    exact_rotation,
+    rigid_body_motions,
+    six_directions,
+)
 from dovetail.interfaces.declarations import joint_faults, node_faults, parameter_faults, port_faults
 from dovetail.interfaces.file_name import FileName
 from dovetail.interfaces.fit_options import FIT_OPTIONS, FitOptions, PosteriorOptions
@@ -27,6 +33,7 @@ from dovetail.interfaces.matrices import (
     SparseMatrices,
     StructuralMatrices,
     carried,
+    cross_matrix,
     describes_matrices,
     is_rotation,
 )
@@ -110,7 +117,9 @@ __all__ = [
     "TargetDistribution",
     "TimeLimit",
     "TrainingEpoch",
+    "are_perpendicular",
     "carried",
+    "cross_matrix",
     "describes_matrices",
     "exact_rotation",
     "fit_in_context",

@@ -48,11 +48,16 @@ def direction_problem(directions: object) -> str:
     return ""
 
 
+def cross_matrix(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the matrix (3, 3) whose product with another vector is the cross product of `vector` (3,) with it."""
+    x, y, z = vector
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
 def carried(way: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the motion (6, 6) of a point of a rigid body by that of another one, from which `way` (3,) [m] leads."""
-    x, y, z = way
     motion = np.eye(len(DIRECTIONS))
-    motion[:3, 3:] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]
+    motion[:3, 3:] = cross_matrix(way).T
     return motion
 
 

@@ -15,7 +15,7 @@ from dovetail.description import Description, Place
 from dovetail.description.placed_parts import direction_text
 from dovetail.interfaces import DIRECTIONS, PLANAR, SubstructureModel
 from dovetail.plain_text import terminal_text
-from dovetail.report.figures import INK, LINES, MUTED, new_figure, set_title
+from dovetail.report.figures import INK, LINES, MUTED, figure_of, new_figure, set_title
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -80,9 +80,7 @@ def space_figure(assembly: Assembly, ax: Axes | None = None) -> Figure:
     by_name = description.placed_parts
     points = {name: 1e3 * np.array([node.coordinates for node in part.nodes]) for name, part in by_name.items()}
     view = _View.of_points(np.concatenate([points[name] for name, part in by_name.items() if not part.grounded]))
-    figure = new_figure(_HEIGHT) if ax is None else ax.get_figure(root=True)
-    assert figure is not None
-    axes: Axes = figure.subplots() if ax is None else ax
+    axes: Axes = new_figure(_HEIGHT).subplots() if ax is None else ax
     moving = [name for name, part in by_name.items() if not part.grounded]
     for number, name in enumerate(moving):
         _draw_part(axes, name, by_name[name], view.on_page(points[name]), _PARTS[number % len(_PARTS)])
@@ -97,6 +95,7 @@ def space_figure(assembly: Assembly, ax: Axes | None = None) -> Figure:
     axes.set_aspect("equal")
     axes.set_axis_off()
     axes.margins(0.12)
+    figure = figure_of(axes)
     set_title(figure if ax is None else ax, assembly.name, "Dots: nodes. Diamonds: joints. Triangles: held.")
     return figure
 

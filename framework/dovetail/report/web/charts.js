@@ -481,8 +481,8 @@ var DovetailCharts = (function () {
       requestAnimationFrame(swing);
     }
     host.replaceChildren(element("div", { class: "chart-head" }, element("div", { class: "chart-legend" }, ...names), element("div", { class: "chart-buttons" }, hold)), element("div", { class: "modes" }, ...figures));
-    host.ontwist = () => { if (!host.moving) move(1); };
-    if (!host.turns) host.addEventListener("turned", () => host.ontwist());
+    host.drawTurned = () => { if (!host.moving) move(1); };
+    if (!host.turns) host.addEventListener("turned", () => host.drawTurned());
     host.turns = true;
     move(1);
     swing();
