@@ -11,8 +11,15 @@ from .atomic_files import read_bounded as read_bounded
 from .comparison import ComparedModel as ComparedModel
 from .comparison import ModelComparison as ModelComparison
 from .comparison import compare_models as compare_models
+from .coupling import FLEXIBLE_MODES as FLEXIBLE_MODES
+from .coupling import MeasuredDofs as MeasuredDofs
 from .coupling import ReceptanceMatrix as ReceptanceMatrix
+from .coupling import VirtualPoint as VirtualPoint
+from .coupling import VirtualPoints as VirtualPoints
 from .coupling import check_receptance_units as check_receptance_units
+from .coupling import couple as couple
+from .coupling import decouple as decouple
+from .coupling import interface_modes as interface_modes
 from .coupling import read_receptance as read_receptance
 from .coupling import write_receptance as write_receptance
 from .dataset import Dataset as Dataset
@@ -142,6 +149,7 @@ from .measurement import decode_text as decode_text
 from .measurement import frf_from_signals as frf_from_signals
 from .measurement import noisy_frf as noisy_frf
 from .measurement import read_frf as read_frf
+from .measurement import read_frfs as read_frfs
 from .measurement import read_modal_parameters as read_modal_parameters
 from .measurement import read_unit as read_unit
 from .measurement import remove_accelerometer_mass as remove_accelerometer_mass

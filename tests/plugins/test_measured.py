@@ -298,7 +298,7 @@ def without(key):
 @pytest.mark.parametrize(
     ("key", "said"),
     [
-        ({"directions": ["x", "y", "x"]}, "'y' is not a direction"),
+        ({"directions": ["x", "q", "x"]}, "'q' is not a direction"),
         ({"nodes": ["a", "a", "b"]}, "x of node 'a' is already DOF 1"),
         ({"nodes": ["a", "b"], "directions": ["x", "x"]}, "the table has 2 DOFs, the matrices have 3 rows"),
         ({"receptance": np.ones((len(FREQUENCY), 3), complex)}, "'receptance' has the shape (296, 3)"),

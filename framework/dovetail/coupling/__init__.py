@@ -7,12 +7,24 @@ from dovetail.coupling.receptance_matrix import (
     read_receptance,
     write_receptance,
 )
+from dovetail.coupling.virtual_points import (
+    FLEXIBLE_MODES,
+    MeasuredDofs,
+    VirtualPoint,
+    VirtualPoints,
+    interface_modes,
+)
 
 __all__ = [
+    "FLEXIBLE_MODES",
+    "MeasuredDofs",
     "ReceptanceMatrix",
+    "VirtualPoint",
+    "VirtualPoints",
     "check_receptance_units",
     "couple",
     "decouple",
+    "interface_modes",
     "read_receptance",
     "write_receptance",
 ]

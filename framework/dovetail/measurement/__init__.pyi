@@ -4,6 +4,7 @@ from .content.text_tables import check_not_truncated as check_not_truncated
 from .content.text_tables import decode_text as decode_text
 from .frf_files import frf_suffixes as frf_suffixes
 from .frf_files import read_frf as read_frf
+from .frf_files import read_frfs as read_frfs
 from .frf_units import UnitReading as UnitReading
 from .frf_units import read_unit as read_unit
 from .impact_test.frf_estimation import EstimatedFrf as EstimatedFrf

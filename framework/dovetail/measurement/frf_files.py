@@ -135,6 +135,34 @@ def read_frf(
     return remove_accelerometer_mass(frf, accelerometer_mass) if accelerometer_mass else frf
 
 
+def read_frfs(path: str | os.PathLike[str], *, ignore_dofs: bool = False, plugins: PluginPaths = ()) -> tuple[Frf, ...]:
+    """Read all FRFs of a file, in their order: those of the sets of a UFF file, of a table the only one.
+
+    Parameters
+    ----------
+    path : path
+        Of a format that `read_frf` reads.
+    ignore_dofs : bool
+        As in `read_frf`.
+    plugins : path or iterable of paths
+        Plugin files with further readers.
+
+    Raises
+    ------
+    FileError, MeasurementError, DovetailError, PluginError
+        As in `read_frf`; or the file has no FRF.
+    """
+    source, registry = Path(path), components(plugins)
+    check_suffix(source, registry)
+    with logged(__name__, f"measurement {source} read"):
+        reader, recorded = read_content(source, registry)
+        numbers = frf_numbers(source, recorded)
+        if not numbers:
+            raise MeasurementError(Fault(str(source), "the file has no FRF."))
+        recordings = [recording_of(source, recorded, reader, ReadOptions(index=number)) for number in numbers]
+    return tuple((each.without_dofs() if ignore_dofs else each).to_frf(None, None) for each in recordings)
+
+
 def frf_suffixes(plugins: PluginPaths) -> tuple[str, ...]:
     """Return the suffixes of the files that `read_frf` reads, including those of plugins."""
     return read_suffixes(components(plugins))

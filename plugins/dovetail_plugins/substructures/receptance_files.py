@@ -10,24 +10,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail import (
+    DIRECTIONS,
+    PLANAR,
     DovetailError,
     Fault,
     Frf,
     ModelDof,
+    Node,
+    NodeDofs,
     ReceptanceMatrix,
     Role,
     check_receptance_units,
     check_roles,
+    is_rotation,
     read_frf,
     read_receptance,
 )
 from dovetail_plugins.substructures.dof_table import TABLE_ARRAYS, table_in
 from dovetail_plugins.substructures.matrix_files import read_archive
+from dovetail_plugins.substructures.measured_checks import check_drive_points, reciprocal
 
-_DIRECTIONS = ("x", "rz")
-
-_MOST_ANTISYMMETRIC = 2.0
-"""Ratio of the difference of two reciprocal receptances to their sum above which a sign is wrong; 1 for pure noise."""
+Place = float | tuple[float, float, float]
+"""Position of a node along the part, or its coordinates [m]."""
+Dof = tuple[str, str]
+"""A node and a direction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,15 +43,32 @@ class KnownReceptance:
     Parameters
     ----------
     matrix : ReceptanceMatrix
-    nodes : mapping of str to float
-        Labels and positions [m].
+    nodes : tuple of Node
     dofs : tuple of int
-        The DOF of each row: 2 i for x of node i, 2 i + 1 for its rz.
+        The DOF of each row.
     """
 
     matrix: ReceptanceMatrix
-    nodes: Mapping[str, float]
+    nodes: tuple[Node, ...]
     dofs: tuple[int, ...]
+
+    @staticmethod
+    def between(matrix: ReceptanceMatrix, pairs: Sequence[Dof], places: Mapping[str, Place]) -> KnownReceptance:
+        """Return a receptance whose rows are these DOFs of nodes at some places.
+
+        A part with x and rz alone, at positions, is planar: each of its nodes has both. Otherwise a node moves in the
+        directions that were measured.
+        """
+        planar = all(each in PLANAR for _, each in pairs) and not any(isinstance(at, tuple) for at in places.values())
+        nodes = []
+        for label, at in places.items():
+            own = {each for node, each in pairs if node == label}
+            directions = PLANAR if planar else tuple(each for each in DIRECTIONS if each in own)
+            point = at if isinstance(at, tuple) else None
+            nodes.append(Node(label, 0.0 if isinstance(at, tuple) else at, directions, point))
+        numbers, labels = NodeDofs.of_nodes(nodes), list(places)
+        dofs = tuple(numbers.among([labels.index(node)], [each])[0] for node, each in pairs)
+        return KnownReceptance(matrix, tuple(nodes), dofs)
 
 
 def from_archive(file: str) -> KnownReceptance:
@@ -65,9 +88,9 @@ def from_archive(file: str) -> KnownReceptance:
     except DovetailError:
         archive = {}  # `read_receptance` reports what is wrong
     if "nodes" not in archive and "directions" not in archive:
-        one_point = _reciprocal(read_receptance(path), ("x", "rz"), file)
-        _check_drive_points(one_point, ("x", "rz"), file)
-        return KnownReceptance(one_point, {"m1": 0.0}, (0, 1))
+        one_point = reciprocal(read_receptance(path), PLANAR, file)
+        check_drive_points(one_point, PLANAR, file)
+        return KnownReceptance.between(one_point, [("m1", each) for each in PLANAR], {"m1": 0.0})
     return _with_table(archive, file)
 
 
@@ -78,65 +101,36 @@ def _with_table(archive: Mapping[str, NDArray[np.generic]], file: str) -> KnownR
         raise DovetailError(Fault(file, f"there is no '{missing[0]}'; there is: {', '.join(sorted(archive)[:12])}."))
     frequency, values = _numbers(archive["frequency"], "f", file), _numbers(archive["receptance"], "c", file)
     check_receptance_units(file, {name: array for name, array in archive.items() if name not in TABLE_ARRAYS})
-    whole = _matrix(frequency, values.astype(np.complex128), file)
+    whole = receptance_matrix(frequency, values.astype(np.complex128), file)
     table = table_in(archive, file, values.shape[1])
     assert table is not None
-    if strange := [direction for direction in table.directions if direction not in _DIRECTIONS]:
-        raise DovetailError(Fault(file, f"'{strange[0]}' is not a direction.", ", ".join(_DIRECTIONS)))
-    nodes = dict.fromkeys(table.nodes, 0.0)
-    if table.positions is not None:
-        nodes = dict(zip(table.nodes, table.positions.tolist(), strict=True))
-    index_of = {label: index for index, label in enumerate(nodes)}
+    if strange := [direction for direction in table.directions if direction not in DIRECTIONS]:
+        raise DovetailError(Fault(file, f"'{strange[0]}' is not a direction.", ", ".join(DIRECTIONS)))
+    places: dict[str, Place] = dict.fromkeys(table.nodes, 0.0)
+    if table.points is not None:
+        places = {node: (x, y, z) for node, (x, y, z) in zip(table.nodes, table.points.tolist(), strict=True)}
+    elif table.positions is not None:
+        places = dict(zip(table.nodes, table.positions.tolist(), strict=True))
     pairs = list(zip(table.nodes, table.directions, strict=True))
-    dofs = tuple(2 * index_of[node] + _DIRECTIONS.index(direction) for node, direction in pairs)
     chosen = whole.values[:, table.rows[:, np.newaxis], table.rows]
     names = [f"{node} {direction}" for node, direction in pairs]
-    matrix = _reciprocal(_matrix(whole.frequency, chosen, file), names, file)
-    _check_drive_points(matrix, names, file)
-    return KnownReceptance(matrix, nodes, dofs)
-
-
-def _check_drive_points(matrix: ReceptanceMatrix, names: Sequence[str], file: str) -> None:
-    """Refuse a matrix with receptances on the diagonal that deliver power, as those of a reversed sign do."""
-    for index, name in enumerate(names):
-        frf = Frf(matrix.frequency, matrix.values[:, index, index], "receptance", label=name)
-        dof = ModelDof(f"'{name}'")
-        check_roles([Role(frf, dof, dof, f"{file}  the receptance of {name}", "")])
-
-
-def _reciprocal(matrix: ReceptanceMatrix, names: Sequence[str], file: str) -> ReceptanceMatrix:
-    """Return the mean of both directions, since the coupling takes a part to be reciprocal.
-
-    Raises
-    ------
-    DovetailError
-        Two receptances that should be equal have opposite signs.
-    """
-    mirrored = np.swapaxes(matrix.values, 1, 2)
-    difference, total = (np.linalg.norm(part, axis=0) for part in (matrix.values - mirrored, matrix.values + mirrored))
-    opposite = np.argwhere(difference > _MOST_ANTISYMMETRIC * total)
-    if len(opposite):
-        first, second = (names[dof] for dof in opposite[0])
-        problem = (
-            f"the receptance of {first} by a load in {second} has the opposite sign of that of {second} by a load in "
-            f"{first}, and by reciprocity they are equal."
-        )
-        raise DovetailError(Fault(file, problem, remedy="Check the signs of rotations and moments."))
-    return replace(matrix, values=(matrix.values + mirrored) / 2.0)
+    matrix = reciprocal(receptance_matrix(whole.frequency, chosen, file), names, file)
+    check_drive_points(matrix, names, file)
+    return KnownReceptance.between(matrix, pairs, places)
 
 
 def from_sets(
-    file: str, nodes: Mapping[str, float], frfs: Sequence[tuple[int, str, str]], *, ignore_dofs: bool = False
+    file: str, places: Mapping[str, Place], sets: Sequence[tuple[int, Dof, Dof]], *, ignore_dofs: bool = False
 ) -> KnownReceptance:
-    """Read the receptance between the displacements of some nodes from the sets of a UFF file.
+    """Read the receptance between DOFs of some nodes from the sets of a UFF file.
 
     Parameters
     ----------
     file : str
-    nodes : mapping of str to float
-        Labels and positions [m].
-    frfs : sequence of (int, str, str)
-        Number of the set, the node of the response and that of the force.
+    places : mapping of str to float or three floats
+        Labels, and positions or coordinates [m].
+    sets : sequence of (int, (str, str), (str, str))
+        Number of the set, node and direction of the response and those of the force.
     ignore_dofs : bool
         Whether the DOFs in the file are wrong.
 
@@ -144,47 +138,82 @@ def from_sets(
     ------
     DovetailError
         A set cannot be read, has other frequencies than the first or no phase, or its DOFs in the file contradict those
-        of the others; or a pair of nodes has no set.
+        of the others; or a pair of DOFs has no set.
     """
-    index_of = {label: index for index, label in enumerate(nodes)}
+    pairs = list(dict.fromkeys(dof for _, *ends in sets for dof in ends))
+    pairs.sort(key=lambda dof: (list(places).index(dof[0]), DIRECTIONS.index(dof[1])))
     read = [
         (read_frf(file, index=number, ignore_dofs=ignore_dofs).to("receptance"), number, out, into)
-        for number, out, into in frfs
+        for number, out, into in sets
     ]
     frequency = read[0][0].frequency
-    values = np.full((len(frequency), len(nodes), len(nodes)), np.nan, dtype=np.complex128)
+    values = np.full((len(frequency), len(pairs), len(pairs)), np.nan, dtype=np.complex128)
     for frf, number, out, into in read:
         where = f"{file}  set {number}"
         if not np.array_equal(frf.frequency, frequency):
             raise DovetailError(Fault(where, f"its frequencies are not those of set {read[0][1]}."))
-        if not frf.has_phase or frf.rotation:
-            raise DovetailError(Fault(where, "it is not a complex FRF of a displacement per force."))
-        values[:, index_of[out], index_of[into]] = frf.values
-    _check_places(file, nodes, read)
+        kinds = frf.rotation == is_rotation(out[1]), frf.by_moment == is_rotation(into[1])
+        if not frf.has_phase or not all(kinds):
+            motion, load = ("rotation" if is_rotation(out[1]) else "displacement"), _LOADS[is_rotation(into[1])]
+            raise DovetailError(Fault(where, f"it is not a complex FRF of a {motion} per {load}."))
+        values[:, pairs.index(out), pairs.index(into)] = frf.values
+    one_direction = len({each for _, each in pairs}) == 1
+    names = [node if one_direction else f"{node} {each}" for node, each in pairs]
+    _check_places(file, pairs, names, read)
     values = np.where(np.isnan(values), np.swapaxes(values, 1, 2), values)
-    for out, row in index_of.items():
-        for into, column in index_of.items():
-            if np.isnan(values[0, row, column]):
-                raise DovetailError(Fault(file, f"no set is between '{out}' and '{into}'."))
-    matrix = _reciprocal(_matrix(frequency, values, file), list(nodes), file)
-    return KnownReceptance(matrix, dict(nodes), tuple(2 * index for index in index_of.values()))
+    for row, column in np.argwhere(np.isnan(values[0])):
+        raise DovetailError(Fault(file, f"no set is between '{names[row]}' and '{names[column]}'."))
+    matrix = reciprocal(receptance_matrix(frequency, values, file), names, file)
+    return KnownReceptance.between(matrix, pairs, places)
 
 
-def _check_places(file: str, nodes: Mapping[str, float], read: Sequence[tuple[Frf, int, str, str]]) -> None:
-    """Compare the DOFs in the file with the nodes at which the sets are used."""
-    dof_at = {label: ModelDof(f"'{label}'", label=label, labels=tuple(nodes)) for label in nodes}
-    check_roles(
-        [
-            Role(
-                frf,
-                dof_at[out],
-                dof_at[into],
-                f"{file}  set {number}",
-                "If the file's DOFs are wrong, add 'ignore_dofs: true'.",
-            )
-            for frf, number, out, into in read
-        ]
-    )
+_LOADS = {False: "force", True: "moment"}
+_REMEDY = "If the file's DOFs are wrong, add 'ignore_dofs: true'."
+
+
+def _check_places(
+    file: str, pairs: Sequence[Dof], names: Sequence[str], read: Sequence[tuple[Frf, int, Dof, Dof]]
+) -> None:
+    """Compare the DOFs in the file with those at which the sets are used."""
+    labels = tuple(dict.fromkeys(node for node, _ in pairs))
+    dof_at = {
+        pair: ModelDof(f"'{name}'", is_rotation(pair[1]), label=pair[0], labels=labels)
+        for pair, name in zip(pairs, names, strict=True)
+    }
+    roles = [Role(frf, dof_at[out], dof_at[into], f"{file}  set {number}", _REMEDY) for frf, number, out, into in read]
+    if len(pairs) == len(labels):
+        check_roles(roles)
+        return
+    _check_one_to_one(roles)  # several directions of a node
+    are_given = all(role.frf.response and role.frf.force for role in roles)
+    unnamed = [replace(role, frf=replace(role.frf, response="", force="")) for role in roles]
+    check_roles(unnamed, distinct=not are_given)
+
+
+def _check_one_to_one(roles: Sequence[Role]) -> None:
+    """Refuse sets in which a DOF of the file is used as two DOFs, or two DOFs of the file as one."""
+    used: dict[str, tuple[str, Role]] = {}
+    given: dict[str, tuple[str, Role]] = {}
+    for role in roles:
+        for noun, text, place in (
+            ("response", role.frf.response, role.response.place),
+            ("force", role.frf.force, role.force.place),
+        ):
+            name = text.replace("+", "").replace("-", "").lower()
+            if not name:
+                continue
+            other, first = used.setdefault(name, (place, role))
+            known, second = given.setdefault(place, (name, role))
+            if other != place or known != name:
+                earlier = first if other != place else second
+                problem = (
+                    f"its file says {role.dofs}: the {noun} {text} is used as {place}, and in {earlier.name} "
+                    f"({earlier.dofs}) "
+                )
+                problem += f"as {other}." if other != place else "another DOF is."
+                raise DovetailError(
+                    Fault(role.name, problem, remedy=f"Correct the nodes and directions. {role.remedy}")
+                )
 
 
 def _numbers(array: NDArray[np.generic], kind: str, file: str) -> NDArray[np.generic]:
@@ -196,7 +225,8 @@ def _numbers(array: NDArray[np.generic], kind: str, file: str) -> NDArray[np.gen
     return array
 
 
-def _matrix(frequency: NDArray[np.generic], values: NDArray[np.complex128], file: str) -> ReceptanceMatrix:
+def receptance_matrix(frequency: NDArray[np.generic], values: NDArray[np.complex128], file: str) -> ReceptanceMatrix:
+    """Return a receptance matrix, or raise a DovetailError that names its file."""
     try:
         return ReceptanceMatrix(frequency.astype(np.float64), values, Path(file).name)
     except DovetailError as error:
