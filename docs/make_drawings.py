@@ -452,8 +452,8 @@ CAPTIONS = {
     "lumped": "Without `inertia` a rotation is free of effort.",
     "ground": "What is joined to such a point by `rigid` is held.",
     "matrices": "Filled: nodes that the table of DOFs names, with x and rz. Open: inner DOFs, which are condensed.",
-    "measured": "As `dovetail spindle` writes it: one point with x and rz. A UFF file may hold several points without "
-    "rotations; no moment acts there.",
+    "measured": "As `dovetail spindle` writes it: one point with x and rz. In space, and for virtual points, a node "
+    "moves in the directions that were measured.",
 }
 """What is said below a drawing."""
 

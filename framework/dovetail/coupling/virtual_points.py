@@ -97,9 +97,9 @@ class MeasuredDofs:
         object.__setattr__(self, "directions", self.directions / lengths[:, np.newaxis])
         turns = np.zeros(count, dtype=np.bool_) if self.rotational is None else np.asarray(self.rotational, dtype=bool)
         weights = np.ones(count) if self.weights is None else np.asarray(self.weights, dtype=np.float64)
-        for name, shape in {"rotational": turns.shape, "weights": weights.shape}.items():
-            if shape != (count,):
-                raise MeasurementError(Fault(name, f"the shape is {shape}.", f"({count},)"))
+        for name, sizes in (("rotational", list(turns.shape)), ("weights", list(weights.shape))):
+            if sizes != [count]:
+                raise MeasurementError(Fault(name, f"the shape is {sizes}.", f"[{count}]"))
         if not (np.isfinite(weights).all() and (weights >= 0.0).all()):
             raise MeasurementError(Fault("weights", "a weight is negative or not finite.", "0 or more"))
         object.__setattr__(self, "rotational", turns)
@@ -322,12 +322,12 @@ class VirtualPoints:
             By ``"channel 'NAME'"`` or ``"impact 'NAME'"``: the deviation from what the others say, over its size,
             median over the lines; 2 for a reversed sign. Without those that the others do not determine.
         """
-        found: dict[str, float] = {}
+        deviations: dict[str, float] = {}
         sides = ("channel", self.channels, values), ("impact", self.impacts, np.swapaxes(values, 1, 2))
         for name, point in self.points.items():
             each = zip(sides, (point.channels, point.impacts), self._projections[name], strict=True)
             for (noun, dofs, matrix), around, projection in each:
                 suspect = projection.suspect(matrix[:, list(around)])
                 if suspect is not None:
-                    found[f"{noun} '{dofs.names[around[suspect[0]]]}'"] = suspect[1]
-        return found
+                    deviations[f"{noun} '{dofs.names[around[suspect[0]]]}'"] = suspect[1]
+        return deviations

@@ -149,7 +149,7 @@ def read_frfs(path: str | os.PathLike[str], *, ignore_dofs: bool = False, plugin
 
     Raises
     ------
-    FileError, MeasurementError, DovetailError, PluginError
+    DovetailError
         As in `read_frf`; or the file has no FRF.
     """
     source, registry = Path(path), components(plugins)

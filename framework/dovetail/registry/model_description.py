@@ -139,6 +139,8 @@ def _walk(
         inner, inner_prefix = plain, f"{whole}."
         if plain.get("type") == "array" and isinstance(plain.get("items"), dict):
             inner, inner_prefix = _resolved(plain["items"], definitions), f"{whole}[]."
+        elif plain.get("type") == "object" and isinstance(plain.get("additionalProperties"), dict):
+            inner, inner_prefix = _resolved(plain["additionalProperties"], definitions), f"{whole}.NAME."
         unit = plain.get("x-unit", "")
         required = name in schema.get("required", ())
         default = "required" if required else _default(entry.get("default"), unit, optional)

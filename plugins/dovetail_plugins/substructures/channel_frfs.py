@@ -48,19 +48,19 @@ def _from_archive(
     file: str, channels: ChannelTable, impacts: ChannelTable
 ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
     archive = read_archive(Path(file))
-    found = [next((name for name in names if name in archive), None) for names in (_FREQUENCY, _VALUES)]
-    if None in found:
+    keys = [next((name for name in names if name in archive), None) for names in (_FREQUENCY, _VALUES)]
+    if None in keys:
         listed = ", ".join(sorted(archive)[:12]) or "nothing"
         accepted = "'frequency' and 'frfs', or 'freq' and 'Y'"
         raise DovetailError(Fault(file, f"the archive has {listed}.", accepted))
-    known = {*found, *_NAMES, *_HARMLESS}
+    known = {*keys, *_NAMES, *_HARMLESS}
     if others := [name for name in archive if name not in known and archive[name].dtype.kind in "US"]:
         remedy = "Convert the FRFs to SI, in the quantities of the channels' table, and remove the text."
         raise DovetailError(Fault(file, f"the archive has the text '{others[0]}', which is not read.", remedy=remedy))
-    frequency, values = archive[str(found[0])], archive[str(found[1])]
+    frequency, values = archive[str(keys[0])], archive[str(keys[1])]
     shape = len(channels.names), len(impacts.names)
     if frequency.ndim != 1 or frequency.dtype.kind not in "fiu" or values.shape != (len(frequency), *shape):
-        problem = f"'{found[1]}' has the shape {values.shape}, '{found[0]}' {frequency.shape}."
+        problem = f"'{keys[1]}' has the shape {values.shape}, '{keys[0]}' {frequency.shape}."
         accepted = f"(n_freq, {shape[0]}, {shape[1]}), by the rows of {channels.file} and {impacts.file}"
         raise DovetailError(Fault(file, problem, accepted))
     _check_names(archive, channels, impacts, file)

@@ -53,20 +53,20 @@ class KnownReceptance:
     dofs: tuple[int, ...]
 
     @staticmethod
-    def between(matrix: ReceptanceMatrix, pairs: Sequence[Dof], places: Mapping[str, Place]) -> KnownReceptance:
+    def between(matrix: ReceptanceMatrix, pairs: Sequence[Dof], place_of: Mapping[str, Place]) -> KnownReceptance:
         """Return a receptance whose rows are these DOFs of nodes at some places.
 
         A part with x and rz alone, at positions, is planar: each of its nodes has both. Otherwise a node moves in the
         directions that were measured.
         """
-        planar = all(each in PLANAR for _, each in pairs) and not any(isinstance(at, tuple) for at in places.values())
+        planar = all(each in PLANAR for _, each in pairs) and not any(isinstance(at, tuple) for at in place_of.values())
         nodes = []
-        for label, at in places.items():
+        for label, at in place_of.items():
             own = {each for node, each in pairs if node == label}
             directions = PLANAR if planar else tuple(each for each in DIRECTIONS if each in own)
             point = at if isinstance(at, tuple) else None
             nodes.append(Node(label, 0.0 if isinstance(at, tuple) else at, directions, point))
-        numbers, labels = NodeDofs.of_nodes(nodes), list(places)
+        numbers, labels = NodeDofs.of_nodes(nodes), list(place_of)
         dofs = tuple(numbers.among([labels.index(node)], [each])[0] for node, each in pairs)
         return KnownReceptance(matrix, tuple(nodes), dofs)
 
@@ -106,28 +106,28 @@ def _with_table(archive: Mapping[str, NDArray[np.generic]], file: str) -> KnownR
     assert table is not None
     if strange := [direction for direction in table.directions if direction not in DIRECTIONS]:
         raise DovetailError(Fault(file, f"'{strange[0]}' is not a direction.", ", ".join(DIRECTIONS)))
-    places: dict[str, Place] = dict.fromkeys(table.nodes, 0.0)
+    place_of: dict[str, Place] = dict.fromkeys(table.nodes, 0.0)
     if table.points is not None:
-        places = {node: (x, y, z) for node, (x, y, z) in zip(table.nodes, table.points.tolist(), strict=True)}
+        place_of = {node: (x, y, z) for node, (x, y, z) in zip(table.nodes, table.points.tolist(), strict=True)}
     elif table.positions is not None:
-        places = dict(zip(table.nodes, table.positions.tolist(), strict=True))
+        place_of = dict(zip(table.nodes, table.positions.tolist(), strict=True))
     pairs = list(zip(table.nodes, table.directions, strict=True))
     chosen = whole.values[:, table.rows[:, np.newaxis], table.rows]
     names = [f"{node} {direction}" for node, direction in pairs]
     matrix = reciprocal(receptance_matrix(whole.frequency, chosen, file), names, file)
     check_drive_points(matrix, names, file)
-    return KnownReceptance.between(matrix, pairs, places)
+    return KnownReceptance.between(matrix, pairs, place_of)
 
 
 def from_sets(
-    file: str, places: Mapping[str, Place], sets: Sequence[tuple[int, Dof, Dof]], *, ignore_dofs: bool = False
+    file: str, place_of: Mapping[str, Place], sets: Sequence[tuple[int, Dof, Dof]], *, ignore_dofs: bool = False
 ) -> KnownReceptance:
     """Read the receptance between DOFs of some nodes from the sets of a UFF file.
 
     Parameters
     ----------
     file : str
-    places : mapping of str to float or three floats
+    place_of : mapping of str to float or three floats
         Labels, and positions or coordinates [m].
     sets : sequence of (int, (str, str), (str, str))
         Number of the set, node and direction of the response and those of the force.
@@ -141,7 +141,7 @@ def from_sets(
         of the others; or a pair of DOFs has no set.
     """
     pairs = list(dict.fromkeys(dof for _, *ends in sets for dof in ends))
-    pairs.sort(key=lambda dof: (list(places).index(dof[0]), DIRECTIONS.index(dof[1])))
+    pairs.sort(key=lambda dof: (list(place_of).index(dof[0]), DIRECTIONS.index(dof[1])))
     read = [
         (read_frf(file, index=number, ignore_dofs=ignore_dofs).to("receptance"), number, out, into)
         for number, out, into in sets
@@ -164,7 +164,7 @@ def from_sets(
     for row, column in np.argwhere(np.isnan(values[0])):
         raise DovetailError(Fault(file, f"no set is between '{names[row]}' and '{names[column]}'."))
     matrix = reciprocal(receptance_matrix(frequency, values, file), names, file)
-    return KnownReceptance.between(matrix, pairs, places)
+    return KnownReceptance.between(matrix, pairs, place_of)
 
 
 _LOADS = {False: "force", True: "moment"}
@@ -193,7 +193,7 @@ def _check_places(
 def _check_one_to_one(roles: Sequence[Role]) -> None:
     """Refuse sets in which a DOF of the file is used as two DOFs, or two DOFs of the file as one."""
     used: dict[str, tuple[str, Role]] = {}
-    given: dict[str, tuple[str, Role]] = {}
+    name_at: dict[str, tuple[str, Role]] = {}
     for role in roles:
         for noun, text, place in (
             ("response", role.frf.response, role.response.place),
@@ -203,7 +203,7 @@ def _check_one_to_one(roles: Sequence[Role]) -> None:
             if not name:
                 continue
             other, first = used.setdefault(name, (place, role))
-            known, second = given.setdefault(place, (name, role))
+            known, second = name_at.setdefault(place, (name, role))
             if other != place or known != name:
                 earlier = first if other != place else second
                 problem = (

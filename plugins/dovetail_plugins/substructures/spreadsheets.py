@@ -84,14 +84,14 @@ def _sheets(archive: zipfile.ZipFile) -> dict[str, str]:
 def _chosen(path: Path, names: Sequence[str], sheet: str, beginning: str) -> str:
     if sheet and sheet not in names:
         raise DovetailError(Fault(str(path), f"the workbook has no sheet '{sheet}'.", ", ".join(names)))
-    found = [sheet] if sheet else [name for name in names if name.lower().startswith(beginning.lower())]
+    matching = [sheet] if sheet else [name for name in names if name.lower().startswith(beginning.lower())]
     if not sheet and len(names) == 1:
-        found = list(names)
-    if len(found) != 1:
-        which = f"several sheets begin with '{beginning}'" if found else f"no sheet begins with '{beginning}'"
+        matching = list(names)
+    if len(matching) != 1:
+        which = f"several sheets begin with '{beginning}'" if matching else f"no sheet begins with '{beginning}'"
         remedy = "Name the sheet with 'channel_sheet' or 'impact_sheet'."
-        raise DovetailError(Fault(str(path), f"{which}.", ", ".join(found or names), remedy))
-    return found[0]
+        raise DovetailError(Fault(str(path), f"{which}.", ", ".join(matching or names), remedy))
+    return matching[0]
 
 
 def _shared_texts(archive: zipfile.ZipFile) -> list[str]:
