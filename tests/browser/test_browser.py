@@ -31,7 +31,7 @@ CHROMIUM = find_chromium()
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
 
 AXE = Path(__file__).parent / "vendor" / "axe.min.js"
-SIZES = [(360, "light"), (768, "dark"), (1440, "light"), (1440, "dark")]
+SIZES = [(390, "light"), (768, "dark"), (1440, "light"), (1440, "dark")]
 READY = "document.documentElement.dataset.ready === 'true'"
 CHART = "DovetailCharts.charts[DovetailCharts.charts.length - 1]"
 TRUE = {"k": 3e6, "c": 40.0}
@@ -126,7 +126,7 @@ def test_the_report_reads_well(browser: Browser, report: str, width: int, scheme
         assert page.errors() == []
         assert page.requests() == [report]
         assert overflow(page) <= 0
-        assert page.evaluate("document.querySelectorAll('svg.pairs path').length") == 1
+        assert page.evaluate("document.querySelectorAll('svg.pairs path:not(.tick)').length") == 1
         assert page.evaluate("document.querySelectorAll('.mode polyline[points]').length") == 1
         assert serious_faults(page) == []
 
@@ -215,6 +215,24 @@ def test_the_report_prints(browser: Browser, report: str, tmp_path: Path) -> Non
         assert page.pdf(tmp_path / "report.pdf") <= 2
         assert page.errors() == []
         page.wait_for("!document.documentElement.classList.contains('printing')")
+
+
+@pytest.mark.parametrize("width", [390, 1440])
+def test_the_misfit_stays_in_view_while_a_slider_moves(browser: Browser, assemblies: Path, width: int) -> None:
+    assembly = dovetail.load(assemblies / "bt40_er32_quick.yaml")
+    with PageServer(Explorer(assembly, [assembly.simulate(None)])) as serving:
+        threading.Thread(target=serving.serve_forever, daemon=True).start()
+        with browser.page(serving.address, width, 844) as page:
+            page.wait_for(READY)
+            page.evaluate("document.querySelector('#parameters').lastChild.scrollIntoView({block: 'end'}); 0")
+            misfit, chart = page.box("#misfit"), page.box("#chart")
+            assert 0 <= misfit["top"] < misfit["bottom"] <= chart["top"]
+            box = page.box(".parameter:last-child input[type=range]")
+            assert chart["top"] < 844
+            page.drag((box["x"] + 0.5 * box["width"], box["y"] + 9), (box["x"] + 0.9 * box["width"], box["y"] + 9))
+            page.wait_for("document.querySelector('#misfit dd').textContent !== '0.00 dB'")
+            assert page.box("#misfit")["top"] == misfit["top"]
+            assert page.errors() == []
 
 
 def test_sliders_move_the_curve(browser: Browser, server: PageServer, assemblies: Path) -> None:

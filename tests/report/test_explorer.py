@@ -81,6 +81,9 @@ def test_the_misfit_is_least_at_the_truth(explorer: Explorer) -> None:
     there, away = explorer.frfs([3e6, 40.0], 0), explorer.frfs([4e6, 40.0], 0)
     assert 2.0 * there["misfit"] < away["misfit"]
     assert there["coherence"] > 0.99 > away["coherence"]
+    assert there["noises"] == pytest.approx(1.0, abs=0.1)
+    assert np.sqrt(np.mean(unpacked(away["residual"]) ** 2)) == pytest.approx(away["noises"], rel=1e-5)
+    assert away["noises"] > 10.0
 
 
 def test_a_fit_from_elsewhere_finds_the_truth_with_intervals(explorer: Explorer) -> None:
@@ -88,6 +91,10 @@ def test_a_fit_from_elsewhere_finds_the_truth_with_intervals(explorer: Explorer)
     assert answer["values"] == pytest.approx([3e6, 40.0], rel=0.02)
     assert all(low <= TRUE[name] <= high for name, (low, high) in answer["intervals"].items())
     assert answer["mark"] == "good"
+    assert answer["verdicts"] == {"k": "identified", "c": "identified"}
+    assert answer["marks"] == {"k": "good", "c": "good"}
+    assert answer["outside"] == []
+    assert answer["explanation"] == ""
     saved = json.loads(explorer.saved("json", answer["values"], answer["fit"]))
     assert saved["method"] == "posterior"
     assert saved["provenance"]["start"] == {"k": 5e6, "c": 10.0}
@@ -183,7 +190,7 @@ def test_the_page_and_its_answers(server: PageServer) -> None:
     assert ask(server, token + "../page_server.py")[0] == 404
     status, body, _ = ask(server, f"{token}frf", {"values": [3e6, 40.0]})
     assert status == 200
-    assert set(json.loads(body)) == {"amplitude", "phase", "coherence", "misfit"}
+    assert set(json.loads(body)) == {"amplitude", "phase", "coherence", "misfit", "residual", "noises"}
 
 
 @pytest.mark.parametrize(

@@ -252,14 +252,70 @@ def test_the_chart_has_the_peaks_of_the_measurement(result: Identification, tmp_
     assert chart["natural"] == [1352.0, 6540.0, 8330.0]
 
 
+def test_the_chart_has_the_residual_in_units_of_the_noise(result: Identification, tmp_path: Path) -> None:
+    variance = 0.01 * np.abs(result.frf.values) ** 2
+    shifted = replace(result.measured, values=result.frf.values * 1.3, variance=variance, coherence=None)
+    for measured in (shifted, replace(shifted, values=np.abs(shifted.values).astype(complex), has_phase=False)):
+        page = written(replace(result, measured=measured), tmp_path)
+        chart = json.loads(re.search(r'<script type="application/json" id="chart-1">(.*?)</script>', page.source)[1])
+        (residual,) = (curve["residual"] for curve in chart["curves"] if "residual" in curve)
+        times = 3.0 if measured.has_phase else 3.0 * np.sqrt(2.0)  # an amplitude has half of the variance
+        assert np.frombuffer(base64.b64decode(residual), "<f4") == pytest.approx(times, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("spread", "word", "mark"),
+    [(0.005, "identified", "good"), (0.3, "weakly identified", "rough"), (1.0, "not identifiable", "bad")],
+)
+def test_a_verdict_has_the_colour_of_its_mark(
+    assemblies: Path, tmp_path: Path, spread: float, word: str, mark: str
+) -> None:
+    assembly = dovetail.load(assemblies / "sdof.yaml")
+    measured = dovetail.noisy_frf(assembly.simulate({"k": 3e6, "c": 40.0}), 0.01, 0)
+    found = dovetail.identify(assembly, measured, form="laplace", cause_seconds=0.0)
+    middle = assembly.to_unit(found.theta) if spread < 1.0 else 0.5
+    fraction = middle + spread * (np.random.default_rng(0).random(found.posterior.theta.shape) - 0.5)
+    posterior = replace(found.posterior, theta=assembly.from_unit(fraction), fraction=fraction)
+    page = written(replace(found, posterior=posterior), tmp_path)
+    assert page.source.count(f'<span class="verdict {mark}">{word}</span>') == 2
+
+
+def test_a_best_fit_outside_its_interval_is_marked_and_explained(assemblies: Path, tmp_path: Path) -> None:
+    assembly = dovetail.load(assemblies / "sdof.yaml")
+    measured = dovetail.noisy_frf(assembly.simulate({"k": 3e6, "c": 40.0}), 0.01, 0)
+    found = dovetail.identify(assembly, measured, form="laplace", cause_seconds=0.0)
+    assert "hollow diamond" not in written(found, tmp_path).text
+    posterior = found.posterior
+    theta = posterior.theta * np.array([1.2, 1.0])
+    moved = replace(found, posterior=replace(posterior, theta=theta, fraction=assembly.to_unit(theta)))
+    page = written(moved, tmp_path)
+    assert page.source.count('<td class="number outside"') == 1
+    assert page.source.count('stroke="var(--alert)"') == 1
+    assert "The best fit of k lies outside its 90 % interval" in page.text
+    assert "A hollow diamond on a range is a best fit outside its interval." in page.text
+
+
+def test_the_pair_plot_has_ticks_with_the_ends_of_the_ranges(assemblies: Path, tmp_path: Path) -> None:
+    assembly = dovetail.load(assemblies / "sdof.yaml")
+    measured = dovetail.noisy_frf(assembly.simulate({"k": 3e6, "c": 40.0}), 0.01, 0)
+    found = dovetail.identify(assembly, measured, form="laplace", cause_seconds=0.0)
+    theta = np.random.default_rng(0).multivariate_normal([3e6, 40.0], [[1e10, 9e5], [9e5, 100.0]], 400)
+    posterior = replace(found.posterior, theta=theta, fraction=assembly.to_unit(theta))
+    page = written(replace(found, posterior=posterior), tmp_path)
+    ticks = re.findall(r'<text class="tick-label"[^>]*>([^<]*)</text>', page.source)
+    assert ticks == ["0.1", "5", "10", "1", "50", "100"]
+    assert "k [MN/m]" in page.text
+    assert "c [N·s/m]" in page.text
+
+
 def test_the_verdict_stands_before_everything_else(result: Identification, tmp_path: Path) -> None:
     text = written(result, tmp_path).text
-    assert text.index("Whether the model explains the measurement was not judged") < text.index("12 parameters of")
+    assert text.index("Whether the model fits was not judged") < text.index("12 parameters of")
     good = replace(result, adequacy=Adequacy("good", ModelError(0.002)))
     said = written(good, tmp_path).text
-    assert "The model explains the measurement well (natural frequencies are off by 0.2 %)" in said
+    assert "The model fits well (natural frequencies are off by 0.2 %)" in said
     bad = replace(result, adequacy=Adequacy("does not fit", ModelError(0.2)))
-    assert "The model does not explain the measurement: do not trust the numbers." in written(bad, tmp_path).text
+    assert "The model does not fit: do not trust the numbers." in written(bad, tmp_path).text
 
 
 def test_ids_are_unique_and_every_reference_resolves(result: Identification, assemblies: Path, tmp_path: Path) -> None:

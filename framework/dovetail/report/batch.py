@@ -14,7 +14,7 @@ from typing import Any
 from dovetail.assembly import Assembly
 from dovetail.errors import FileError, as_dovetail_error, is_decisive
 from dovetail.identification import Batch, Identification
-from dovetail.report.content import parameter_rows, verdict, warnings_of
+from dovetail.report.content import parameter_rows, verdict_on, warnings_of
 from dovetail.report.html_report import write_report
 from dovetail.report.pages import write_page
 from dovetail.report.result_files import csv_text, json_text, write_folder, write_texts
@@ -58,7 +58,7 @@ def write_batch(batch: Batch, path: str | Path, title: str, reports: Mapping[str
 
 def _judged(result: Identification) -> tuple[str, str]:
     """Return the mark of a result, and its verdict after the warnings that decide what it is worth."""
-    mark, sentence = verdict(result)
+    mark, sentence = verdict_on(result)
     return mark, " ".join([*filter(is_decisive, warnings_of(result, None)), sentence])
 
 

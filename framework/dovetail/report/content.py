@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import scipy
@@ -19,17 +18,8 @@ from dovetail.identification.parameters import place_on_range
 from dovetail.identification.truth import Truth
 from dovetail.inference.posterior import FIXED
 from dovetail.plain_text import ABSENT, display_unit, fixed, hertz, number, readable
+from dovetail.report.pages import residual_over_noise
 from dovetail.units import format_quantity
-
-_LABELS = {
-    "measurement": "Measurement",
-    "measured_quantity": "Quantity measured",
-    "assembly": "Assembly",
-    "description_sha256": "Description, SHA-256",
-    "training_samples": "Training samples",
-}
-_ELSEWHERE = ("description", "evaluation")
-"""Entries of the provenance that have separate sections in the report."""
 
 _SYNTHETIC = "This measurement is synthetic: it was simulated, not taken in a laboratory."
 
@@ -42,16 +32,16 @@ _PIECES, _AGREES = 20, 0.995
 """Number of parts of the band, of which the one with the least agreement is named, unless its mean is above this."""
 
 _EXPLAINED = {
-    "to the noise": ("good", "The model explains the measurement down to its noise"),
-    "good": ("good", "The model explains the measurement well"),
-    "rough": ("rough", "The model explains the measurement roughly"),
-    "does not fit": ("bad", "The model does not explain the measurement: do not trust the numbers."),
-    "not judged": ("open", "Whether the model explains the measurement was not judged"),
+    "to the noise": ("good", "The model fits to the noise"),
+    "good": ("good", "The model fits well"),
+    "rough": ("rough", "The model fits roughly"),
+    "does not fit": ("bad", "The model does not fit: do not trust the numbers."),
+    "not judged": ("open", "Whether the model fits was not judged"),
 }
 """Mark and sentence for each word of the adequacy."""
 
-_VERDICTS = ("identified", "weakly identified", "not identifiable")
-"""The verdicts on parameters, in the order in which they are counted."""
+VERDICT_MARKS = {"identified": "good", "weakly identified": "rough", "not identifiable": "bad"}
+"""Mark of each verdict on a parameter, in the order in which they are counted."""
 
 
 @dataclass(frozen=True)
@@ -79,6 +69,10 @@ class ParameterRow:
     best_fit: str
     best_fit_place: str
     """Whether the best fit is at an end of the range, or outside the interval; empty if neither."""
+    best_fit_on_range: float | None
+    """Place of a best fit outside its interval; None for all others."""
+    mark: str
+    """Of the verdict, as in `VERDICT_MARKS`."""
     groups: tuple[GroupRow, ...]
     reason: str
     """Of the verdict; empty if there is nothing to add to it."""
@@ -132,7 +126,7 @@ def warnings_of(result: Identification, truth: Truth | None) -> list[str]:
     return list(by_importance(warnings))
 
 
-def verdict(result: Identification) -> tuple[str, str]:
+def verdict_on(result: Identification) -> tuple[str, str]:
     """Return the verdict on a result: how well the model explains the measurement, and what is known.
 
     Returns
@@ -148,7 +142,7 @@ def verdict(result: Identification) -> tuple[str, str]:
     first_error = "" if size is None else size.describe().partition(", ")[0]
     within = f" ({first_error})" if first_error else ""
     counts = Counter(row.verdict for row in result.table)
-    counted = [f"{counts[word]} {word}" for word in _VERDICTS if counts[word]]
+    counted = [f"{counts[word]} {word}" for word in VERDICT_MARKS if counts[word]]
     count = len(result.parameters)
     known = (
         f"of {count} parameter{'s' * (count > 1)}, {listing(counted)}"
@@ -156,6 +150,19 @@ def verdict(result: Identification) -> tuple[str, str]:
         else "how well each parameter is known was not asked"
     )
     return mark, readable(f"{explained}{within}; {known}.")
+
+
+def outside_sentence(table: Sequence[TableRow]) -> str:
+    """Return a sentence that explains best fits outside their intervals; empty if there are none."""
+    outside = [row.name for row in table if row.best_fit_outside and not row.tied_to]
+    if not outside:
+        return ""
+    one = len(outside) == 1
+    return (
+        f"The best fit of {listing(outside)} lies outside {'its' if one else 'their'} 90 % "
+        f"interval{'s' * (not one)}: where many sets fit nearly equally well, small errors decide which is the "
+        "best, and it need not be a likely one."
+    )
 
 
 def adequacy_sentences(result: Identification) -> list[str]:
@@ -222,17 +229,10 @@ def columns_sentence(result: Identification) -> str:
             "Quote the estimate of a single parameter; the best fit is the set of all that together reproduce the "
             "measurement best."
         )
-    outside = [row.name for row in result.table if row.best_fit_outside and not row.tied_to]
-    if outside:
-        one = len(outside) == 1
-        sentences.append(
-            f"The best fit of {listing(outside)} lies outside {'its' if one else 'their'} 90 % "
-            f"interval{'s' * (not one)}: where many sets fit nearly equally well, small errors decide which is the "
-            "best, and it need not be a likely one."
-        )
+    sentences.append(outside_sentence(result.table))
     if result.network is not None:
         sentences.append("The network's estimate is one of the starts of the fit.")
-    return " ".join(sentences)
+    return " ".join(filter(None, sentences))
 
 
 def truth_sentence(rows: Sequence[ParameterRow]) -> str:
@@ -260,7 +260,10 @@ def misfit_sentence(result: Identification) -> str:
         lines = pieces[int(np.argmin(agreement))]
         low, high = response.frf.frequency[lines[[0, -1]]]
         where = f" at {response.point}" if result.further else ""
-        worst.append(f"from {low:.5g} to {high:.5g} Hz{where}, with a mean of {min(agreement):.3f}")
+        residual = residual_over_noise(response.measured, response.frf.values)[lines]
+        noises = number(np.sqrt(np.mean(residual**2)).item(), 2, padded=False)
+        there = f"a mean of {min(agreement):.3f} and a residual of {noises} times the noise"
+        worst.append(f"from {low:.5g} to {high:.5g} Hz{where}, with {there}")
     return f"The agreement is least {'; '.join(worst)}." if worst else ""
 
 
@@ -293,16 +296,6 @@ def fit_sentence(fit: Fit, *, of_lines: bool = True) -> str:
     )
 
 
-def provenance_rows(provenance: Mapping[str, Any]) -> list[tuple[str, list[str]]]:
-    """Return labels and lines of all entries of the provenance that no other section shows."""
-    rows = []
-    for key, value in provenance.items():
-        if key in _ELSEWHERE or value is None:
-            continue
-        rows.append((_LABELS.get(key, key.replace("_", " ").capitalize()), _lines(value)))
-    return rows
-
-
 def _parameter_row(row: TableRow, withheld: bool, true: float | None) -> ParameterRow:
     shown = display_unit(row.unit, row.range_low, row.range_high)
 
@@ -320,6 +313,8 @@ def _parameter_row(row: TableRow, withheld: bool, true: float | None) -> Paramet
         unit=shown.text,
         best_fit=text(row.best_fit),
         best_fit_place=_place_of_best_fit(row),
+        best_fit_on_range=_place(row, row.best_fit) if row.best_fit_outside else None,
+        mark=VERDICT_MARKS.get(row.verdict, "open"),
         groups=tuple(
             GroupRow(
                 f"{group.weight:.0%}".replace("%", " %"),
@@ -386,11 +381,3 @@ def _difference(value: float | None, reference: float | None) -> str:
     per_cent = 100.0 * (value - reference) / abs(reference)
     decimals = 2 if abs(per_cent) < 10.0 else 1 if abs(per_cent) < 100.0 else 0
     return fixed(per_cent, decimals, signed=True)
-
-
-def _lines(value: object) -> list[str]:
-    if isinstance(value, Mapping):
-        return [f"{name}: {entry}" for name, entry in value.items()]
-    if isinstance(value, Sequence) and not isinstance(value, str):
-        return [str(entry) for entry in value]
-    return [str(value)]

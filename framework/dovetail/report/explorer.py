@@ -24,10 +24,10 @@ from dovetail.identification.reconstruction import reconstruct
 from dovetail.interfaces import Progress, silent
 from dovetail.plain_text import display_unit
 from dovetail.provenance import provenance
-from dovetail.report.content import verdict
+from dovetail.report.content import VERDICT_MARKS, outside_sentence, verdict_on
 from dovetail.report.drawing import mode_shapes
 from dovetail.report.html_report import write_report
-from dovetail.report.pages import chart_data, curve_data
+from dovetail.report.pages import chart_data, curve_data, packed, residual_over_noise
 
 SAVED = {"json": "application/json", "yaml": "application/yaml", "html": "text/html"}
 """Media types of the files that can be saved, by suffix."""
@@ -106,7 +106,9 @@ class Explorer:
         simulated = self._assembly.each_response[index].simulate(theta)
         curves = {"measured": ("measured", self._measured[index])} if self._measured else {}
         label = self._assembly.description.response_labels[index]
-        return chart_data(f"FRF at {label}", {**curves, "model": ("model", simulated)}, natural=self._natural(theta))
+        residual = residual_over_noise(self._measured[index], simulated.values) if self._measured else None
+        both = {**curves, "model": ("model", simulated)}
+        return chart_data(f"FRF at {label}", both, residual=residual, natural=self._natural(theta))
 
     def frfs(self, values: Sequence[Any], response: int) -> dict[str, Any]:
         """Return the FRF of a response for parameter values [SI], and its difference from the measured one.
@@ -126,6 +128,8 @@ class Explorer:
             measured = self._measured[response]
             answer["coherence"] = float(coherence_with_model(measured, frf).mean())
             answer["misfit"] = _decibels(np.abs(frf), measured.amplitude)
+            residual = residual_over_noise(measured, frf)
+            answer["residual"], answer["noises"] = packed(residual), float(np.sqrt(np.mean(residual**2)))
         return answer
 
     def modes(self, values: Sequence[Any]) -> dict[str, Any]:
@@ -181,14 +185,18 @@ class Explorer:
         self._fits[number] = np.array(list(fitted.values())), result
         for oldest in list(self._fits)[:-_KEPT_FITS]:
             del self._fits[oldest]
-        table, (mark, sentence) = result.table, verdict(result)
+        table, (mark, sentence) = result.table, verdict_on(result)
         return {
             "fit": number,
             "values": list(fitted.values()),
             "intervals": {
                 row.name: [row.interval_low, row.interval_high] for row in table if row.interval_low is not None
             },
-            "verdicts": {row.name: ", ".join(filter(None, [row.precision, row.verdict])) for row in table},
+            "precisions": {row.name: row.precision for row in table},
+            "verdicts": {row.name: row.verdict for row in table},
+            "marks": {row.name: VERDICT_MARKS.get(row.verdict, "open") for row in table},
+            "outside": [row.name for row in table if row.best_fit_outside and not row.tied_to],
+            "explanation": outside_sentence(table),
             "mark": mark,
             "verdict": sentence,
             "warnings": list(result.warnings),

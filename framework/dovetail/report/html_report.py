@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,20 +14,32 @@ from dovetail.assembly import Assembly
 from dovetail.errors import is_decisive
 from dovetail.identification import Identification, Posterior
 from dovetail.identification.truth import Truth
-from dovetail.plain_text import display_unit, fixed, number
+from dovetail.interfaces import Parameter
+from dovetail.plain_text import DisplayUnit, display_unit, fixed, number
 from dovetail.report import content
 from dovetail.report.drawing import assembly_figure, drawing_text, mode_shapes
-from dovetail.report.pages import as_data, chart_data, write_page
+from dovetail.report.pages import as_data, chart_data, residual_over_noise, write_page
 from dovetail.report.svg import page_figure
 
 _MOST_SHAPES = 10
 _MOST_LINES = 3000
 """Largest number of lines of an FRF in a chart, including peaks and dips."""
 
-_MOST_TRADING, _SAMPLES, _SIZE, _GAP, _MARGIN = 6, 150, 92, 8, 86
-"""Parameters and samples in the pair plot; pixels of a panel, between panels, and for names."""
+_MOST_TRADING, _SAMPLES, _SIZE, _GAP, _MARGIN, _NAMES = 6, 150, 96, 10, 48, 110
+"""Parameters and samples in the pair plot; pixels of a panel, between panels, and for numbers and names."""
 _LEAST_CORRELATION = 0.3
 """Correlation from which two parameters are shown in the pair plot."""
+
+
+_LABELS = {
+    "measurement": "Measurement",
+    "measured_quantity": "Quantity measured",
+    "assembly": "Assembly",
+    "description_sha256": "Description, SHA-256",
+    "training_samples": "Training samples",
+}
+_ELSEWHERE = ("description", "evaluation")
+"""Entries of the provenance that have separate sections in the report."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +98,7 @@ def _context(result: Identification, truth: Truth | None, command: str) -> dict[
     rows = content.parameter_rows(result, truth)
     low, high = min((axis[0] for axis in axes), default=0.0), max((axis[-1] for axis in axes), default=0.0)
     evaluation = result.provenance.get("evaluation")
-    mark, verdict = content.verdict(result)
+    mark, verdict = content.verdict_on(result)
     warnings = content.warnings_of(result, truth)
     return {
         "assembly": str(result.provenance.get("assembly", result.measured.label)),
@@ -121,7 +133,7 @@ def _context(result: Identification, truth: Truth | None, command: str) -> dict[
         "again": _how_to_reproduce(result, command),
         "evaluation": evaluation_rows(result),
         "test_samples": evaluation.get("test_samples") if isinstance(evaluation, dict) else None,
-        "provenance": content.provenance_rows(result.provenance),
+        "provenance": provenance_rows(result.provenance),
         "description": _pretty(result.provenance.get("description")),
     }
 
@@ -144,8 +156,9 @@ def _figures(result: Identification) -> list[tuple[str, str, Any, bool]]:
     for index, response in enumerate(result.responses):
         bands = () if result.is_trustworthy else response.poor_bands
         both = {"measured": ("measured", response.measured), "model": ("reconstructed", response.frf)}
-        title = f"Measured and reconstructed FRF and their agreement, {response.point or 'the response'}"
-        content = chart_data(title, both, coherence=response.coherence, natural=natural, bands=bands, most=_MOST_LINES)
+        title = f"Measured and reconstructed FRF and their residual, {response.point or 'the response'}"
+        residual = residual_over_noise(response.measured, response.frf.values)
+        content = chart_data(title, both, residual=residual, natural=natural, bands=bands, most=_MOST_LINES)
         point = response.point if result.further else ""
         figures.append((f"chart-{index + 1}", point, as_data(content), response.measured.has_phase))
     return figures
@@ -160,28 +173,46 @@ def _pair_plot(result: Identification) -> dict[str, Any] | None:
     if posterior is None or not result.is_trustworthy or not (chosen := _correlated_parameters(posterior)):
         return None
     definitions = [parameter.definition for parameter in result.parameters.values()]
-    theta = posterior.sample(_SAMPLES)
-    drawn = np.stack([definitions[column].to_unit(theta[:, column]) for column in chosen], axis=1)
-    names, count = [definitions[column].name for column in chosen], len(chosen)
-    panels, step = [], _SIZE + _GAP
-    for row in range(1, count):
+    parameters = [definitions[column] for column in chosen]
+    theta = posterior.sample(_SAMPLES)[:, chosen]
+    drawn = np.stack([each.to_unit(theta[:, place]) for place, each in enumerate(parameters)], axis=1)
+    panels, step, last = [], _SIZE + _GAP, len(chosen) - 1
+    for row in range(1, len(chosen)):
         for column in range(row):
             x, y = _MARGIN + column * step, (row - 1) * step
             dots = zip(x + _SIZE * drawn[:, column], y + _SIZE * (1.0 - drawn[:, row]), strict=True)
             path = "".join(f"M{across:.1f} {down:.1f}h0" for across, down in dots)
             value = posterior.correlation[chosen[row], chosen[column]]
             panels.append({"x": x, "y": y, "path": path, "correlation": fixed(float(value), 2, signed=True)})
-    below = (count - 1) * step + 10
-    labels = [
-        {"x": _MARGIN - 8, "y": row * step + _SIZE // 2, "anchor": "end", "text": name}
-        for row, name in enumerate(names[1:])
-    ]
-    labels += [
-        {"x": _MARGIN + column * step + _SIZE // 2, "y": below, "anchor": "middle", "text": name}
-        for column, name in enumerate(names[:-1])
-    ]
-    size = {"width": _MARGIN + (count - 1) * step, "height": below + 8, "size": _SIZE}
-    return {**size, "panels": panels, "labels": labels, "words": f"Samples of {', '.join(names)}, two a panel"}
+    labels, ticks, floor = [], [], last * step - _GAP
+    for place, parameter in enumerate(parameters):
+        shown = display_unit(parameter.unit, parameter.lower, parameter.upper)
+        text = f"{parameter.name} [{shown.text}]" if shown.text else parameter.name
+        at = _MARGIN + place * step
+        if place:
+            labels.append({"x": at - _GAP + 6, "y": (place - 1) * step + 12, "anchor": "start", "text": text})
+            ticks += _ticks(parameter, shown, at=(place - 1) * step, upright=True)
+        if place < last:
+            labels.append({"x": at, "y": floor + 30, "anchor": "start", "text": text})
+            ticks += _ticks(parameter, shown, at=at, upright=False, floor=floor)
+    size = {"width": _MARGIN + last * step + _NAMES, "height": floor + 36, "size": _SIZE}
+    words = f"Samples of {', '.join(parameter.name for parameter in parameters)}, two a panel"
+    return {**size, "panels": panels, "labels": labels, "ticks": ticks, "words": words}
+
+
+def _ticks(parameter: Parameter, shown: DisplayUnit, *, at: int, upright: bool, floor: int = 0) -> list[dict[str, Any]]:
+    """Return ticks at the ends and in the middle of a parameter's range, left of a panel or below it."""
+    ticks = []
+    for part, anchor in ((0.0, "start"), (0.5, "middle"), (1.0, "end")):
+        text = number(float(parameter.from_unit(np.array(part))) * shown.factor, 2, padded=False)
+        if upright:
+            y = at + _SIZE * (1.0 - part)
+            tick = {"path": f"M{_MARGIN} {y:g}h-4", "x": _MARGIN - 6, "y": y + 8 * part, "anchor": "end"}
+        else:
+            x = at + _SIZE * part
+            tick = {"path": f"M{x:g} {floor}v4", "x": x, "y": floor + 15, "anchor": anchor}
+        ticks.append({**tick, "text": text})
+    return ticks
 
 
 def _correlated_parameters(posterior: Posterior) -> list[int]:
@@ -260,3 +291,21 @@ def _pretty(description: object) -> str | None:
         return json.dumps(json.loads(description), indent=2, ensure_ascii=False)
     except (ValueError, RecursionError):
         return description
+
+
+def provenance_rows(provenance: Mapping[str, Any]) -> list[tuple[str, list[str]]]:
+    """Return labels and lines of all entries of the provenance that no other section shows."""
+    rows = []
+    for key, value in provenance.items():
+        if key in _ELSEWHERE or value is None:
+            continue
+        rows.append((_LABELS.get(key, key.replace("_", " ").capitalize()), _lines(value)))
+    return rows
+
+
+def _lines(value: object) -> list[str]:
+    if isinstance(value, Mapping):
+        return [f"{name}: {entry}" for name, entry in value.items()]
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [str(entry) for entry in value]
+    return [str(value)]

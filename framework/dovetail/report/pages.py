@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from dovetail.atomic_files import write_whole
 from dovetail.frf import Frf
 from dovetail.plain_text import terminal_text, unit_text
+from dovetail.problem.random_error import random_error_variance
 from dovetail.report.figures import PHASE_CENTRE
 from dovetail.version import __version__
 
@@ -72,7 +73,8 @@ def chart_data(
     title: str,
     curves: Mapping[str, tuple[str, Frf]],
     *,
-    coherence: ArrayLike | Mapping[str, ArrayLike] | None = None,
+    coherence: Mapping[str, ArrayLike] | None = None,
+    residual: ArrayLike | None = None,
     natural: Iterable[float] = (),
     bands: Iterable[tuple[float, float]] = (),
     most: int | None = None,
@@ -86,8 +88,10 @@ def chart_data(
     curves : mapping of str to (str, Frf)
         Label and FRF by role: "measured", "model", "before", or "method-0", "method-1" and so on; all of the same
         quantity and on the same lines.
-    coherence : (n_freq,) array or mapping of str to (n_freq,) array, optional
-        Of the measured and the reconstructed FRF; by role if there are several.
+    coherence : mapping of str to (n_freq,) array, optional
+        Of the measured FRF and each of the others, by role.
+    residual : (n_freq,) array, optional
+        Of the role "model" in units of the noise (`residual_over_noise`).
     natural : iterable of float
         Natural frequencies [Hz], which are marked.
     bands : iterable of (float, float)
@@ -103,8 +107,7 @@ def chart_data(
     lines = np.arange(first.frequency.size)
     if most is not None:
         lines = thinned([frf.amplitude for _, frf in curves.values()], most)
-    agreement = coherence if isinstance(coherence, Mapping) else {}
-    single = None if isinstance(coherence, Mapping) else coherence
+    agreement = coherence or {}
     return {
         "title": terminal_text(title),
         "frequency": packed(first.frequency[lines]),
@@ -114,9 +117,9 @@ def chart_data(
         "curves": [
             {"role": role, "label": terminal_text(label), **curve_data(frf.values[lines], phase=frf.has_phase)}
             | ({"coherence": packed(np.asarray(agreement[role])[lines])} if role in agreement else {})
+            | ({} if residual is None or role != "model" else {"residual": packed(np.asarray(residual)[lines])})
             for role, (label, frf) in curves.items()
         ],
-        "coherence": None if single is None else packed(np.asarray(single)[lines]),
         "natural": [round(float(frequency), 2) for frequency in natural if np.isfinite(frequency)],
         "bands": [[float(low), float(high)] for low, high in bands],
     }
@@ -128,6 +131,18 @@ def curve_data(values: NDArray[np.complex128], *, phase: bool = True) -> dict[st
         "amplitude": packed(np.abs(values)),
         "phase": packed(np.rad2deg(np.angle(values))) if phase else None,
     }
+
+
+def residual_over_noise(measured: Frf, model: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Return the residual of each line (n_freq,) over the standard deviation of its random error.
+
+    Its root mean square is 1 where a model is right. Without a phase, amplitudes are compared. The random error is that
+    of the file, or is estimated from the scatter of neighbouring lines.
+    """
+    deviation = np.sqrt(random_error_variance(measured))
+    if measured.has_phase:
+        return np.asarray(np.abs(measured.values - model) / deviation)
+    return np.asarray(np.sqrt(2.0) * np.abs(measured.amplitude - np.abs(model)) / deviation)
 
 
 def packed(values: ArrayLike) -> str:

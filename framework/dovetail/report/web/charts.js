@@ -1,9 +1,9 @@
 "use strict";
-/* FRFs as charts that answer: amplitude, phase and coherence on uPlot, linked in zoom and cursor.
+/* FRFs as charts that answer: amplitude, phase, and residual or coherence on uPlot, linked in zoom and cursor.
 
    new DovetailCharts.FrfChart(host, data): data as `dovetail.report.charts.chart_data` makes it. Both the report and the explorer use it. */
 var DovetailCharts = (function () {
-  const HEIGHT = { amplitude: 250, phase: 130, coherence: 110 };
+  const HEIGHT = { amplitude: 250, phase: 130, coherence: 110, residual: 130 };
   const AXIS = 66;
   const TABLE_ROWS = 60;
   const STYLE = {
@@ -74,7 +74,6 @@ var DovetailCharts = (function () {
       this.data = data;
       this.frequency = decode(data.frequency);
       this.curves = data.curves.map((curve) => this.decoded(curve));
-      this.coherence = data.coherence ? decode(data.coherence) : null;
       this.natural = data.natural || [];
       this.bands = data.bands || [];
       this.logarithmic = false;
@@ -88,7 +87,7 @@ var DovetailCharts = (function () {
 
     decoded(curve) {
       const amplitude = decode(curve.amplitude).map((value) => (value > 0 ? value : null));
-      return { label: curve.label, role: curve.role, amplitude, phase: curve.phase ? wrapped(decode(curve.phase), this.data.centre) : null, coherence: curve.coherence ? decode(curve.coherence) : null };
+      return { label: curve.label, role: curve.role, amplitude, phase: curve.phase ? wrapped(decode(curve.phase), this.data.centre) : null, coherence: curve.coherence ? decode(curve.coherence) : null, residual: curve.residual ? decode(curve.residual).map((value) => (value > 0 ? value : null)) : null };
     }
 
     /* What stands around the panels: legend, buttons, what the pointer reads, the table. */
@@ -120,12 +119,11 @@ var DovetailCharts = (function () {
 
     kinds() {
       const phase = this.curves.some((curve) => curve.phase) ? ["phase"] : [];
-      const coherence = this.coherence || this.curves.some((curve) => curve.coherence);
-      return ["amplitude", ...phase, ...(coherence ? ["coherence"] : [])];
+      const compared = ["residual", "coherence"].filter((kind) => this.curves.some((curve) => curve[kind]));
+      return ["amplitude", ...phase, ...compared];
     }
 
     columns(kind) {
-      if (kind === "coherence" && this.coherence) return [this.frequency, this.coherence];
       const empty = () => new Array(this.frequency.length).fill(null);
       return [this.frequency, ...this.curves.map((curve) => curve[kind] || empty())];
     }
@@ -140,7 +138,7 @@ var DovetailCharts = (function () {
 
     options(kind, first, last) {
       const styled = (role) => ({ stroke: () => colour(styleOf(role).colour), width: styleOf(role).width, dash: styleOf(role).dash, points: { show: false }, spanGaps: false });
-      const series = kind === "coherence" && this.coherence ? [{ stroke: () => colour("--agreement"), width: 1.3, points: { show: false } }] : this.curves.map((curve) => styled(curve.role));
+      const series = this.curves.map((curve) => styled(curve.role));
       const axis = { stroke: () => colour("--ink"), grid: { stroke: () => colour("--grid"), width: 1 }, ticks: { show: false }, font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif" };
       const across = { ...axis, size: last ? 34 : 8, label: last ? "Frequency [Hz]" : null, labelSize: 20, values: (plot, splits) => splits.map((value) => (last && value != null ? String(value) : "")) };
       const x = { time: false, distr: this.logarithmic ? 3 : 1 };
@@ -148,9 +146,9 @@ var DovetailCharts = (function () {
         width: this.width(), height: this.height(kind, first, last), series: [{}, ...series], legend: { show: false },
         scales: { x, y: this.vertical(kind) }, axes: [across, { ...axis, size: AXIS, label: this.label(kind), labelSize: 20, ...this.ticks(kind) }],
         padding: [first ? 20 : 6, 24, 0, 0],
-        cursor: { sync: { key: this.syncKey(), setSeries: false }, drag: { x: true, y: false, dist: 4 }, y: false, points: { show: kind !== "coherence", size: 7 } },
+        cursor: { sync: { key: this.syncKey(), setSeries: false }, drag: { x: true, y: false, dist: 4 }, y: false, points: { show: kind === "amplitude" || kind === "phase", size: 7 } },
         hooks: {
-          drawClear: [(plot) => this.drawBands(plot)], draw: [(plot) => this.drawNatural(plot, first), () => last && this.drawn()],
+          drawClear: [(plot) => this.drawBands(plot)], draw: [(plot) => this.drawNatural(plot, first), (plot) => kind === "residual" && this.drawNoise(plot), () => last && this.drawn()],
           setCursor: [(plot) => first && this.read(plot.cursor.idx)], setScale: [(plot, scale) => scale === "x" && this.follow(plot)],
         },
       };
@@ -162,17 +160,25 @@ var DovetailCharts = (function () {
     }
 
     label(kind) {
-      return { amplitude: `${this.data.quantity} [${this.data.unit}]`, phase: "Phase [\u00b0]", coherence: "Agreement [-]" }[kind];
+      return { amplitude: `${this.data.quantity} [${this.data.unit}]`, phase: "Phase [\u00b0]", coherence: "Agreement [-]", residual: "Residual / noise" }[kind];
     }
 
     vertical(kind) {
       if (kind === "coherence") return { range: () => [0, 1.03] };
       if (kind === "phase") return { range: () => this.phaseRange() };
+      if (kind === "residual") return { distr: 3, range: (plot, low, high) => [0.1, 10 ** Math.max(1, Math.ceil(Math.log10(high ?? 1)))] };
       return { distr: 3 };
     }
 
     ticks(kind) {
       if (kind === "coherence") return { splits: () => [0, 0.5, 1] };
+      if (kind === "residual") {
+        const decades = (plot) => {
+          const most = Math.round(Math.log10(plot.scales.y.max)), step = Math.ceil((most + 1) / 4);
+          return Array.from({ length: most + 1 }, (_, power) => power).filter((power) => power % step === 0).map((power) => 10 ** power);
+        };
+        return { splits: decades, filter: (plot, splits) => splits, values: (plot, splits) => splits.map(decade) };
+      }
       if (kind === "amplitude") return { values: (plot, splits) => splits.map((value) => (value == null ? "" : decade(value))) };
       return { splits: () => { const [low, high] = this.phaseRange(); return [-270, -180, -90, 0, 90, 180, 270].filter((value) => value >= low && value <= high); } };
     }
@@ -325,9 +331,9 @@ var DovetailCharts = (function () {
       const words = this.curves.map((curve) => {
         const angle = curve.phase && curve.phase[line] != null ? ` \u2220 ${number(curve.phase[line], 4)}\u00b0` : "";
         const agreement = curve.coherence ? `, agreement ${number(curve.coherence[line], 3)}` : "";
-        return `${curve.label} ${number(curve.amplitude[line], 4)}${angle}${agreement}`;
+        const residual = curve.residual ? `, residual ${number(curve.residual[line], 3)} times the noise` : "";
+        return `${curve.label} ${number(curve.amplitude[line], 4)}${angle}${agreement}${residual}`;
       });
-      if (this.coherence) words.push(`agreement ${number(this.coherence[line], 3)}`);
       this.readout.textContent = `${number(this.frequency[line], 6)} Hz: ${words.join("; ")}`;
     }
 
@@ -340,6 +346,22 @@ var DovetailCharts = (function () {
         const to = Math.min(plot.valToPos(high, "x", true), left + width);
         if (to > from) plot.ctx.fillRect(from, top, Math.max(to - from, 1), height);
       }
+      plot.ctx.restore();
+    }
+
+    /* A dashed line where the residual is as large as the noise. */
+    drawNoise(plot) {
+      const { left, width } = plot.bbox;
+      const dots = window.devicePixelRatio || 1;
+      const y = plot.valToPos(1, "y", true);
+      plot.ctx.save();
+      plot.ctx.strokeStyle = colour("--agreement");
+      plot.ctx.lineWidth = dots;
+      plot.ctx.setLineDash([6 * dots, 4 * dots]);
+      plot.ctx.beginPath();
+      plot.ctx.moveTo(left, y);
+      plot.ctx.lineTo(left + width, y);
+      plot.ctx.stroke();
       plot.ctx.restore();
     }
 
@@ -385,12 +407,10 @@ var DovetailCharts = (function () {
     fillTable() {
       if (!this.details.open) return;
       const heads = ["Frequency [Hz]"];
-      for (const curve of this.curves) heads.push(`${curve.label} [${this.data.unit}]`, ...(curve.phase ? [`${curve.label}, phase [\u00b0]`] : []), ...(curve.coherence ? [`${curve.label}, agreement [-]`] : []));
-      if (this.coherence) heads.push("agreement [-]");
+      for (const curve of this.curves) heads.push(`${curve.label} [${this.data.unit}]`, ...(curve.phase ? [`${curve.label}, phase [\u00b0]`] : []), ...(curve.coherence ? [`${curve.label}, agreement [-]`] : []), ...(curve.residual ? ["residual / noise"] : []));
       const rows = this.tableLines().map((line) => {
         const cells = [number(this.frequency[line], 6)];
-        for (const curve of this.curves) cells.push(number(curve.amplitude[line], 4), ...(curve.phase ? [number(curve.phase[line], 4)] : []), ...(curve.coherence ? [number(curve.coherence[line], 3)] : []));
-        if (this.coherence) cells.push(number(this.coherence[line], 3));
+        for (const curve of this.curves) cells.push(number(curve.amplitude[line], 4), ...(curve.phase ? [number(curve.phase[line], 4)] : []), ...(curve.coherence ? [number(curve.coherence[line], 3)] : []), ...(curve.residual ? [number(curve.residual[line], 3)] : []));
         return element("tr", {}, ...cells.map((text) => element("td", { class: "number" }, text)));
       });
       const head = element("tr", {}, ...heads.map((text) => element("th", { scope: "col", class: "number" }, text)));
@@ -433,7 +453,7 @@ var DovetailCharts = (function () {
   /* Mode shapes as lines that swing, unless somebody prefers them to stand still; the button holds them. */
   function drawModes(host, modes) {
     const inSpace = modes.some((mode) => mode.parts.some((part) => part.points));
-    const [width, height, edge] = [280, inSpace ? 190 : 90, 12];
+    const [width, height, edge] = [280, inSpace ? 190 : 110, 12];
     const view = inSpace ? spaceView(host, modes, width, height, edge) : null;
     const along = inSpace ? [0] : modes.flatMap((mode) => mode.parts.flatMap((part) => part.along));
     const [first, last] = [Math.min(...along), Math.max(...along)];

@@ -32,9 +32,9 @@
     return answer;
   }
 
-  function say(text, bad = false) {
+  function say(text, mark = "") {
     byId("status").textContent = text;
-    byId("status").classList.toggle("bad", bad);
+    byId("status").className = `status verdict ${mark}`;
   }
 
   /* One request at a time; what was put in meanwhile is asked next, the newest alone. */
@@ -52,12 +52,12 @@
         const answer = await (await ask("frf", { values, response: asked })).json();
         if (asked !== response) continue;
         chart.onDrawn = () => { chart.onDrawn = null; performance.measure("input to curve", { start, end: performance.now() }); };
-        chart.show("model", { label: "model", amplitude: answer.amplitude, phase: answer.phase });
+        chart.show("model", { label: "model", amplitude: answer.amplitude, phase: answer.phase, residual: answer.residual });
         showMisfit(answer);
         clearTimeout(pausing);
         pausing = setTimeout(showModes, PAUSE);
       } catch (error) {
-        say(error.message, true);
+        say(error.message, "bad");
       }
     }
     asking = false;
@@ -76,6 +76,7 @@
   function showMisfit(answer) {
     if (answer.misfit == null) return;
     figure("misfit", "Misfit", `${number(answer.misfit, 3)} dB`);
+    figure("noises", "Residual", `${number(answer.noises, 3)} \u00d7 noise`);
     figure("agreement", "Agreement", number(answer.coherence, 3));
   }
 
@@ -164,7 +165,10 @@
       const [low, high] = bounds.map((value) => Math.min(Math.max(toPart(parameter, value), 0), 1));
       interval.style.left = `${100 * low}%`;
       interval.style.width = `${100 * (high - low)}%`;
-      shownRange.textContent = `90 %: ${shown(parameter, bounds[0])} to ${shown(parameter, bounds[1])} ${parameter.unit}; ${answer.verdicts[parameter.name]}`;
+      const precision = answer.precisions[parameter.name];
+      const range = `90 %: ${shown(parameter, bounds[0])} to ${shown(parameter, bounds[1])} ${parameter.unit}; ${precision}${precision ? ", " : ""}`;
+      const flag = answer.outside.includes(parameter.name) ? [element("span", { class: "flag" }, "best fit outside")] : [];
+      shownRange.replaceChildren(range, element("span", { class: `verdict ${answer.marks[parameter.name]}` }, answer.verdicts[parameter.name]), ...flag);
     });
   }
 
@@ -186,9 +190,9 @@
       fitted = { answer, values: clipped };
       await take(clipped.slice());
       showIntervals(answer);
-      say(`${SHOWN_MARK[answer.mark]} ${answer.verdict} ${answer.warnings.join(" ")}`, answer.mark === "bad");
+      say([`${SHOWN_MARK[answer.mark]} ${answer.verdict}`, answer.explanation, ...answer.warnings].filter(Boolean).join(" "), answer.mark);
     } catch (error) {
-      say(error.message, true);
+      say(error.message, "bad");
     }
     enable(true);
   }
@@ -203,7 +207,7 @@
       setTimeout(() => URL.revokeObjectURL(link.href), 10000);
       say(`Saved: ${link.download}, ${same ? "as fitted" : "parameters chosen by hand"}.`);
     } catch (error) {
-      say(error.message, true);
+      say(error.message, "bad");
     }
   }
 
@@ -244,6 +248,8 @@
     window.addEventListener("pagehide", () => line.close());
   }
 
+  const top = document.querySelector(".top");
+  new ResizeObserver(() => document.documentElement.style.setProperty("--top", `${top.offsetHeight}px`)).observe(top);
   byId("parameters").append(...parameters.map(makeRow));
   byId("fit").addEventListener("click", fit);
   byId("undo").addEventListener("click", () => step(past, future));
