@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from dovetail.assembly import Theta
 from dovetail.errors import Fault, Importance, MeasurementError, Note, PluginError, listing
-from dovetail.identification.forecast import ForecastProgress
 from dovetail.identification.measured_lines import MeasuredLines
 from dovetail.identification.measured_modes import MeasuredModes
 from dovetail.identification.parameters import ROUNDING
@@ -67,6 +66,8 @@ class Application:
     progress : Progress
     limit : TimeLimit
         The time for all of it.
+    on_problem : callable, optional
+        Called with the problem of measured lines before the method starts.
     """
 
     method: IdentificationMethod[Problem]
@@ -76,6 +77,7 @@ class Application:
     seed: int = 0
     progress: Progress = silent
     limit: TimeLimit = NO_LIMIT
+    on_problem: Callable[[Problem], None] | None = None
 
     @property
     def label(self) -> str:
@@ -111,8 +113,8 @@ class Application:
             starts += [known for known in (network, measured.start) if known is not None]
             network_of = _network_of(self.trained, measured)
             problem = replace(measured.problem, starts=tuple(starts), network=network_of, limit=self.limit)
-            if isinstance(self.progress, ForecastProgress):
-                self.progress.begin(problem)
+            if self.on_problem is not None:
+                self.on_problem(problem)
         began = time.monotonic()
         estimate, samples = self._estimate(problem)
         if isinstance(estimate, Fit):

@@ -136,7 +136,8 @@ def identify(
     with one_blas_thread(), step, progress_reporter(progress) as report:
         application = replace(_application(chosen, assembly, model, options, report), limit=limit)
         if (evaluations := application.method.evaluations) is not None and report is not silent:
-            application = replace(application, progress=ForecastProgress(report, evaluations))
+            forecast = ForecastProgress(report, evaluations)
+            application = replace(application, progress=forecast, on_problem=forecast.begin)
         if table is not None:
             result = application.to(MeasuredModes(assembly, table))
         else:
