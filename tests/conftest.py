@@ -49,7 +49,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def peak_memory() -> float:
-    """MiB that this process has taken at most since it began; 0 where the system does not tell."""
+    """MiB that this process has taken at most since it began; 0 where the system does not say."""
     if sys.platform == "win32":
         return 0.0
     import resource
@@ -91,7 +91,7 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 
 @pytest.fixture
 def peak_of() -> Callable[[Callable[[], object]], float]:
-    """Return a function that tells the most memory in MB that arrays take while some work runs."""
+    """Return a function that returns the most memory in MB that arrays take while some work runs."""
 
     def megabytes(work: Callable[[], object]) -> float:
         tracemalloc.start()

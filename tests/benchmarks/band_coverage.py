@@ -34,9 +34,9 @@ def study() -> None:
         for form in ("samples", "laplace"):
             band = dovetail.predict_band(other, dovetail.identify(assembly, joint, "posterior", form=form))
             inside = (band.lower <= amplitude) & (amplitude <= band.upper)
-            told = other.frequency <= highest
+            reported = other.frequency <= highest
             width = np.median(band.upper / band.lower - 1.0)
-            print(f"| {tool.upper()} | {torque} N m | {form} | {inside[told].mean():.0%} | {inside.mean():.0%} | "
+            print(f"| {tool.upper()} | {torque} N m | {form} | {inside[reported].mean():.0%} | {inside.mean():.0%} | "
                   f"{width:.1%} |")  # fmt: skip
 
 

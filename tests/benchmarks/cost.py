@@ -4,8 +4,8 @@
 
 Lines and samples are varied on the collet assembly. Joint DOFs are varied on a chain of masses and springs between two
 lumped masses; boundary DOFs on two beams that a layer of springs and dampers connects at more and more nodes. What is
-done once for an assembly (condensation, symbolic elimination, compilation) is timed apart. With -o the table and the
-figure are written.
+done once for an assembly (condensation, symbolic elimination, compilation) is timed separately. With -o the table and
+the figure are written.
 """
 
 from __future__ import annotations

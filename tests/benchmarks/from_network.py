@@ -3,7 +3,7 @@
     dovetail train docs/network/bt40_er32.yaml --minutes 13 -o model
     python tests/benchmarks/from_network.py model [--cases 200] [--sampled 20] [--noise 0.01 0.2] [--draws 4000]
 
-Joints at random, complex noise proportional to each line, told with the measurement. For each level of the noise:
+Joints at random, complex noise proportional to each line, given with the measurement. For each level of the noise:
 
 - the refined fit from the ranges alone, and from the network's answer: steps, and seconds;
 - the sampler's posterior (of the first cases only, for it takes long), and the network's draws weighted by the exact
@@ -128,9 +128,9 @@ def one_case(
     if not draws:
         return
     began = time.perf_counter()
-    told = model.network.predict_samples(frf.amplitude)
+    reported = model.network.predict_samples(frf.amplitude)
     try:
-        fraction, weight, shape = importance(assembly, frf, told, draws, seed)
+        fraction, weight, shape = importance(assembly, frf, reported, draws, seed)
     except np.linalg.LinAlgError:
         tallies["importance"].seconds.append(time.perf_counter() - began)
         tallies["importance"].counted.append(0.0)

@@ -10,8 +10,8 @@ FRFs of oscillator and hammer are part of this repository; those of frame and be
 that measured_structures.py made with `--convert`.
 
 An FRF that is predicted is compared with the measured one by the FRAC, |<a, b>|^2 / (<a, a> <b, b>) over the band: 1 if
-they differ by a factor only. It is blind to gains, and the highest peaks dominate it. The magnitude error beside it,
-the median over the lines, weights all lines alike. Every choice is made by the FRFs that are fitted.
+they differ by a factor only. It is blind to gains, and the highest peaks dominate it. The magnitude error next to it,
+the median over the lines, weights all lines equally. Every choice is made by the FRFs that are fitted.
 """
 
 from __future__ import annotations
@@ -63,8 +63,8 @@ def frac(first: NDArray[np.complex128], second: NDArray[np.complex128]) -> float
 
 def magnitude_error(model: NDArray[np.complex128], frf: NDArray[np.complex128]) -> float:
     """Return the median over the lines of how far magnitudes are apart, as a part of the larger one."""
-    apart = np.abs(np.log(np.abs(model) / np.abs(frf)))
-    return float(1 - np.exp(-np.median(apart)))
+    separate = np.abs(np.log(np.abs(model) / np.abs(frf)))
+    return float(1 - np.exp(-np.median(separate)))
 
 
 def circle_fit(frf: dovetail.Frf, band: tuple[float, float]) -> Circle:

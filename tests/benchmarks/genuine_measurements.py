@@ -5,7 +5,7 @@
 Every case draws parameters anywhere in their ranges, and a frequency axis of its own: start, step, 200 to 50,000 lines
 of the band by default. The noise is 1 % of each value (multiplicative), 1 % of the FRF's standard deviation (additive),
 or that of an H1 estimate from 8 to 64 averages. Half of the measurements tell their variance, or coherence and
-averages; for the others it has to be estimated. The table counts the cases that are told to be fitted down to the
+averages; for the others it has to be estimated. The table counts the cases that are reported to be fitted down to the
 noise, those whose chi-squared per degree of freedom is 0.93 to 1.07, and those whose fit is as good as the true
 parameters. The failures follow, with the number by which `--only` repeats them alone.
 """
@@ -41,7 +41,7 @@ class Case:
     number : int
     noise : {"multiplicative", "additive", "H1"}
     stated : bool
-        Whether the measurement tells its random error.
+        Whether the measurement shows its random error.
     lines, unknowns : int
     word : str
         How well the model is said to fit.

@@ -1,11 +1,11 @@
-"""What would a GPU gain in synthesis? The elimination written in torch, beside the engine, in one run.
+"""What would a GPU gain in synthesis? The elimination written in torch, next to the engine, in one run.
 
     python tests/benchmarks/gpu_synthesis.py [--samples 64] [--lines 4451] [--device cuda] [--compile]
 
 FRFs of random joints of the collet assembly on 4451 lines. The prototype carries out the engine's elimination with
 torch, all samples and lines at once, in double and in single precision; `--compile` has torch.compile fuse the
 operations (it needs a C++ compiler on a processor). Its FRFs are compared with the engine's. What a GPU cannot take
-over, the evaluation of joint models by their plugins, stands apart; copying the FRFs to the processor is counted.
+over, the evaluation of joint models by their plugins, is not included; copying the FRFs to the processor is counted.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@
 
 The structures, parameters, axes and kinds of noise are those of `genuine_measurements.py`, with 200 to 5,000 lines.
 The true parameters are drawn evenly from their ranges, which is the prior, and the model is exact (`model_error=0`):
-intervals are right if they hold nine tenths of the true values, of well and badly determined parameters alike. The
+intervals are right if they hold nine tenths of the true values, of both well and badly determined parameters. The
 tables have one line for each kind of parameter and one for each structure; `+-` is the standard error of the share.
 Intervals of one measurement depend on one another, so that it is estimated from whole measurements.
 """

@@ -60,10 +60,10 @@ def ends(posterior: Posterior) -> np.ndarray:
 
 
 def study(count: int, sampled: int, mesh: int, model_error: float) -> None:
-    """Print coverage with and without warning, times, and the intervals beside the sampled ones."""
+    """Print coverage with and without warning, times, and the intervals next to the sampled ones."""
     assembly = dovetail.load(ASSEMBLY)
     names = [parameter.name for parameter in assembly.parameters]
-    held, doubted, seconds, beside, same = [], [], [], [], []
+    held, doubted, seconds, compared, same = [], [], [], [], []
     allowed = typical_model_error(model_error)
     for case in cases(assembly, count, mesh):
         began = time.process_time()
@@ -77,22 +77,24 @@ def study(count: int, sampled: int, mesh: int, model_error: float) -> None:
                 Problem.of(assembly, case.measured), case.fit, model_error=allowed, seed=case.index
             )
             other_low, other_high = ends(other)
-            beside.append([(high - low) / (other_high - other_low), apart(low, high, other_low, other_high)])
+            compared.append(
+                [(high - low) / (other_high - other_low), distance_of_ends(low, high, other_low, other_high)]
+            )
             same.append([found.verdicts[name].word == other.verdicts[name].word for name in names])
     print(f"{count} cases, mesh {mesh} times finer, model error {model_error:g}")
-    table(names, np.array(held), np.array(doubted), np.array(beside))
+    table(names, np.array(held), np.array(doubted), np.array(compared))
     times = f"median {1e3 * np.median(seconds):.0f} ms, 95 % below {1e3 * np.quantile(seconds, 0.95):.0f} ms"
     alone = np.mean(np.array(doubted).all(axis=1))
     print(f"\nProcessor time after the fit: {times}. In {alone:.1%} of the cases every parameter is warned of.")
     print(f"The verdict is that of the samples for {np.mean(same):.0%} of {np.size(same)} parameters.")
 
 
-def apart(low: np.ndarray, high: np.ndarray, other_low: np.ndarray, other_high: np.ndarray) -> np.ndarray:
+def distance_of_ends(low: np.ndarray, high: np.ndarray, other_low: np.ndarray, other_high: np.ndarray) -> np.ndarray:
     """Return the larger difference of the two ends, over the width of the other interval."""
     return np.maximum(np.abs(low - other_low), np.abs(high - other_high)) / (other_high - other_low)
 
 
-def table(names: list[str], held: np.ndarray, doubted: np.ndarray, beside: np.ndarray) -> None:
+def table(names: list[str], held: np.ndarray, doubted: np.ndarray, compared: np.ndarray) -> None:
     """Print one line for each parameter, and one for all."""
     print("| parameter | 90 % intervals hold the truth | where not warned | where warned | warned | "
           "width over the sampled one | ends apart, not warned | ends apart, warned |")  # fmt: skip
@@ -101,8 +103,8 @@ def table(names: list[str], held: np.ndarray, doubted: np.ndarray, beside: np.nd
     for label, column in rows:
         inside, doubt = held[:, column], doubted[:, column]
         texts = [f"{inside.mean():.1%}", share(inside[~doubt]), share(inside[doubt]), f"{doubt.mean():.0%}"]
-        width, off = beside[:, 0, column], beside[:, 1, column]
-        known = doubt[: len(beside)]
+        width, off = compared[:, 0, column], compared[:, 1, column]
+        known = doubt[: len(compared)]
         texts += [f"{np.median(width):.2f}", middle(off[~known]), middle(off[known])]
         print(f"| {label} | {' | '.join(texts)} |")
 

@@ -25,7 +25,7 @@ BEAM_DELAY = 950e-6
 """Seconds by which the beam's sensors and data acquisition lag, from the phase between its resonances; +-30 us."""
 BEAM_GAINS = (1315.0, 1268.0, 929.0)
 """Sensor voltage per actuator voltage over m/N, so that the beam of the description, 20 mm wide, fits each actuator's
-drive-point FRF best. The sources state no unit: total mass and gain cannot be told apart."""
+drive-point FRF best. The sources state no unit: total mass and gain cannot be distinguished."""
 BEAM_CHAIN = (0.0, BEAM_DELAY)
 OSCILLATOR_GAIN = -25.2
 """Measured value over m/s^2/N for an oscillator of 1 kg; negative, since its phase is that of a reversed
@@ -52,8 +52,8 @@ class Structure:
     other_points : tuple of str
         Files with FRFs of other points, under the same force or under one at the point itself.
     added_mass : float
-        kg; lowers a natural frequency by some per cent. 0 where a mass at the point is sought (the beam's coils), or
-        cannot be told from a gain (the oscillator).
+        kg; lowers a natural frequency by some per cent. 0 where a mass at the point is unknown (the beam's coils), or
+        cannot be distinguished from a gain (the oscillator).
     wrong_unit : tuple of (str, float)
         A unit that may be taken for the right one, and its size in the right one.
     chain : tuple of (float, float)

@@ -19,7 +19,7 @@ With `--altered` the sign, gain, unit, delay, phase, point and mass of each meas
 the table shows the cause that is named first. No cause should be named where nothing was altered. The frame with the
 masses of its drawings is left out there: a gain of 0.7 explains much of its residual. The column *rise* shows by how
 much an alteration makes the best fit worse (`QuickFit.misfit`): where that is less than the least that a cause is named
-for, the sought parameters make up for the alteration, and no comparison of fits can tell it.
+for, the unknown parameters make up for the alteration, and no comparison of fits can tell it.
 """
 
 from __future__ import annotations
@@ -93,9 +93,12 @@ def table_of_alterations(data: Path, method: str, only: str, cause_seconds: floa
             visible.append(rise >= Settings.least)
         cells = (name, verdict(result), f"{rise:+.2f}", words, "yes" if hit else "no", f"{took:.1f} s")
         print(f"| {' | '.join(cells)} |", flush=True)
-    told = [hit for hit, seen in zip(right[False], visible, strict=True) if seen]
+    reported = [hit for hit, seen in zip(right[False], visible, strict=True) if seen]
     print(f"\nThe right cause is first in {sum(right[False])} of {len(right[False])} altered measurements.")
-    print(f"Of the {len(told)} that make the best fit worse by {Settings.least} or more it is first in {sum(told)}.")
+    print(
+        f"Of the {len(reported)} that make the best fit worse by {Settings.least} or more "
+        f"it is first in {sum(reported)}."
+    )
     print(f"None is named in {sum(right[True])} of {len(right[True])} unaltered ones.")
 
 
@@ -122,7 +125,7 @@ def main() -> None:
     parser.add_argument("--data", type=Path, required=True, help="folder with the NPZ files")
     parser.add_argument("--convert", type=Path, action="append", default=[], metavar="CLONE", help="may be repeated")
     parser.add_argument("--altered", action="store_true", help="alter the measurements, and name the causes")
-    parser.add_argument("--cause-seconds", type=float, default=CAUSE_SECONDS, help="in which causes are sought")
+    parser.add_argument("--cause-seconds", type=float, default=CAUSE_SECONDS, help="in which causes are searched for")
     parser.add_argument("--method", default="refined")
     parser.add_argument("--only", default="", help="structures whose name begins so")
     arguments = parser.parse_args()

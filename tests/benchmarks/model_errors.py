@@ -14,11 +14,11 @@ Parameters absorb a part of the error. What is left is the difference between th
 and of the model that fits its FRF best without any noise, weighted as the measurement is, or with errors of the known
 size allowed, whichever is nearer. "seen" counts the cases whose residuals without noise are large enough for a test of
 chi-squared to find them. Sizes are those of natural frequencies, but of damping ratios for "loss" and "law", which
-hardly move natural frequencies. Of what is seen, the table counts the sizes told that are within a factor of two of
-what is left, of the size at equal parameters, or between them; of the others, those that are told to be fitted to the
-noise, or within a factor of two of what is left all the same; and of all, those that are right as the seen ones are, or
-not seen and told to be fitted to the noise. Intervals count that hold the true value; their width is in parts of the
-range.
+hardly move natural frequencies. Of what is seen, the table counts the sizes reported that are within a factor of two of
+the residual size, of the size at equal parameters, or between them; of the others, those that are reported as fitted to
+the noise, or within a factor of two of the residual size all the same; and of all, those that are right as the seen
+ones are, or not seen and reported as fitted to the noise. Intervals count that hold the true value; their width is in
+parts of the range.
 
 With `--causes` the measurements are altered, with and without an error of the model, and the cause that is named first
 is counted. Where the joint imitates an alteration down to the noise it is hidden: nothing in the measurement shows it.
@@ -81,9 +81,9 @@ class Case:
     kind : str
     wanted : float
         Size of the error, 0 for a kind that is not scaled.
-    known, left, told : float
+    known, left, reported : float
         Relative errors of natural frequencies: at equal parameters, at the best fit, and as the program says.
-    known_damping, left_damping, told_damping : float
+    known_damping, left_damping, reported_damping : float
         The same of damping ratios.
     seen : bool
         Whether residuals exceed the noise.
@@ -102,10 +102,10 @@ class Case:
     wanted: float
     known: float
     left: float
-    told: float
+    reported: float
     known_damping: float
     left_damping: float
-    told_damping: float
+    reported_damping: float
     seen: bool
     word: str
     chi_squared: float
@@ -118,37 +118,37 @@ class Case:
 
     @property
     def sizes(self) -> tuple[float, float, float]:
-        """Known, left and told, of what the error changes."""
+        """Known, left and reported, of what the error changes."""
         if self.kind in DAMPING:
-            return self.known_damping, self.left_damping, self.told_damping
-        return self.known, self.left, self.told
+            return self.known_damping, self.left_damping, self.reported_damping
+        return self.known, self.left, self.reported
 
     def near(self, *sizes: float) -> bool:
-        """Whether what is told is in a range, within a factor of two, or nothing where nothing is seen."""
-        told = self.sizes[2]
-        return bool(min(sizes) / 2.0 <= told <= 2.0 * max(sizes)) or (not self.seen and told == 0.0)
+        """Whether what is reported is in a range, within a factor of two, or nothing where nothing is seen."""
+        reported = self.sizes[2]
+        return bool(min(sizes) / 2.0 <= reported <= 2.0 * max(sizes)) or (not self.seen and reported == 0.0)
 
     @property
     def as_left(self) -> bool:
-        """Whether the size that is left is told."""
+        """Whether the size that is left is reported."""
         return self.near(self.sizes[1])
 
     @property
     def as_known(self) -> bool:
-        """Whether the size at equal parameters is told."""
+        """Whether the size at equal parameters is reported."""
         return self.near(self.sizes[0])
 
     @property
     def between(self) -> bool:
-        """Whether a size between them is told: how much of an error the parameters absorb cannot be seen."""
+        """Whether a size between them is reported: how much of an error the parameters absorb cannot be seen."""
         return self.near(*self.sizes[:2])
 
     def describe(self) -> str:
         """Return a line with all figures."""
-        sizes = " ".join(f"{1e2 * size:.3g}" for size in (self.known, self.left, self.told))
-        damping = " ".join(f"{size:.2g}" for size in (self.known_damping, self.left_damping, self.told_damping))
+        sizes = " ".join(f"{1e2 * size:.3g}" for size in (self.known, self.left, self.reported))
+        damping = " ".join(f"{size:.2g}" for size in (self.known_damping, self.left_damping, self.reported_damping))
         return (
-            f"{self.number:5d} {self.kind:8s} known, left, told {sizes} %; damping {damping}; "
+            f"{self.number:5d} {self.kind:8s} known, left, reported {sizes} %; damping {damping}; "
             f"{'seen' if self.seen else 'not seen'}, '{self.word}', chi-squared {self.chi_squared:.3g}; "
             f"{self.unknowns} unknowns, {self.resonances} resonances, {self.lines} lines; "
             f"{sum(self.held)} of {len(self.held)} held; {self.seconds:.1f} s"
@@ -191,17 +191,17 @@ def judged(work: tuple[int, str, float], seed: int, method: str) -> Case | None:
     best = refine(Problem.of(assembly, exact), [theta, refitted.theta])
     forgiving = best_fit_with_error(assembly, exact, theta, known[0])
     left = min(pole_errors(poles, Poles.of(assembly, point)) for point in (best.theta, forgiving))
-    told = adequacy.size
+    reported = adequacy.size
     return Case(
         number=number,
         kind=kind,
         wanted=wanted if kind in SCALED else 0.0,
         known=known[0],
         left=left[0],
-        told=0.0 if told is None else told.natural_frequency,
+        reported=0.0 if reported is None else reported.natural_frequency,
         known_damping=known[1],
         left_damping=left[1],
-        told_damping=0.0 if told is None else told.damping,
+        reported_damping=0.0 if reported is None else reported.damping,
         seen=best.chi_squared > SIGNIFICANT * np.sqrt(2.0 / best.degrees_of_freedom),
         word=adequacy.word,
         chi_squared=fit.chi_squared,
@@ -266,7 +266,7 @@ def works(cases: int, sizes: Iterable[float], kinds: Sequence[str], first: int =
 
 
 HEADER = (
-    "| error | cases | seen | told as left | as at equal parameters | between | of those not seen | between, of all "
+    "| error | cases | seen | as the residual | as at equal parameters | between | of those not seen | between, of all "
     "| intervals that hold | median width | words | median time |\n|---|---|---|---|---|---|---|---|---|---|---|---|"
 )
 
@@ -380,7 +380,7 @@ class Named:
 
 
 def caused(work: tuple[int, str, float], seed: int, limit: float) -> Named | None:
-    """Return what is said of an altered measurement, causes sought for `limit` seconds; None if it cannot be made."""
+    """Return the causes named after `limit` seconds of search; None if the measurement cannot be altered so."""
     number, alteration, size = work
     rng = np.random.default_rng([seed, STRUCTURES, number])
     assembly, theta = drawn(number, seed, rng)
@@ -464,7 +464,7 @@ def main() -> None:
     parser.add_argument("--causes", action="store_true", help="alter the measurements, and name the causes")
     parser.add_argument("--alterations", default=",".join(ALTERATIONS), help="with commas between")
     parser.add_argument("--foreign", action="store_true", help="measure other structures, and count the words")
-    parser.add_argument("--cause-seconds", type=float, default=CAUSE_SECONDS, help="in which they are sought")
+    parser.add_argument("--cause-seconds", type=float, default=CAUSE_SECONDS, help="in which they are searched for")
     parser.add_argument("--processes", type=int, default=1)
     options = parser.parse_args()
     given = None if options.sizes is None else [float(size) / 100.0 for size in options.sizes.split(",")]

@@ -2,7 +2,7 @@
 
     python tests/benchmarks/noise_floor.py [--cases 200] [--every 1]
 
-The noise has the same standard deviation in every line, a part of that of the FRF itself, and the measurement tells it.
+The noise has the same standard deviation in every line, a part of that of the FRF itself, and the measurement shows it.
 A measurement without phase is the amplitude of the noisy complex FRF. MultiStart gets, for each case, the time that
 the refined fit took. With --every N only every N-th line is measured.
 """

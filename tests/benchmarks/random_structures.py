@@ -295,7 +295,7 @@ def measure(
         1 % of each value; 1 % of the FRF's standard deviation; a response with noise, from 8 to 64 averages.
     rng : numpy.random.Generator
     stated : bool
-        Whether the measurement tells its variance, or its coherence and averages.
+        Whether the measurement shows its variance, or its coherence and averages.
     """
     clean = dovetail.Frf(assembly.frequency, assembly.frf(theta), assembly.description.response.quantity)
     if noise == "H1":

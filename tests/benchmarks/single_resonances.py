@@ -222,9 +222,9 @@ def rows(cases: Sequence[Case]) -> Iterator[str]:
             yield row(f"interval of `{name}`", [case.held[name] for case in with_it], f"within a factor of {width:.2f}")
     yield row("all intervals", [held for case in cases for held in case.held.values()], "")
     for kind in KINDS:
-        told = [case for case in cases if np.isfinite(case.reported[kind])]
-        size = f"{np.median([case.reported[kind] for case in told]):.2g}" if told else ""
-        yield row(f"size of {kind.replace('_', ' ')}, as a number", [case.right(kind) for case in told], size)
+        shown_values = [case for case in cases if np.isfinite(case.reported[kind])]
+        size = f"{np.median([case.reported[kind] for case in shown_values]):.2g}" if shown_values else ""
+        yield row(f"size of {kind.replace('_', ' ')}, as a number", [case.right(kind) for case in shown_values], size)
     words = {word: sum(case.word == word for case in cases) for word in sorted({case.word for case in cases})}
     yield f"\n{len(cases)} cases: {', '.join(f'{count} {word}' for word, count in words.items())}"
 

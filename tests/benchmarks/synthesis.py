@@ -1,10 +1,10 @@
-"""The speed of the synthesis on the collet assembly at 4451 lines, all in one run, beside its targets.
+"""The speed of the synthesis on the collet assembly at 4451 lines, all in one run, next to its targets.
 
     python tests/benchmarks/synthesis.py [--samples N] [--rounds N] [--written N] [--no-first] [-o FOLDER]
 
 The literal method (Eqs. 4-7 of Processes 14 (2026) 1875, doi:10.3390/pr14121875, in batched LAPACK) computes the
 substructures' receptances once, outside the timing, and runs on one BLAS thread. The routes take turns and the best of
-each route's rounds counts, so that other work on the machine slows all of them alike. With -o the tables are
+each route's rounds counts, so that other work on the machine slows all of them equally. With -o the tables are
 written as Markdown too.
 """
 

@@ -178,8 +178,10 @@ def test_the_study_of_verdicts_counts_every_parameter_by_each_route(tmp_path):
     rows = cells(run("verdicts.py", "--only", 1, "--workers", 1, "-o", tmp_path / "verdicts.json"))
     tables = [rows[first : first + 5] for first in (0, 5)]
     assert all(sum(int(cell) for row in table[2:] for cell in row[1:]) == 12 for table in tables)
-    told = json.loads((tmp_path / "verdicts.json").read_text())[0]["parameters"]
-    assert told["kr_tc"]["posterior"] == told["kr_tc"]["fisher"] == told["kr_tc"]["profile"] == "0.9 or more"
+    reported = json.loads((tmp_path / "verdicts.json").read_text())[0]["parameters"]
+    assert (
+        reported["kr_tc"]["posterior"] == reported["kr_tc"]["fisher"] == reported["kr_tc"]["profile"] == "0.9 or more"
+    )
 
 
 def test_planning_anew_is_timed_and_right():

@@ -75,7 +75,7 @@ def test_the_columns_of_the_beam_are_reciprocal_and_move_with_the_first_sensor()
 
 
 def test_the_hammers_only_resonance_determines_its_stiffness():
-    """Errors of a model that has one resonance are told small enough that its interval means something."""
+    """Errors of a model that has one resonance are reported small enough that its interval means something."""
     table = gallery.PAGES["hammer"](Path())["hammer_parts"]
     row = next(line for line in table.splitlines() if line.startswith("| k |"))
     value, interval = (cell.strip() for cell in row.split("|")[2:4])

@@ -11,9 +11,9 @@ import pytest
 
 
 def features() -> str:
-    """Return what this processor can do, where the system tells."""
-    told = Path("/proc/cpuinfo")
-    return told.read_text() if told.exists() else ""
+    """Return what this processor can do, where the system shows."""
+    reported = Path("/proc/cpuinfo")
+    return reported.read_text() if reported.exists() else ""
 
 
 def test_the_benchmark_prints_a_row_for_each_system():

@@ -45,8 +45,8 @@ def test_intervals_of_a_case_are_compared_with_the_truth(method):
 
 def test_joints_damped_by_another_law_are_judged_by_damping(case):
     case = replace(case, kind="law", known_damping=0.2, left_damping=0.1)
-    assert replace(case, told=1e9, told_damping=0.06).between
-    assert not replace(case, told=case.known, told_damping=0.04).between
+    assert replace(case, reported=1e9, reported_damping=0.06).between
+    assert not replace(case, reported=case.known, reported_damping=0.04).between
 
 
 @pytest.mark.parametrize("number", [1, pytest.param(6, marks=pytest.mark.slow)])

@@ -64,12 +64,12 @@ def main() -> None:
     for name, (plain, unknown) in cases.items():
         assemblies = [dovetail.load(description) for description in (plain, *unknown.values())]
         for count in (1, 200):
-            known, *sought = seconds_of_one(assemblies, count)
+            known, *with_unknown = seconds_of_one(assemblies, count)
             shown = ", ".join(f"{1e3 * value:.3f} ms" for value in known)
             print(f"{name}, {count} at once: FRF and FRF with Jacobian in {shown}")
-            for option, times in zip(unknown, sought, strict=True):
+            for option, times in zip(unknown, with_unknown, strict=True):
                 print(
-                    f"    {option} sought too: {' and '.join(f'{ratio:.2f}' for ratio in times / known)} times as long"
+                    f"    {option} unknown too: {' and '.join(f'{ratio:.2f}' for ratio in times / known)} times as long"
                 )
 
 

@@ -234,14 +234,15 @@ def entries(
     widths = np.array([high - low for low, high in regions])
     found = {}
     for i, name in enumerate(posterior.names):
-        told = posterior.verdicts[name]
-        partners = [j for j, other in enumerate(posterior.names) if f" {other} (" in told.reason]
+        reported = posterior.verdicts[name]
+        partners = [j for j, other in enumerate(posterior.names) if f" {other} (" in reported.reason]
         moved = [
             (posterior.names[j], float(posterior.correlation[i, j]), profiles[i].span(regions[i], j) / widths[j])
             for j in partners
         ]
         found[name] = {
-            "posterior": class_of(told.gain), "gain": told.gain, "reason": told.reason, "place": float(place[i]),
+            "posterior": class_of(reported.gain), "gain": reported.gain, "reason": reported.reason,
+            "place": float(place[i]),
             "fisher": class_of(fisher[i]), "fisher_gain": float(fisher[i]),
             "profile": class_of_width(float(widths[i])), "region": regions[i], "partners": moved,
             "effective": posterior.effective_sample_size, "steps": len(profiles[i].cost),
@@ -262,8 +263,8 @@ def counts(cases: list[dict[str, Any]], route: str) -> None:
 
 def reasons(cases: list[dict[str, Any]]) -> None:
     """Print whether the reasons of the verdicts are seen in the profiles."""
-    told = [one for case in cases for one in case["parameters"].values()]
-    partners = [partner for one in told for partner in one["partners"]]
+    reported = [one for case in cases for one in case["parameters"].values()]
+    partners = [partner for one in reported for partner in one["partners"]]
     moving = sum(abs(moves) >= 0.5 and moves * correlation > 0 for _, correlation, moves in partners)
     print(f"Partners named: {len(partners)}. While the parameter crosses its region, {moving} of them cross half of "
           "theirs or more, in the direction of the correlation.")  # fmt: skip
@@ -271,13 +272,13 @@ def reasons(cases: list[dict[str, Any]]) -> None:
 
 def disagreements(cases: list[dict[str, Any]]) -> None:
     """Print with whom the integral goes where the routes disagree, and each disagreement."""
-    apart = [one for case in cases for one in case["parameters"].values() if "integrated" in one]
+    separate = [one for case in cases for one in case["parameters"].values() if "integrated" in one]
     for route in ("fisher", "profile"):
-        own = [one for one in apart if one["posterior"] != one[route]]
+        own = [one for one in separate if one["posterior"] != one[route]]
         ours, theirs = (sum(one["integrated"] == one[key] for one in own) for key in ("posterior", route))
         print(f"Of {len(own)} disagreements of posterior and {route}, the integral is with the posterior in {ours}, "
               f"with the {route} in {theirs}.")  # fmt: skip
-    off = [one["gain"] - one["integrated_gain"] for one in apart]
+    off = [one["gain"] - one["integrated_gain"] for one in separate]
     print(f"There the posterior's gain less the integral's: median {np.median(off):+.2f}, "
           f"quarters {np.quantile(off, 0.25):+.2f} and {np.quantile(off, 0.75):+.2f}.")  # fmt: skip
     print("\n| case | parameter | posterior | integral | Fisher | region of the profile |")
@@ -299,10 +300,10 @@ if __name__ == "__main__":
     given = parser.parse_args()
     chosen = range(given.cases if given.only is None else given.only)
     with ProcessPoolExecutor(given.workers) as pool:
-        told = list(pool.map(one_case, chosen, [given.cases] * len(chosen)))
+        reported = list(pool.map(one_case, chosen, [given.cases] * len(chosen)))
     for other in ("fisher", "profile"):
-        counts(told, other)
-    reasons(told)
-    disagreements(told)
+        counts(reported, other)
+    reasons(reported)
+    disagreements(reported)
     if given.output is not None:
-        given.output.write_text(json.dumps(told, indent=1))
+        given.output.write_text(json.dumps(reported, indent=1))

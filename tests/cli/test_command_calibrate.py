@@ -19,25 +19,25 @@ def test_the_study_by_one_command(run, bench, tmp_path):
     arguments = ["calibrate", bench.description, "--cases", 4, "--samples", 50, "--noise", 0.1, "-o", folder]
     printed = run(*arguments).stdout
     assert {file.name for file in folder.iterdir()} == FILES
-    told = json.loads((folder / "calibration.json").read_text())
+    reported = json.loads((folder / "calibration.json").read_text())
     rows = [line.split() for line in printed.splitlines() if line.startswith(("k ", "c ", "all "))]
     assert [row[1] for row in rows] == [
-        *(f"{one['coverage']:.1%}" for one in told["parameters"]),
-        f"{told['coverage']:.1%}",
+        *(f"{one['coverage']:.1%}" for one in reported["parameters"]),
+        f"{reported['coverage']:.1%}",
     ]
     with (folder / "cases.csv").open() as stream:
         next(stream)
         cases = list(csv.DictReader(stream))
     held = sum(0.05 < float(case["rank k"]) < 0.95 for case in cases) / len(cases)
-    assert held == pytest.approx(told["parameters"][0]["coverage"])
+    assert held == pytest.approx(reported["parameters"][0]["coverage"])
     assert "| k | " in (folder / "calibration.md").read_text()
     for name in ("ranks.png", "coverage.png"):
         assert (folder / name).read_bytes().startswith(b"\x89PNG")
     page = (folder / "calibration.html").read_text()
-    assert f"The 90 % intervals hold the truth in {told['coverage']:.1%}" in page
+    assert f"The 90 % intervals hold the truth in {reported['coverage']:.1%}" in page
     assert page.count("<svg") == 2
     again = json.loads(run(*arguments, "--json").stdout)
-    assert again["parameters"] == told["parameters"]
+    assert again["parameters"] == reported["parameters"]
 
 
 def test_ctrl_c_writes_the_finished_results(interruptible, bench, tmp_path):

@@ -50,11 +50,11 @@ def test_a_port_that_is_taken_is_explained(run, assemblies):
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = taken.getsockname()[1]
-        told = run("explore", assemblies / "sdof.yaml", "--no-browser", "--port", port, code=1).output
-    assert f"--port {port}" in told
-    assert "this port cannot be had" in told
+        reported = run("explore", assemblies / "sdof.yaml", "--no-browser", "--port", port, code=1).output
+    assert f"--port {port}" in reported
+    assert "this port cannot be had" in reported
 
 
 def test_measurements_that_do_not_fit_are_refused_at_once(run, assemblies, bench):
-    told = run("explore", assemblies / "sdof.yaml", bench.measured, bench.measured, "--no-browser", code=1).output
-    assert "2 measured FRFs were given" in " ".join(told.split())
+    reported = run("explore", assemblies / "sdof.yaml", bench.measured, bench.measured, "--no-browser", code=1).output
+    assert "2 measured FRFs were given" in " ".join(reported.split())

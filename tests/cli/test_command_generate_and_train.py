@@ -162,16 +162,16 @@ def test_train_says_what_the_range_of_a_normal_prior_is(run, bench, tmp_path):
     description = json.loads(dovetail.load(bench.description).description.text)
     description["identification"] = {"samples": 100, "reducer": {"model": "pca", "n_components": 5}}
     said = "Of a parameter with a normal prior the range is that of its probability"
-    for prior, told in (({"range": [1e5, 1e7]}, False), ({"about": 5e6, "sd": 1e6}, True)):
+    for prior, reported in (({"range": [1e5, 1e7]}, False), ({"about": 5e6, "sd": 1e6}, True)):
         description["joints"]["mount"]["parameters"]["k"] = prior
         (tmp_path / "assembly.yaml").write_text(json.dumps(description))
         arguments = [
             "train",
             tmp_path / "assembly.yaml",
             "--data",
-            tmp_path / f"{told}.zarr",
+            tmp_path / f"{reported}.zarr",
             "-o",
-            tmp_path / f"{told}",
+            tmp_path / f"{reported}",
         ]
-        run("generate", tmp_path / "assembly.yaml", "--samples", 100, "-o", tmp_path / f"{told}.zarr")
-        assert (said in " ".join(run(*arguments).stdout.split())) is told
+        run("generate", tmp_path / "assembly.yaml", "--samples", 100, "-o", tmp_path / f"{reported}.zarr")
+        assert (said in " ".join(run(*arguments).stdout.split())) is reported

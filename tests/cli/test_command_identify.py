@@ -420,7 +420,7 @@ def test_refined_from_the_networks_answer(run, bench):
 
 
 def test_several_files_are_a_batch(run, bench, tmp_path):
-    """A failure does not end the others, and is told at the end."""
+    """A failure does not end the others, and is reported at the end."""
     frf = dovetail.read_frf(bench.measured)
     folder = tmp_path / "measured"
     folder.mkdir()

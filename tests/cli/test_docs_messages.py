@@ -21,7 +21,7 @@ BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", flags=re.M | re.S)
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """What stands beside the commands: the assemblies, and the measurement that the page begins with."""
+    """What stands next to the commands: the assemblies, and the measurement that the page begins with."""
     there = tmp_path_factory.mktemp("messages")
     shutil.copytree(ROOT / "assemblies", there / "assemblies")
     ((_, command),) = BLOCK.findall(PAGE.partition("\n## ")[0])

@@ -57,8 +57,8 @@ def small(tmp_path):
     there, here = ROOT / "assemblies", tmp_path / "assemblies"
     (here / "measurements").mkdir(parents=True)
     truth = f"measurements/{MEASURED}.truth.json"
-    told = json.loads((there / truth).read_text())
-    known = told["parameters"]
+    reported = json.loads((there / truth).read_text())
+    known = reported["parameters"]
     fixed = {name: {"value": value} for name, value in known.items() if name not in UNKNOWN}
     description = {
         "extends": str(there / "bt40_er32.yaml"),
@@ -67,7 +67,7 @@ def small(tmp_path):
         "joints": {"collet": {"parameters": fixed}},
     }
     (here / "bt40_er32.yaml").write_text(yaml.safe_dump(description))
-    (here / truth).write_text(json.dumps({**told, "parameters": {name: known[name] for name in UNKNOWN}}))
+    (here / truth).write_text(json.dumps({**reported, "parameters": {name: known[name] for name in UNKNOWN}}))
     frf = dovetail.read_frf(there / f"measurements/{MEASURED}.uff")
     fewer = {"frequency": frf.frequency[::EVERY], "values": frf.values[::EVERY]}
     if frf.coherence is not None:

@@ -22,7 +22,7 @@ KNOWN = {
 
 @pytest.fixture
 def two(assemblies, tmp_path):
-    """Only kt_tc and kt_hc are sought."""
+    """Only kt_tc and kt_hc are unknown."""
     file = tmp_path / "two.yaml"
     known = json.dumps({name: {"value": value} for name, value in KNOWN.items()})
     file.write_text(FEW.format(parent=assemblies / "bt40_er32_two_points.yaml", known=known))

@@ -183,9 +183,9 @@ def test_a_worker_that_dies_is_replaced_and_its_task_repeated_alone(tmp_path, si
         mark = running / f"{os.getpid()}"
         mark.touch()
         time.sleep(0.02)
-        beside = len(list(running.iterdir())) - 1
+        others = len(list(running.iterdir())) - 1
         if index in (2, 5):
-            (tmp_path / f"{index}.beside").write_text(str(beside))
+            (tmp_path / f"{index}.others").write_text(str(others))
             mark.unlink()
             os._exit(7) if sign is None else os.kill(os.getpid(), sign)
         mark.unlink()
@@ -196,7 +196,7 @@ def test_a_worker_that_dies_is_replaced_and_its_task_repeated_alone(tmp_path, si
     assert all(name in done[index] for index in (2, 5))
     assert [done[index] for index in (0, 1, 3, 4, 6, 7, 8)] == [0, 1, 3, 4, 6, 7, 8]
     assert multiprocessing.active_children() == []
-    assert [(tmp_path / f"{index}.beside").read_text() for index in (2, 5)] == ["0", "0"]
+    assert [(tmp_path / f"{index}.others").read_text() for index in (2, 5)] == ["0", "0"]
 
 
 @pytest.mark.parametrize(

@@ -33,18 +33,18 @@ def attempt(progress):
 
 
 limit(100)
-assert attempt(lambda *told: None) is None  # refused from the start: nothing may be left
+assert attempt(lambda *reported: None) is None  # refused from the start: nothing may be left
 for _ in range(int(sys.argv[4])):
     steps = [moments.randrange(0, 3)]
 
-    def refuse(*told):
+    def refuse(*reported):
         steps[0] -= 1
         if steps[0] < 0:
             limit(moments.choice([0, 1, 10_000, 1_000_000, 7_000_000]))  # a chunk has 8 MB
 
     assert attempt(refuse) is None
 assert all("File too large" in refusal and "`resume=True`" in refusal for refusal in refusals), refusals
-assert attempt(lambda *told: None).complete
+assert attempt(lambda *reported: None).complete
 print(len(refusals))
 """
 

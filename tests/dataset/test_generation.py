@@ -47,10 +47,10 @@ def test_samples_and_seed_come_from_the_description_by_default(sdof, tmp_path):
 
 
 def test_progress_ends_at_the_number_of_samples(sdof, tmp_path):
-    told = []
-    dovetail.generate(sdof, tmp_path / "data.zarr", samples=25, progress=lambda *what: told.append(what[:3]))
-    assert told[0] == ("generate", 0, 25)
-    assert told[-1] == ("generate", 25, 25)
+    reported = []
+    dovetail.generate(sdof, tmp_path / "data.zarr", samples=25, progress=lambda *what: reported.append(what[:3]))
+    assert reported[0] == ("generate", 0, 25)
+    assert reported[-1] == ("generate", 25, 25)
 
 
 class Stop(BaseException):

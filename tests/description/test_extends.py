@@ -71,8 +71,8 @@ def test_a_new_value_range_or_prior_replaces_that_of_the_base(read, sound, known
 def test_a_value_displaces_the_range_and_a_range_the_value(read, sound):
     fixed = "extends: base.yaml\njoints: {collet: {parameters: {kr_tc: {value: 5e3}, mn1: {value: 80 g}}}}"
     assert dict(read(fixed, base=sound).joints["collet"].fixed) == {"kr_tc": 5e3, "mn1": 0.08}
-    sought = "extends: fixed.yaml\njoints: {collet: {parameters: {kr_tc: {range: [1e3, 1e4]}}}}"
-    joint = read(sought, fixed=fixed, base=sound).joints["collet"]
+    unknown = "extends: fixed.yaml\njoints: {collet: {parameters: {kr_tc: {range: [1e3, 1e4]}}}}"
+    joint = read(unknown, fixed=fixed, base=sound).joints["collet"]
     assert dict(joint.fixed) == {"mn1": 0.08}
     assert (joint.parameters[2].lower, joint.parameters[2].upper) == (1e3, 1e4)
 

@@ -129,7 +129,7 @@ def test_a_tied_parameter_is_reported_with_its_value(tmp_path):
 
 
 def test_a_normal_prior_decides_what_the_measurement_does_not():
-    """Without phase and with a free gain, all stiffnesses and masses could be scaled alike; the prior says by what."""
+    """Without phase and with a free gain, the prior alone decides a common factor of stiffness and mass."""
     free = {**MASSES, "substructures": {**MASSES["substructures"]}}
     free["substructures"]["low"] = {"model": "lumped", "masses": [{"mass": {"about": "4 kg", "sd": "3 %"}}]}
     response = {**DRIVE, "calibration": {"gain": {"range": [0.2, 5.0], "scale": "log"}}}

@@ -195,7 +195,7 @@ def two_masses(**calibration):
     def response(at, force, **more):
         return {"at": at, "position": 0, "force": {"at": force, "position": 0}, **more}
 
-    sought = {"k": {"range": [1e5, 1e7], "scale": "log"}, "c": {"range": [1, 100], "scale": "log"}}
+    unknown = {"k": {"range": [1e5, 1e7], "scale": "log"}, "c": {"range": [1, 100], "scale": "log"}}
     return dovetail.load(
         {
             "dovetail": 1,
@@ -204,7 +204,7 @@ def two_masses(**calibration):
             "substructures": {**masses, "base": {"model": "ground"}},
             "joints": {
                 "foot": spring("base", "one", k={"value": 1e6}, c={"value": 10}),
-                "joint": spring("one", "two", **sought),
+                "joint": spring("one", "two", **unknown),
             },
             "responses": [response("one", "two"), response("two", "one", **calibration)],
         }
@@ -223,6 +223,6 @@ def test_frfs_with_force_and_response_exchanged_are_held_against_each_other(gain
     assert len(sentences) == said
     for sentence in sentences:
         assert "at one, 0 mm, force at two, 0 mm and at two, 0 mm, force at one, 0 mm should be equal" in sentence
-        apart, explained = (float(number) for number in re.findall(r"(\S+) %", sentence))
-        assert apart == pytest.approx(100 * 0.2 / 1.1, rel=0.1)  # beside the scatter
+        separate, explained = (float(number) for number in re.findall(r"(\S+) %", sentence))
+        assert separate == pytest.approx(100 * 0.2 / 1.1, rel=0.1)  # next to the scatter
         assert explained == pytest.approx(100 * NOISE * np.sqrt(2), rel=0.2)

@@ -144,11 +144,11 @@ def test_every_structure_with_the_frequencies_of_the_table_is_found(seed):
     }
     substructures, response = {"wall": {"model": "ground"}, **masses}, {"at": "m4", "position": 0}
     row = dovetail.load({**CHAIN, "substructures": substructures, "joints": joints, "response": response})
-    alike = np.array([[1e6, 1e6, 1e6, 1e6], [2e6, 1e6, 5e5, 1e6]])
-    frequency, other = (modes_of(row, springs)[0] for springs in alike)
+    equal = np.array([[1e6, 1e6, 1e6, 1e6], [2e6, 1e6, 5e5, 1e6]])
+    frequency, other = (modes_of(row, springs)[0] for springs in equal)
     np.testing.assert_allclose(frequency, other, rtol=1e-4)
     posterior = dovetail.identify(row, dovetail.ModalParameters(frequency, None, 1e-3 * frequency), seed=seed).posterior
-    near = np.abs(np.log(posterior.theta[:, np.newaxis] / alike)).max(axis=2) < 0.1
+    near = np.abs(np.log(posterior.theta[:, np.newaxis] / equal)).max(axis=2) < 0.1
     assert (posterior.weight @ near > 0.1).all()
 
 

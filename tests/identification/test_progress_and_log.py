@@ -95,15 +95,15 @@ def wrong(sdof):
     return dovetail.Frf(frf.frequency, 1.3 * frf.values, frf.quantity, label="wrong.uff", variance=frf.variance)
 
 
-def heard(told):
-    """Return the stages in their order, each with what was told of it."""
-    return {stage: [tuple(one[1:3]) for one in group] for stage, group in groupby(told, lambda one: one[0])}
+def heard(reported):
+    """Return the stages in their order, each with what was reported of it."""
+    return {stage: [tuple(one[1:3]) for one in group] for stage, group in groupby(reported, lambda one: one[0])}
 
 
 @pytest.fixture(scope="module")
 def run(sdof, wrong):
-    """What an identification told, and how it searched for causes."""
-    told, searched = [], []
+    """What an identification reported, and how it searched for causes."""
+    reported, searched = [], []
 
     def search(*arguments, **options):
         searched.append((arguments, options))
@@ -111,14 +111,14 @@ def run(sdof, wrong):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys.modules["dovetail.inference.adequacy.assess"], "find_causes", search)
-        progress = lambda *what: told.append(what)  # noqa: E731
+        progress = lambda *what: reported.append(what)  # noqa: E731
         result = dovetail.identify(sdof, wrong, samples=50, cause_seconds=7, progress=progress)
     assert [cause.name for cause in result.adequacy.causes][:1] == ["gain"]
-    return SimpleNamespace(told=told, searched=searched)
+    return SimpleNamespace(reported=reported, searched=searched)
 
 
 def test_identification_reports_every_stage(run):
-    stages = heard(run.told)
+    stages = heard(run.reported)
     assert list(stages)[:4] == ["fit", "model error", "modes", "exploration"]
     assert list(stages)[-1] == "causes"
     assert "samples" in stages
@@ -132,9 +132,9 @@ def test_identification_reports_every_stage(run):
 def test_causes_are_tried_as_long_as_is_wanted(run, sdof, wrong):
     ((arguments, options),) = run.searched
     assert options["seconds"] == 7
-    told: list = []
-    assert find_causes(*arguments, seconds=1e-9, progress=lambda *what: told.append(what)) == ()
-    assert {done for _, done, *_ in told} == {0, 14}  # one was tried, which was no cause
+    reported: list = []
+    assert find_causes(*arguments, seconds=1e-9, progress=lambda *what: reported.append(what)) == ()
+    assert {done for _, done, *_ in reported} == {0, 14}  # one was tried, which was no cause
     assert find_causes(*arguments, seconds=0, progress=pytest.fail) == ()
     late = "The time for causes ended before all were tried"
     for seconds, said in ((1e-9, True), (0.0, False), (200.0, False)):

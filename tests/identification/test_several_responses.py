@@ -168,8 +168,8 @@ def test_the_network_sees_all_responses(chain, dataset, model, clean):
     accelerances = [np.abs(alone.frf(dataset.parameters[7])) for alone in chain.each_response]
     accelerances[0] *= (2 * np.pi * chain.frequency) ** 2
     np.testing.assert_allclose(dataset.amplitude[7], np.concatenate(accelerances), rtol=1e-5)
-    told = {name: metrics.r2 for name, metrics in model.evaluation.parameters.items()}
-    assert min(told["foot.k"], told["link.k"]) > 0.9
+    reported = {name: metrics.r2 for name, metrics in model.evaluation.parameters.items()}
+    assert min(reported["foot.k"], reported["link.k"]) > 0.9
     result = model.identify(clean, "network")
     np.testing.assert_array_equal(result.theta, model.predict_parameters(dataset_row(chain))[0])
     refined = model.identify(clean, "refined")
@@ -203,9 +203,9 @@ def test_a_response_alone_is_not_trained_with_the_chain_of_another(chain, of_the
 
 def test_each_response_is_converted_on_its_own_lines(chain):
     axes = [np.arange(20.0, 60.0, 0.5), np.arange(15.0, 70.0, 0.8)]
-    apart = complex_accelerance(chain.on(*axes), TRUTH[np.newaxis])[0]
+    separate = complex_accelerance(chain.on(*axes), TRUTH[np.newaxis])[0]
     alone = [complex_accelerance(chain.at(number).on(axis), TRUTH[np.newaxis])[0] for number, axis in enumerate(axes)]
-    np.testing.assert_allclose(apart, np.concatenate(alone), rtol=1e-6)
+    np.testing.assert_allclose(separate, np.concatenate(alone), rtol=1e-6)
 
 
 def test_noise_for_training_is_drawn_for_each_response(chain, dataset):

@@ -223,19 +223,19 @@ def test_a_batch_is_what_each_measurement_gives_alone(sdof, tmp_path):
     thetas = sdof.from_unit(np.random.default_rng(5).random((3, 2)))
     frfs = [measured(sdof, theta, "same.csv", seed) for seed, theta in enumerate(thetas)]
     dovetail.write_frf(frfs[2], tmp_path / "third.csv")
-    told = []
+    reported = []
     batch = dovetail.identify_many(
         sdof,
         [frfs[0], frfs[1], tmp_path / "third.csv", tmp_path / "gone.csv", replace(frfs[0], values=0 * frfs[0].values)],
         processes=2,
-        progress=lambda *stage: told.append(stage),
+        progress=lambda *stage: reported.append(stage),
         samples=60,
     )
     assert list(batch.results) == ["same.csv", "same.csv (2)", "third.csv"]
     assert list(batch.failures) == ["gone.csv", "same.csv (3)"]
     assert "there is no such file" in batch.failures["gone.csv"]
     assert "exactly zero" in batch.failures["same.csv (3)"]
-    assert told[-1] == ("identifying", 5, 5)
+    assert reported[-1] == ("identifying", 5, 5)
     for name, frf in zip(batch.results, frfs, strict=True):
         alone = dovetail.identify(sdof, frf, samples=60)
         estimates = [[row.estimate for row in found.table] for found in (batch.results[name], alone)]

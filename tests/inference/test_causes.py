@@ -245,7 +245,7 @@ def test_different_masses_at_one_point_may_be_exchanged_but_are_not_force_levels
 
 
 def test_levels_of_the_force_at_which_the_stiffness_falls_are_named():
-    """By 2 % and 4 % at one point; levels that are alike are fitted together to the noise."""
+    """By 2 % and 4 % at one point; levels that are equal are fitted together to the noise."""
     model = chain(MASSES, ["upper"] * 3)
     for softer, name in (((1.0, 0.98, 0.96), "level"), ((1.0, 1.0, 1.0), None)):
         levels = [model.at(0).frf(TRUTH | {"k1.k": 1e6 * ratio}) for ratio in softer]
@@ -366,7 +366,7 @@ def arm(node, force=None, elements=60):
 
 
 def test_another_node_is_reported_as_a_possible_cause():
-    """Of 61 nodes, n1 at 0 mm, every third is compared first, and then those beside the nearest."""
+    """Of 61 nodes, n1 at 0 mm, every third is compared first, and then those next to the nearest."""
     assembly = arm(60)
     theta = assembly.from_unit(np.full(len(assembly.parameters), 0.6))
     measured = noisy(assembly, arm(57).frf(theta), 0.01, 1)
@@ -414,12 +414,12 @@ def test_no_cause_is_named_of_a_genuine_measurement(sdof, coarse, torque_100):
 
 
 def test_the_search_for_causes_reports_its_progress(sdof):
-    told = []
-    dovetail.identify(sdof, altered(sdof, None, "gain"), "refined", progress=lambda *stage: told.append(stage))
-    assert list(dict.fromkeys(stage[0] for stage in told)) == ["fit", "model error", "causes"]
-    told = [stage for stage in told if stage[0] == "causes"]
-    assert [stage[1] for stage in told] == sorted(stage[1] for stage in told)
-    assert told[-1][1] == told[-1][2]
+    reported = []
+    dovetail.identify(sdof, altered(sdof, None, "gain"), "refined", progress=lambda *stage: reported.append(stage))
+    assert list(dict.fromkeys(stage[0] for stage in reported)) == ["fit", "model error", "causes"]
+    reported = [stage for stage in reported if stage[0] == "causes"]
+    assert [stage[1] for stage in reported] == sorted(stage[1] for stage in reported)
+    assert reported[-1][1] == reported[-1][2]
 
 
 def named(*improvements, excess=10.0, lines=500):
@@ -532,20 +532,20 @@ def test_a_conjugated_phase_is_named_of_a_structure_that_the_model_does_not_fit(
     ratio = model.frequency[:, np.newaxis] / natural
     genuine = -np.sum(residues * ratio**2 / (1.0 - ratio**2 + 2j * damping * ratio), axis=1)
 
-    def told(values):
+    def reported(values):
         result = dovetail.identify(model, noisy(model, values, 0.005, seed), "refined", cause_seconds=200.0)
         reasons = [reason for reason in result.adequacy.reasons if "delivers" in reason]
         return [cause.name for cause in result.adequacy.causes], len(reasons)
 
-    assert told(genuine.conj()) == (["conjugate"], 1)
-    names, reasons = told(genuine)
+    assert reported(genuine.conj()) == (["conjugate"], 1)
+    names, reasons = reported(genuine)
     assert not {"sign", "conjugate"} & set(names)
     assert reasons == 0
 
 
 @pytest.mark.parametrize("has_phase", [True, False])
 def test_lines_that_are_exactly_zero_side_by_side_have_no_logarithm(sdof, has_phase):
-    """Of a measurement that the model does not fit, whose causes are sought by logarithms."""
+    """Of a measurement that the model does not fit, whose causes are searched for by logarithms."""
     frequency = sdof.frequency / sdof.frequency[-1]
     frf = noisy(sdof, sdof.frf() * (1.0 + 0.3 * (2.0 * frequency) ** 2), 0.01, 1, has_phase=has_phase)
     values = frf.values.copy()

@@ -37,7 +37,7 @@ def test_a_fit_is_noise_within_five_standard_deviations_of_chi_squared(sdof, dev
 
 @pytest.mark.parametrize(("scatter", "explained"), [(1.5, True), (1.6, False)])
 def test_a_variance_from_the_scatter_may_be_wrong_by_its_own_error(sdof, monkeypatch, scatter, explained):
-    """0.15 and 5 / sqrt(600) = 0.2 are allowed where the variance is estimated, beside 5 sqrt(2 / 1198) = 0.2: 1.56.
+    """0.15 and 5 / sqrt(600) = 0.2 are allowed where the variance is estimated, next to 5 sqrt(2 / 1198) = 0.2: 1.56.
 
     The residuals, which are white, then give a better estimate, with which chi-squared is 1.
     """
@@ -103,11 +103,11 @@ def test_a_fit_has_every_measure_of_its_quality(sdof):
     frf = noisy(sdof, sdof.frf(), 0.01, 1)
     off = 30.0 * np.sqrt(frf.variance) * (np.arange(len(frf.values)) == 100)
     fit = refine(Problem.of(sdof, replace(frf, values=frf.values + off)))
-    told = json.loads(json.dumps(fit.to_dict()))
-    assert told.pop("ignored_lines_Hz") == [sdof.frequency[100]]
-    assert told.keys() == {"chi_squared", "degrees_of_freedom", "variance_known", "variance_assumed", "discrepancy",
+    reported = json.loads(json.dumps(fit.to_dict()))
+    assert reported.pop("ignored_lines_Hz") == [sdof.frequency[100]]
+    assert reported.keys() == {"chi_squared", "degrees_of_freedom", "variance_known", "variance_assumed", "discrepancy",
                            "background", "at_bounds", "starts", "agreeing", "steps", "seconds"}  # fmt: skip
-    assert told == {name: getattr(fit, name) for name in told}
+    assert reported == {name: getattr(fit, name) for name in reported}
 
 
 def test_searches_agree_within_a_thousandth_or_one_of_the_sum_of_squares():
@@ -155,18 +155,18 @@ def test_a_search_ends_where_a_step_gains_too_little():
     assert loose.cost[0] - tight.cost[0] < 0.02
 
 
-def large_residuals(*lines, size, beside=1.0):
+def large_residuals(*lines, size, others=1.0):
     """Sizes of residuals: 1 for noise, large at some lines."""
-    sizes = np.full(1001, beside)
+    sizes = np.full(1001, others)
     sizes[list(lines)] = size
     return sizes
 
 
 def test_an_isolated_line_stands_out_of_noise_and_of_its_neighbours():
-    assert not isolated_lines(large_residuals(500, size=4.9, beside=0.1)).any()  # five times noise at least
+    assert not isolated_lines(large_residuals(500, size=4.9, others=0.1)).any()  # five times noise at least
     assert np.flatnonzero(isolated_lines(large_residuals(500, size=5.1))).tolist() == [500]
-    assert not isolated_lines(large_residuals(500, size=9.0, beside=2.0)).any()  # or five times its neighbours
-    assert isolated_lines(large_residuals(500, size=10.5, beside=2.0)).sum() == 1
+    assert not isolated_lines(large_residuals(500, size=9.0, others=2.0)).any()  # or five times its neighbours
+    assert isolated_lines(large_residuals(500, size=10.5, others=2.0)).sum() == 1
 
 
 @pytest.mark.parametrize(("distance", "isolated"), [(1, True), (2, False), (3, False), (4, False), (5, True)])
@@ -196,8 +196,8 @@ def test_sharp_resonances_do_not_disturb_the_estimate_of_the_noise():
     values = 1.0 + np.sum(20.0 / (frequency - poles), axis=0)
     normal = np.random.default_rng(0).standard_normal((2, 2001))
     shown = values + 0.01 * (normal[0] + 1j * normal[1]) / np.sqrt(2.0)
-    told = estimated_variance(dovetail.Frf(frequency, shown, "accelerance"))
-    assert np.median(told) == pytest.approx(1e-4, rel=0.3)
+    reported = estimated_variance(dovetail.Frf(frequency, shown, "accelerance"))
+    assert np.median(reported) == pytest.approx(1e-4, rel=0.3)
 
 
 def test_an_eighth_of_the_axis_with_ten_times_the_noise_does_not_disturb_the_rest():
@@ -207,8 +207,8 @@ def test_an_eighth_of_the_axis_with_ten_times_the_noise_does_not_disturb_the_res
     normal = np.random.default_rng(0).standard_normal((2, 9600))
     noise = np.sqrt(truth / 2.0) * (normal[0] + 1j * normal[1])
     noise[-1200:] *= 10.0
-    told = estimated_variance(dovetail.Frf(np.arange(1.0, 9601.0), values + noise, "accelerance"))
-    np.testing.assert_allclose(told[:-1200], truth[:-1200], rtol=0.2)
+    reported = estimated_variance(dovetail.Frf(np.arange(1.0, 9601.0), values + noise, "accelerance"))
+    np.testing.assert_allclose(reported[:-1200], truth[:-1200], rtol=0.2)
 
 
 def amplitudes(values):

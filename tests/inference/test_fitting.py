@@ -157,20 +157,20 @@ def test_random_error_is_estimated_from_the_scatter(collet, torque_100, has_phas
     normal = np.random.default_rng(3).standard_normal((2, len(values)))
     noisy = values + deviation * (normal[0] + 1j * normal[1]) / np.sqrt(2)
     shown = dovetail.Frf(collet.frequency, noisy if has_phase else np.abs(noisy), "accelerance", has_phase=has_phase)
-    told = estimated_variance(shown, values if has_phase else np.abs(values))
+    shown_values = estimated_variance(shown, values if has_phase else np.abs(values))
     clear = np.abs(values) > 3 * deviation  # an amplitude's noise is not Gaussian below
-    ratio = (told / deviation**2)[clear]
+    ratio = (shown_values / deviation**2)[clear]
     assert np.median(ratio) == pytest.approx(1.0, abs=0.15)
     assert np.all(np.abs(np.log(np.quantile(ratio, [0.02, 0.98]))) < np.log(1.6))
 
 
 def test_a_fit_with_unknown_noise_is_as_good_as_with_known_noise(collet, torque_100):
     frf = noisy(collet, collet.frf(torque_100), 0.01, 5)
-    told, untold = refine(Problem.of(collet, frf)), refine(Problem.of(collet, replace(frf, variance=None)))
-    assert not untold.variance_known
-    assert untold.chi_squared == pytest.approx(1.0, abs=0.15)
+    shown_values, unreported = refine(Problem.of(collet, frf)), refine(Problem.of(collet, replace(frf, variance=None)))
+    assert not unreported.variance_known
+    assert unreported.chi_squared == pytest.approx(1.0, abs=0.15)
     problem = FrfResiduals(collet, Weighted.against(frf, frf.variance, np.ones(len(frf.frequency), dtype=bool)))
-    costs = problem.linearise(collet.to_unit(np.stack([told.theta, untold.theta]))).cost
+    costs = problem.linearise(collet.to_unit(np.stack([shown_values.theta, unreported.theta]))).cost
     assert costs[1] - costs[0] < 5  # of 8890: a twentieth of its own scatter
 
 

@@ -1,4 +1,4 @@
-"""Noise is told from a smooth misfit, and the searches for realistic measurements converge, and quickly."""
+"""Noise is distinguished from a smooth misfit, and the searches for realistic measurements converge, and quickly."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_large_residuals_of_either_sign_are_not_taken_for_noise():
 
 @pytest.mark.parametrize(("error", "starts"), [("ripple", 4 + 2 * 9 + 4), ("resonance", 4 + 4 * 9 + 2)])
 def test_a_misfit_is_reported_after_three_batches_or_five_if_a_resonance_is_missing(sdof, error, starts):
-    """Each batch has eight random starts, and here one place along one of the two parameters beside them.
+    """Each batch has eight random starts, and here one place along one of the two parameters next to them.
 
     Low points of the two profiles are tried once, in the second batch: four or two.
     """
@@ -113,9 +113,9 @@ def test_floor_and_share_of_the_noise_are_estimated_from_all_residuals_in_any_un
     normal = np.random.default_rng(4).standard_normal((2, 2000))
     values = model + np.sqrt(truth / 2.0) * (normal[0] + 1j * normal[1])
     measured = dovetail.Frf(frequency, unit * values, "accelerance")
-    told = residual_variance(measured, unit * model, np.ones(2000, dtype=bool)) / unit**2
-    np.testing.assert_allclose(told, truth, rtol=0.15, atol=1e-6)
-    assert np.mean(np.abs(values - model) ** 2 / told) == pytest.approx(1.0, abs=1e-3)
+    reported = residual_variance(measured, unit * model, np.ones(2000, dtype=bool)) / unit**2
+    np.testing.assert_allclose(reported, truth, rtol=0.15, atol=1e-6)
+    assert np.mean(np.abs(values - model) ** 2 / reported) == pytest.approx(1.0, abs=1e-3)
 
 
 @pytest.mark.parametrize("averages", [5, 16])

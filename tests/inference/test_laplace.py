@@ -166,9 +166,9 @@ def test_the_predicted_band_of_another_tool_contains_its_measurement(collet, ass
     band = dovetail.predict_band(other, result)
     measured = dovetail.read_frf(folder / "measurements" / "h0_j40_t2.uff", accelerometer_mass=1.2e-3)
     amplitude = np.interp(other.frequency, measured.frequency, measured.to("accelerance").amplitude)
-    told = other.frequency <= collet.frequency[-1]  # beyond, the joint was not measured
-    assert ((band.lower <= amplitude) & (amplitude <= band.upper))[told].mean() >= least
-    assert np.median((band.upper / band.lower)[told]) < 1.2
+    reported = other.frequency <= collet.frequency[-1]  # beyond, the joint was not measured
+    assert ((band.lower <= amplitude) & (amplitude <= band.upper))[reported].mean() >= least
+    assert np.median((band.upper / band.lower)[reported]) < 1.2
 
 
 def test_a_shift_between_halves_of_the_samples_is_measured_per_parameter():
@@ -177,9 +177,9 @@ def test_a_shift_between_halves_of_the_samples_is_measured_per_parameter():
     weight = np.full(400, 1 / 400)
     assert split_half_difference(sound, weight, 0.9).max() < 0.25
     drifting = sound + np.where(np.arange(400) < 200, 0.0, 3.0)[:, np.newaxis] * [0.0, 1.0]
-    apart = split_half_difference(drifting, weight, 0.9)
-    assert apart[0] < 0.25
-    assert apart[1] > 0.5
+    separate = split_half_difference(drifting, weight, 0.9)
+    assert separate[0] < 0.25
+    assert separate[1] > 0.5
     assert split_half_difference(sound[:1], np.ones(1), 0.9).tolist() == [1.0, 1.0]
 
 

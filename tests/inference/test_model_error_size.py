@@ -83,13 +83,13 @@ def error_left(model, theta, true, truth):
     return float(np.sqrt(np.mean((model.natural_frequencies(theta, 10)[within] / expected[within] - 1.0) ** 2)))
 
 
-def check_size(told, left):
+def check_size(reported, left):
     """Hold a size against what the fit leaves: not less than half of it.
 
     It may be up to four times as large: three to five resonances, each of which errs on its own, tell no more exactly,
     and what parameters can follow is no longer seen in their natural frequencies.
     """
-    assert 0.5 * left < told < 4.0 * left
+    assert 0.5 * left < reported < 4.0 * left
 
 
 @pytest.mark.parametrize("index", [pytest.param(2, marks=pytest.mark.slow), 3])
@@ -118,8 +118,8 @@ def test_a_modulus_that_is_off(collet, torque_100, modulus):
         check_size(result.adequacy.size.natural_frequency, left)
 
 
-def told_of_moved_resonance(chain, theta, number, ratio, damping=1.0):
-    """What is told at the true parameters if one resonance of the measurement is elsewhere, how far, and its peaks."""
+def size_of_moved_resonance(chain, theta, number, ratio, damping=1.0):
+    """Return the size that is reported if one resonance is elsewhere, how far it is, and the measured peaks."""
     values, axis = chain.frf(theta), chain.frequency
     resonances = fit_resonances([frf_on(axis, "accelerance")], [values])
     pole, near = resonances.poles[number], resonances.near[0][number]
@@ -128,29 +128,29 @@ def told_of_moved_resonance(chain, theta, number, ratio, damping=1.0):
     measured = noisy(chain, moved, 1e-3, 1)
     target = Observations.of(chain.description, measured)
     fit = fit_at(Problem(chain, target), chain.to_unit(theta))
-    told = estimate_model_error(ErrorEffects(Problem(chain, target), fit)).size
-    return told, abs(ratio - 1.0) / np.sqrt(len(resonances.poles)), resonance_peaks(measured)
+    reported = estimate_model_error(ErrorEffects(Problem(chain, target), fit)).size
+    return reported, abs(ratio - 1.0) / np.sqrt(len(resonances.poles)), resonance_peaks(measured)
 
 
 def test_a_damped_resonance_that_makes_no_peak_may_be_farther_away_than_all_peaks(chain):
     """The four peaks are where they should be, the fifth resonance is 2 % away: 0.9 % over all."""
-    told, left, peaks = told_of_moved_resonance(chain, np.array([2e6, 90.0, 1e6, 90.0]), 4, 0.98)
+    reported, left, peaks = size_of_moved_resonance(chain, np.array([2e6, 90.0, 1e6, 90.0]), 4, 0.98)
     assert len(peaks) == 4
-    assert 0.5 * left < told.natural_frequency < 4.0 * left
+    assert 0.5 * left < reported.natural_frequency < 4.0 * left
 
 
 def test_the_error_of_natural_frequencies_is_at_least_the_distance_of_peaks(chain):
     """One of five by 6 %: averages wide enough for it explained the residuals with half as much."""
-    told, left, peaks = told_of_moved_resonance(chain, np.array([2e6, 30.0, 1e6, 30.0]), 3, 0.94)
+    reported, left, peaks = size_of_moved_resonance(chain, np.array([2e6, 30.0, 1e6, 30.0]), 3, 0.94)
     assert len(peaks) == 5
-    assert 0.9 * left < told.natural_frequency < 1.5 * left
+    assert 0.9 * left < reported.natural_frequency < 1.5 * left
 
 
 def test_an_error_of_damping_only_is_not_reported_for_natural_frequencies(chain):
     """Of one resonance in five, by 30 %: 13 % over all."""
-    told, *_ = told_of_moved_resonance(chain, TRUTH, 1, 1.0, damping=1.3)
-    assert told.natural_frequency < 1e-4
-    assert 0.5 * 0.13 < told.damping < 4.0 * 0.13
+    reported, *_ = size_of_moved_resonance(chain, TRUTH, 1, 1.0, damping=1.3)
+    assert reported.natural_frequency < 1e-4
+    assert 0.5 * 0.13 < reported.damping < 4.0 * 0.13
 
 
 @pytest.mark.parametrize("torque", [20, pytest.param(60, marks=pytest.mark.slow)])
@@ -194,8 +194,8 @@ def test_the_damping_error_is_estimated_from_heights_of_misplaced_peaks(chain):
         moved += near * (axis - pole) / (axis - 1.02 * complex(pole.real, 0.25 * pole.imag)) - near
     problem = Problem.of(chain, noisy(chain, moved, 1e-3, 1))
     fit = fit_at(problem, chain.to_unit(theta))
-    told = estimate_model_error(ErrorEffects(problem, fit)).size
-    assert 0.7 < told.damping / np.log(4.0) < 1.5
+    reported = estimate_model_error(ErrorEffects(problem, fit)).size
+    assert 0.7 < reported.damping / np.log(4.0) < 1.5
 
 
 def test_plausible_errors_are_preferred_among_those_that_explain_a_misfit():
@@ -207,14 +207,14 @@ def test_plausible_errors_are_preferred_among_those_that_explain_a_misfit():
 
 @pytest.mark.parametrize(("mass", "size", "noise"), [(2, 1.1, 1e-2), (3, 0.995, 1e-3), (2, 1.02, 1e-3)])
 def test_the_estimated_errors_explain_the_residuals(chain, mass, size, noise):
-    """By the averages that intervals use: by those from which the size is told they left a chi-squared of 2 to 4."""
+    """By the averages that intervals use; by those for the size, chi-squared was 2 to 4."""
     masses = ["1 kg"] * 5
     masses[mass] = f"{size} kg"
     measured = noisy(chain, load_chain(*masses).frf(TRUTH), noise, 1)
     problem = Problem.of(chain, measured)
     fit = refine(problem)
-    told = estimate_model_error(ErrorEffects(problem, fit))
-    assert told.chi_squared < 1.1
+    reported = estimate_model_error(ErrorEffects(problem, fit))
+    assert reported.chi_squared < 1.1
 
 
 def test_a_fit_to_the_noise_reports_no_model_error_on_any_lines(sdof, collet, torque_100):
@@ -246,7 +246,7 @@ def test_a_word_is_that_of_the_worst_error(size, word):
 
 
 def test_an_allowed_error_sets_the_intervals_of_the_posterior(chain, off):
-    spread, told = [], []
+    spread, reported = [], []
     for allowed in (5e-4, 0.01):
         result = dovetail.identify(
             chain, off, "posterior", form="laplace", samples=100, model_error=allowed, **NO_CAUSES
@@ -255,18 +255,18 @@ def test_an_allowed_error_sets_the_intervals_of_the_posterior(chain, off):
         assert result.provenance["model_error"] == allowed
         low, high = np.transpose([*result.interval.values()])
         spread.append(np.log(high / low))
-        told.append(result.adequacy.size)
+        reported.append(result.adequacy.size)
     assert np.all(spread[1] > 2.0 * spread[0])
-    assert told[0] == told[1]  # what the measurement shows does not depend on what is allowed
+    assert reported[0] == reported[1]  # what the measurement shows does not depend on what is allowed
 
 
 def test_twice_what_the_measurement_shows_sets_the_intervals_by_default(chain, off):
     """Its size is known within a factor of two; what has no shape is held by chi-squared."""
     result = dovetail.identify(chain, off, "posterior", form="laplace", samples=100, **NO_CAUSES)
-    allowed, told = result.posterior.model_error, result.adequacy.size
+    allowed, reported = result.posterior.model_error, result.adequacy.size
     assert result.adequacy.allowed is None
-    assert allowed.natural_frequency == 2.0 * told.natural_frequency > 2e-3
-    assert allowed.other == told.other
+    assert allowed.natural_frequency == 2.0 * reported.natural_frequency > 2e-3
+    assert allowed.other == reported.other
 
 
 def test_an_allowed_error_sets_the_weights_of_the_estimate(chain, off):
@@ -333,7 +333,7 @@ def test_errors_that_cancel_each_other_give_way_to_plausible_ones_that_leave_lit
     problem = Problem.of(chain, measured)
     fit = refine(problem)
     monkeypatch.setattr(_Linearised, "estimate", lambda _: ModelError(3e-4, damping=10.0, magnitude=8.0, phase=0.1))
-    told = estimate_model_error(ErrorEffects(problem, fit))
-    assert told.chi_squared == pytest.approx(1.0, abs=0.05)
-    assert 0.02 < told.size.magnitude < 0.4
-    assert word_for(told.size) != "does not fit"
+    reported = estimate_model_error(ErrorEffects(problem, fit))
+    assert reported.chi_squared == pytest.approx(1.0, abs=0.05)
+    assert 0.02 < reported.size.magnitude < 0.4
+    assert word_for(reported.size) != "does not fit"

@@ -22,7 +22,7 @@ ALONE = Settings().individual
 
 
 def near(poles, residues):
-    """What resonances add to an FRF beside them; the rest of it changes by a hundredth of that."""
+    """What resonances add to an FRF next to them; the rest of it changes by a hundredth of that."""
     return residues[:, np.newaxis] / (FREQUENCY - poles[:, np.newaxis])
 
 
@@ -53,8 +53,8 @@ def test_each_error_is_the_derivative_of_a_pole_residue_frf(kind, index):
 def test_damping_that_is_far_off_is_a_linear_term_and_one_beyond(change):
     resonances = fit_resonances([frf_on(FREQUENCY)], [frf_of(POLES, RESIDUES)])
     changed = near(POLES.real + 1j * POLES.imag * np.exp(change), RESIDUES) - near(POLES, RESIDUES)
-    told = change * resonances.damping_slope + resonances.damping_remainder(change)
-    assert np.abs(told - changed).max() < 0.02 * np.abs(changed).max()
+    reported = change * resonances.damping_slope + resonances.damping_remainder(change)
+    assert np.abs(reported - changed).max() < 0.02 * np.abs(changed).max()
     assert np.abs(resonances.damping_remainder(change)).max() > 0.1 * np.abs(changed).max()
 
 
@@ -113,7 +113,7 @@ def in_quantity(assembly, quantity):
 
 def test_intervals_are_the_same_in_every_quantity(sdof):
     """An accelerance vanishes with the frequency, and so must its errors: with others, lines far below the resonance,
-    told as well as the rest, seemed to tell the stiffness 14 times better than in the receptance."""
+    determined as well as the rest, seemed to determine the stiffness 14 times better than in the receptance."""
     noise, exact = np.random.default_rng(0).standard_normal((2, len(sdof.frequency))), sdof.frf()
     values = exact * (1.0 + 3e-3 * (noise[0] + 1j * noise[1]) / np.sqrt(2.0))
     frf = dovetail.Frf(sdof.frequency, values, "accelerance", variance=(3e-3 * np.abs(values)) ** 2)

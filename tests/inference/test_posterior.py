@@ -109,7 +109,7 @@ def test_errors_of_the_model_widen_it_as_they_do_on_a_grid(sdof, level, wider):
     without = sample_posterior(Problem.of(sdof, frf), fit, samples=2000, model_error=EXACT)
     found = sample_posterior(Problem.of(sdof, frf), fit, samples=2000, model_error=typical_model_error(level))
     spread = [np.sqrt(p.weight @ (p.fraction - p.weight @ p.fraction) ** 2) for p in (without, found)]
-    assert spread[1][0] > wider * spread[0][0]  # the stiffness, which the natural frequency tells
+    assert spread[1][0] > wider * spread[0][0]  # the stiffness, which the natural frequency shows
     np.testing.assert_allclose(spread[1], deviation, rtol=0.05)
 
 
@@ -258,7 +258,7 @@ def test_the_posterior_of_the_shipped_measurement_reports_what_it_determines(col
     assert {words["dc"], words["ct_tc"], words["ct_hc"]} == {"not identifiable"}
     assert "hardly depends on it" in result.posterior.verdicts["dc"].reason
     low, high = result.interval["kr_tc"]
-    assert low < 19023.588 < high  # the truth beside the measurement
+    assert low < 19023.588 < high  # the truth next to the measurement
     assert high - low < 0.1 * (6e4 - 2e3)  # identified: a tenth of the range, where the prior has nine tenths
     plain = result.to_dict()
     assert plain["posterior"]["parameters"]["kr_tc"]["interval"] == [low, high]
@@ -368,7 +368,7 @@ def test_a_stored_result_gives_the_same_band(sdof, tmp_path):
 
 
 def test_a_few_lines_stand_for_averages_of_responses_whose_units_differ():
-    """A receptance is a millionth of an accelerance, and tells as much."""
+    """A receptance is a millionth of an accelerance, and shows as much."""
     mounts = {
         f"mount{number}": {
             "model": "spring_damper",

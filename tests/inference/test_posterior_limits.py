@@ -166,13 +166,13 @@ def test_fewer_than_fifty_effective_samples_are_warned_of(effective, warned):
     assert any("effective sample size" in message for message in messages) is warned
 
 
-@pytest.mark.parametrize(("apart", "warned"), [(0.4, False), (0.6, True)])
-def test_halves_that_differ_by_half_an_interval_are_warned_of(apart, warned):
+@pytest.mark.parametrize(("separate", "warned"), [(0.4, False), (0.6, True)])
+def test_halves_that_differ_by_half_an_interval_are_warned_of(separate, warned):
     """Two even halves of width 1, shifted by s: the interval of both is 0.9 + s wide, to a few hundredths."""
     half = np.linspace(0.0, 1.0, 2001)
-    shift = next(s for s in np.linspace(0.0, 2.0, 2001) if shifted(half, s) >= apart)
+    shift = next(s for s in np.linspace(0.0, 2.0, 2001) if shifted(half, s) >= separate)
     posterior = posterior_of(np.concatenate([half, half + shift]))
-    assert posterior.split_half_difference["a"] == pytest.approx(apart, abs=0.01)
+    assert posterior.split_half_difference["a"] == pytest.approx(separate, abs=0.01)
     assert any("Two halves" in message for message in posterior.warnings) is warned
 
 

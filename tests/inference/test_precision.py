@@ -114,7 +114,7 @@ def test_a_factor_of_six_is_not_identified_in_any_range(doubled):
 
 
 @pytest.mark.parametrize("seed", range(30))
-def test_the_stated_precision_holds_for_nine_samples_of_ten(seed):
+def test_the_reported_precision_holds_for_nine_samples_of_ten(seed):
     """Skewed on either side, on both scales: the estimate within the stated per cent, or within the stated factor."""
     random = np.random.default_rng(seed)
     scale = ("log", "linear")[seed % 2]

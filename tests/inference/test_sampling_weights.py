@@ -77,7 +77,7 @@ def test_weights_are_cut_where_fewer_than_a_tenth_of_the_samples_count(monkeypat
 
 
 class Parabola:
-    """One coordinate of which (z - 2)(z + 1) is measured, and told to be 0: a posterior with two modes."""
+    """One coordinate of which (z - 2)(z + 1) is measured, and reported to be 0: a posterior with two modes."""
 
     error = 0.05
 
@@ -168,7 +168,7 @@ def light_cart():
 
 @pytest.mark.parametrize("draw", [sample_posterior, laplace_posterior])
 def test_samples_about_a_fit_far_from_its_prior_keep_the_natural_frequency(light_cart, draw):
-    """The measurement tells k / m far better than either: neither half of the samples may leave it."""
+    """The measurement shows k / m far better than either: neither half of the samples may leave it."""
     problem, fit, error = light_cart
     posterior = draw(problem, fit, model_error=error)
     k, _, mass = posterior.theta.T

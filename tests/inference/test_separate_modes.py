@@ -14,7 +14,7 @@ def like_branches(*names) -> dovetail.Assembly:
     """Masses of 1 kg on a driven one of 1.5 kg, their springs unknown."""
     masses = {"root": 1.5, **dict.fromkeys(names, 1.0)}
     parts = {name: {"model": "lumped", "masses": [{"mass": mass}]} for name, mass in masses.items()}
-    sought = {"range": [1e5, 6e6], "scale": "log"}
+    unknown = {"range": [1e5, 6e6], "scale": "log"}
 
     def spring(lower, upper, stiffness):
         connect = {"a": {"to": lower, "at": 0}, "b": {"to": upper, "at": 0}}
@@ -29,7 +29,7 @@ def like_branches(*names) -> dovetail.Assembly:
             "substructures": {"ground": {"model": "ground"}, **parts},
             "joints": {
                 "foot": spring("ground", "root", {"value": 1e6}),
-                **{name: spring("root", name, sought) for name in names},
+                **{name: spring("root", name, unknown) for name in names},
             },
             "response": {"at": "root", "position": 0, "quantity": "receptance"},
         }
@@ -38,7 +38,7 @@ def like_branches(*names) -> dovetail.Assembly:
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_samples_about_each_of_two_modes_scatter_as_the_noise_says(seed):
-    """One tangent map reached half of each mode: a third too narrow, and beside the truth."""
+    """One tangent map reached half of each mode: a third too narrow, and next to the truth."""
     assembly = like_branches("first", "second")
     truth = np.array([9e5, 1.1e6])
     clean = dovetail.Frf(assembly.frequency, assembly.frf(truth), "receptance")

@@ -1,4 +1,4 @@
-"""One resonance: errors of gain, phase, frequency and background are told apart, and unknown ones are not numbers."""
+"""One resonance: errors of gain, phase, frequency and background are distinguished; unknown ones are NaN."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ GRID = (np.arange(100) + 0.5) / 100
 
 @pytest.fixture
 def ranged(sdof):
-    """The assembly with damping sought within half of `width` around 50 N s/m."""
+    """The assembly with damping unknown within half of `width` around 50 N s/m."""
 
     def assembly(width):
         description = json.loads(sdof.description.text)
@@ -103,7 +103,7 @@ def test_a_parameter_that_hardly_changes_the_frf_has_that_reason(ranged):
 
 
 def absorbers():
-    """A block with two light masses on springs, of which nothing in the block's FRF tells which is which."""
+    """A block with two light masses on springs, of which nothing in the block's FRF shows which is which."""
 
     def spring(part, to, stiffness):
         return {
@@ -113,7 +113,7 @@ def absorbers():
             "parameters": {"k": stiffness, "c": {"range": [0.1, 300.0], "scale": "log"}},
         }
 
-    sought = {"range": [2e4, 3e6], "scale": "log"}
+    unknown = {"range": [2e4, 3e6], "scale": "log"}
     masses = {"block": 3.0, "first": 0.2, "second": 0.2}
     parts = {name: {"model": "lumped", "masses": [{"mass": mass}]} for name, mass in masses.items()}
     return {
@@ -122,9 +122,9 @@ def absorbers():
         "frequency": {"start": 20.0, "stop": 250.0, "step": 0.5},
         "substructures": {"base": {"model": "ground"}, **parts},
         "joints": {
-            "mount": spring("block", "base", sought),
-            "one": spring("first", "block", sought),
-            "other": spring("second", "block", sought),
+            "mount": spring("block", "base", unknown),
+            "one": spring("first", "block", unknown),
+            "other": spring("second", "block", unknown),
         },
         "response": {"at": "block", "position": 0.0, "quantity": "receptance"},
     }

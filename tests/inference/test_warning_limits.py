@@ -38,8 +38,8 @@ def test_a_coherence_below_nine_tenths_is_warned_of(sdof, factor, warned):
 
 def test_a_network_warns_of_a_parameter_that_it_hardly_predicts(sdof):
     evaluation = {"parameters": {"k": {"r2": 0.09}, "c": {"r2": 0.11}}}
-    told = warnings_of(sdof, provenance={"evaluation": evaluation})
-    assert "Do not rely on k: on FRFs" in told
+    reported = warnings_of(sdof, provenance={"evaluation": evaluation})
+    assert "Do not rely on k: on FRFs" in reported
 
 
 @pytest.mark.parametrize(("count", "shown"), [(8, "101, 102, 103, 104, 105, 106, 107, 108 Hz"),
@@ -47,8 +47,8 @@ def test_a_network_warns_of_a_parameter_that_it_hardly_predicts(sdof):
 def test_eight_lines_that_were_left_out_are_listed(sdof, fit, count, shown):
     used = fit.used.copy()
     used[:count] = False
-    told = warnings_of(sdof, method="refined", fit=replace(fit, used=used, ignored=101.0 + np.arange(count)))
-    assert f"{count} isolated lines were left out: {shown}." in told
+    reported = warnings_of(sdof, method="refined", fit=replace(fit, used=used, ignored=101.0 + np.arange(count)))
+    assert f"{count} isolated lines were left out: {shown}." in reported
 
 
 @pytest.mark.parametrize(("gap", "in_two_groups"), [(0.3, ()), (0.4, ("k",))])

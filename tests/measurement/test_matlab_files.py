@@ -302,7 +302,7 @@ def test_an_object_that_only_matlab_opens(tmp_path: Path, compressed: bool) -> N
         "  Accepted: arrays, or a struct with ResponseData, Frequency and FrequencyUnit"
     )
     assert "\n    sys: an object of the class string, which only MATLAB opens" in added(b"string", x=FREQUENCY)
-    with pytest.raises(pytest.fail.Exception, match="DID NOT RAISE"):  # beside an FRF it is passed over
+    with pytest.raises(pytest.fail.Exception, match="DID NOT RAISE"):  # next to an FRF it is passed over
         added(b"datetime", f=FREQUENCY, mobility=VALUES)
     np.testing.assert_array_equal(read_frf(tmp_path / "a.mat").values, VALUES)
 

@@ -180,12 +180,12 @@ def test_the_variance_on_the_grid_is_that_of_coherence_and_averages(measured: Fr
 def test_lines_with_too_wide_gaps_are_refused_in_any_unit(has_phase: bool, unit: float) -> None:
     modes = [(400.3 + 130.0 * n, 0.004, 0.5 * unit) for n in range(12)]
     grid = np.arange(300.0, 2000.0, 2.0)
-    for spacing, told in ((1.5625, True), (3.125, True), (60.0, False), (100.0, False)):
+    for spacing, reported in ((1.5625, True), (3.125, True), (60.0, False), (100.0, False)):
         lines = spacing * np.arange(np.floor(250 / spacing), 2200 / spacing)
         values = accelerance(lines, *modes)
         frf = Frf(lines, values if has_phase else np.abs(values), "accelerance", has_phase=has_phase)
         truth = accelerance(grid, *modes)
-        if told:
+        if reported:
             drawn = on_grid(frf, grid).values
             error = np.abs(drawn) - np.abs(truth)
             assert np.linalg.norm(error) < (0.02 if has_phase else 0.04) * np.linalg.norm(truth)

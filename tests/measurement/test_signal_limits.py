@@ -43,15 +43,15 @@ def test_a_level_at_full_scale_is_an_overload():
 @pytest.mark.parametrize(("second", "noise", "hit"), [(0.018, 0.0, False), (0.022, 0.0, True),
                                                       (0.1, 0.0135, False), (0.1, 0.0115, True)])  # fmt: skip
 def test_a_second_hit_is_a_fiftieth_of_the_first_and_eight_times_the_noise(second, noise, hit):
-    told = [text for text in problems(*records(second=second, noise=noise)) if "second hit" in text]
-    assert told == ([f"impact 1: a second hit of {100 * second:.0f} % at 0.4 s."] if hit else [])
+    reported = [text for text in problems(*records(second=second, noise=noise)) if "second hit" in text]
+    assert reported == ([f"impact 1: a second hit of {100 * second:.0f} % at 0.4 s."] if hit else [])
 
 
 @pytest.mark.parametrize(("tail", "rings"), [(0.009, False), (0.011, True)])
 def test_a_response_that_ends_above_a_hundredth_of_its_highest_value_rings_on(tail, rings):
     """The amplitude of a vibration with that root mean square."""
-    told = problems(*records(tail=tail))
-    assert told == (["impact 1: the response still has 1 % of its highest value at the end."] if rings else [])
+    reported = problems(*records(tail=tail))
+    assert reported == (["impact 1: the response still has 1 % of its highest value at the end."] if rings else [])
 
 
 @pytest.mark.parametrize(("samples", "asked"), [(1000, False), (1040, True)])
@@ -61,8 +61,8 @@ def test_the_spectrum_is_asked_for_two_hits_where_it_can_tell(monkeypatch, sampl
             return True
 
     monkeypatch.setattr(signal_quality, "_pyfrf_checker", lambda _: Never())
-    told = problems(*records(second=0.1, samples=samples))
-    assert told == ([] if asked else ["impact 1: a second hit of 10 % at 0.4 s."])
+    reported = problems(*records(second=0.1, samples=samples))
+    assert reported == ([] if asked else ["impact 1: a second hit of 10 % at 0.4 s."])
 
 
 @pytest.mark.parametrize("decimals", [8, 7, 6])

@@ -26,7 +26,7 @@ ANSWERS = {
 
 
 class Constant(dovetail.FittedReducer, dovetail.FittedRegressor):
-    """Answers always alike."""
+    """Answers are always equal."""
 
     def __init__(self, answer: str, width: int) -> None:
         self.answer, self.width = answer, width

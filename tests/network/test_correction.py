@@ -69,7 +69,7 @@ def gauss_newton():
 
 
 def answers(quantiles, deviation, draws=400):
-    """Return what a regressor tells that knows the normal quantiles to these deviations."""
+    """Return what a regressor shows that knows the normal quantiles to these deviations."""
     spread = deviation * dovetail.spread_normal(draws, quantiles.shape[1])
     return dovetail.TargetDistribution(ndtr(quantiles[:, np.newaxis] + spread))
 
@@ -94,7 +94,7 @@ def test_near_the_truth_one_step_reaches_it_and_caution_holds_it_back(gauss_newt
 
 
 def test_band_averages_correct_estimates_that_single_lines_mislead(gauss_newton):
-    """From answers whose resonance lies several of its widths beside the true one."""
+    """From answers whose resonance lies several of its widths next to the true one."""
     assert gauss_newton.bands == (64, 16)
     rng = np.random.default_rng(6)
     truth = rng.uniform(-1.0, 1.0, (300, 2))

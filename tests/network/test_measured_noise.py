@@ -30,10 +30,10 @@ def deviation(frequency):
     return 0.01 + 0.1 * frequency / 600.0
 
 
-def measurement(**told) -> dovetail.Frf:
+def measurement(**reported) -> dovetail.Frf:
     frequency = np.linspace(1.0, 600.0, 400)
     values = (2.0 + np.sin(frequency / 70.0)) * np.exp(1j * frequency / 170.0)
-    stated = {name: told[name](frequency) if callable(told[name]) else told[name] for name in told}
+    stated = {name: reported[name](frequency) if callable(reported[name]) else reported[name] for name in reported}
     return dovetail.Frf(frequency, values, "accelerance", **stated)
 
 
@@ -60,7 +60,7 @@ def test_noise_from_coherence_is_relative_to_each_amplitude():
 
 @pytest.mark.parametrize("quantity", ["accelerance", "receptance"])
 def test_noise_from_a_given_variance_is_absolute(quantity):
-    """Of nothing but noise the mean square is the variance, told to 1.6 %; the file may be of another quantity."""
+    """Of nothing but noise the mean square is the variance, reported to 1.6 %; the file may be of another quantity."""
     frf, expected = of_variance().to(quantity), deviation(AXIS) ** 2
     np.testing.assert_allclose(np.mean(drawn(frf, 0.0) ** 2, axis=0), expected, rtol=0.1)
     np.testing.assert_allclose(drawn(frf, LEVEL).var(axis=0), 0.5 * expected, rtol=0.12)

@@ -195,7 +195,7 @@ def test_fresh_samples_are_used_as_often_as_is_wanted_each_at_its_place(fresh_ep
 
 
 def test_fresh_features_belong_to_their_targets(fresh_epochs):
-    """The features that a regressor gets are those of the FRF of the parameters beside them, but for the noise."""
+    """The features that a regressor gets are those of the FRF of the parameters next to them, but for the noise."""
     epochs = fresh_epochs(3)
     reduction = epochs._reduction
     features, targets = epochs(5)

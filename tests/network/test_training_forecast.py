@@ -84,10 +84,10 @@ def test_a_time_limit_replaces_the_forecast(clock):
 
 @pytest.mark.parametrize(("limit", "said"), [(0.0, True), (1e9, False)])
 def test_the_forecast_is_shown_if_the_frfs_took_long(small, monkeypatch, limit, said):
-    told = []
+    reported = []
     monkeypatch.setattr(training, "_WORTH_FORECASTING", limit)
-    trained = dovetail.train(small, progress=lambda *what: told.append(what))
-    notes = [what[3] for what in told if what[0] == "reducer" and len(what) > 3]
+    trained = dovetail.train(small, progress=lambda *what: reported.append(what))
+    notes = [what[3] for what in reported if what[0] == "reducer" and len(what) > 3]
     assert any("then the regressor at most" in note for note in notes) is said
     assert ("forecast" in trained.evaluation.seconds) is said
 

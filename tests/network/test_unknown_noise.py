@@ -1,4 +1,4 @@
-"""A network that is given noise unlike that of its training says so beside its intervals, and names the remedy."""
+"""A network that is given noise unlike that of its training says so next to its intervals, and names the remedy."""
 
 from __future__ import annotations
 
@@ -70,12 +70,12 @@ def ripple(frf, rng):
 def share_told(model, truths, spoil):
     """Return the share of measurements that are warned of, or not trustworthy."""
     rng = np.random.default_rng(5)
-    told = []
+    reported = []
     for theta in truths:
         result = model.identify(spoil(simulated(model, theta), rng), "network")
         warned = any(UNKNOWN in text or FAR in text for text in result.warnings)
-        told.append(warned or not result.is_trustworthy)
-    return np.mean(told)
+        reported.append(warned or not result.is_trustworthy)
+    return np.mean(reported)
 
 
 @pytest.mark.parametrize("spoil", [proportional(0.05), proportional(0.2), of_another_quantity, hum])

@@ -1,4 +1,4 @@
-"""Fresh environments: dovetail's wheel and a package under test, beside the libraries of this interpreter."""
+"""Fresh environments: dovetail's wheel and a package under test, next to the libraries of this interpreter."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The outside package of the docs: built, installed beside dovetail's wheel, used, and broken."""
+"""The outside package of the docs: built, installed next to dovetail's wheel, used, and broken."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ def commands(block: str) -> list[tuple[str, list[str]]]:
     return found
 
 
-def alike(expected: str, printed: str) -> bool:
+def equal(expected: str, printed: str) -> bool:
     """Compare two lines: words to the letter but for the space between them, numbers within a hundredth."""
     words, numbers = NUMBER.sub("#", expected).split(), [float(number) for number in NUMBER.findall(expected)]
     theirs = [float(number) for number in NUMBER.findall(printed)]
@@ -47,7 +47,7 @@ def assert_printed(expected: list[str], printed: str, command: str) -> None:
             anywhere = True
             continue
         met = any(
-            alike(wanted, line) or (anywhere and wanted in line) for line in (lines if anywhere else [next(lines)])
+            equal(wanted, line) or (anywhere and wanted in line) for line in (lines if anywhere else [next(lines)])
         )
         assert met, f"$ {command}\n{printed}\nlacks the line\n{wanted}"
         anywhere = False

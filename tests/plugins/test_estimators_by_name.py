@@ -101,15 +101,15 @@ def test_an_estimator_that_differs_after_restoring_is_refused(monkeypatch):
 
 
 def test_a_regressor_of_a_single_target_is_fitted_to_each():
-    told = []
-    fitted = regressor("SVR", C=50.0).fit(FEATURES, TARGETS, seed=0, progress=lambda *call: told.append(call))
+    reported = []
+    fitted = regressor("SVR", C=50.0).fit(FEATURES, TARGETS, seed=0, progress=lambda *call: reported.append(call))
     answer = fitted.predict(FEATURES)
     for column in range(2):
         own = sklearn.svm.SVR(C=50.0).fit(FEATURES.astype(float), TARGETS[:, column])
         np.testing.assert_allclose(answer[:, column], own.predict(FEATURES.astype(float)), rtol=1e-9)
     again = regressor("SVR", C=50.0).restore(stored(fitted.state()))
     np.testing.assert_array_equal(again.predict(FEATURES), answer)
-    assert told == [("regressor", 1, 1, "SVR")]
+    assert reported == [("regressor", 1, 1, "SVR")]
     assert fitted.predict(FEATURES[:1]).shape == (1, 2)
 
 

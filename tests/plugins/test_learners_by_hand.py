@@ -201,11 +201,11 @@ def test_epochs_are_requested_once_and_in_order():
         features = generator.standard_normal((40, 3)).astype(np.float32)
         return features, features[:, :1].astype(np.float64)
 
-    told: list[tuple] = []
+    reported: list[tuple] = []
     recipe = MLP(MLP.Config(hidden=(8, 4), max_epochs=4, batch_size=8))
-    changing = recipe.fit_epochs(epoch, seed=0, progress=lambda *call: told.append(call[:3]))
+    changing = recipe.fit_epochs(epoch, seed=0, progress=lambda *call: reported.append(call[:3]))
     assert asked == [0, 1, 2, 3]
-    assert told == [("regressor", number, 4) for number in (1, 2, 3, 4)]
+    assert reported == [("regressor", number, 4) for number in (1, 2, 3, 4)]
     same = recipe.fit(*epoch(0), seed=0)
     assert not np.allclose(same.state()["weight0"], changing.state()["weight0"])
     once = MLP(MLP.Config(hidden=(8, 4), max_epochs=1, batch_size=8))

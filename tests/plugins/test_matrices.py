@@ -59,9 +59,9 @@ def test_an_option_of_a_part_without_rotations_can_be_identified(tmp_path):
     springs = 1e6 * np.array([[1.0, -1.0], [-1.0, 1.0]])
     columns = {"nodes": ["1", "2"], "directions": ["x", "x"], "positions": [0.0, 0.1]}
     part = write(tmp_path, "npz", matrices={"M": np.diag([0.2, 0.4]), "K": springs, "D": None}, columns=columns)
-    sought = load(tmp_path, part | {"loss_factor": {"range": [0.0, 0.1]}}, at=(0.0, 0.1))
+    unknown = load(tmp_path, part | {"loss_factor": {"range": [0.0, 0.1]}}, at=(0.0, 0.1))
     known = load(tmp_path, part | {"loss_factor": 0.03}, at=(0.0, 0.1))
-    found = sought.frf({"part.loss_factor": 0.03})
+    found = unknown.frf({"part.loss_factor": 0.03})
     np.testing.assert_allclose(found, known.frf(), rtol=1e-9)
 
 

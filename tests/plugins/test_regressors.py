@@ -50,7 +50,7 @@ def fitted(training) -> dovetail.FittedRegressor:
 
 
 class Log:
-    """Keeps what `progress` is told."""
+    """Keeps what `progress` is reported."""
 
     def __init__(self) -> None:
         self.calls: list[tuple[str, int, int, str]] = []
@@ -251,7 +251,7 @@ def test_l2_regularisation_makes_the_weights_smaller(training):
 
 
 def test_adamw_decays_the_weights(training):
-    """In the loss a factor so small does nothing that is seen beside the gradients."""
+    """In the loss a factor so small does nothing that is seen next to the gradients."""
     options = {"max_epochs": 30, "learning_rate": 3e-3, "weight_decay": 2.0, "optimizer": "adamw"}
     held, free = (recipe(**options | change).fit(*training, seed=0) for change in ({}, {"weight_decay": 0.0}))
     assert np.linalg.norm(held.state()["weight0"]) < 0.8 * np.linalg.norm(free.state()["weight0"])
@@ -403,9 +403,9 @@ def test_a_gaussian_far_from_all_features_stays_finite_and_no_surer(training):
     """A hundred standard deviations away the answer is that of eight."""
     gaussian = recipe(max_epochs=3, uncertainty="gaussian").fit(*training, seed=0)
     far, farther = (np.full((1, 4), distance, dtype=np.float32) for distance in (8.0, 1e6))
-    told, same = (gaussian.predict_distribution(row).samples for row in (far, farther))
-    assert np.isfinite(told).all()
-    np.testing.assert_array_equal(told, same)
+    reported, same = (gaussian.predict_distribution(row).samples for row in (far, farther))
+    assert np.isfinite(reported).all()
+    np.testing.assert_array_equal(reported, same)
 
 
 def test_a_steep_factor_is_inverted():
@@ -421,15 +421,15 @@ def test_a_steep_factor_is_inverted():
 
 
 def test_the_squared_error_speeds_up_uncertain_targets():
-    """Eleven targets that are told exactly outweigh in the likelihood one that is told within its noise."""
+    """Eleven targets that are reported exactly outweigh in the likelihood one that is reported within its noise."""
     generator = np.random.default_rng(0)
     features = generator.standard_normal((2000, 12)).astype(np.float32)
     quantiles = features + np.where(np.arange(12) == 0, 1.0, 0.0) * generator.standard_normal(features.shape)
     options = {"uncertainty": "gaussian", "activation": "gated", "max_epochs": 8, "patience": 8, "dropout": 0.0}
 
     def error(factor: float) -> float:
-        told = recipe(**options, squared_error=factor).fit(features, ndtr(quantiles), seed=0).predict(features)
-        return float(np.mean((told[:, 0] - ndtr(features[:, 0] / np.sqrt(2.0))) ** 2))
+        reported = recipe(**options, squared_error=factor).fit(features, ndtr(quantiles), seed=0).predict(features)
+        return float(np.mean((reported[:, 0] - ndtr(features[:, 0] / np.sqrt(2.0))) ** 2))
 
     assert error(10.0) < 0.8 * error(0.0)
 

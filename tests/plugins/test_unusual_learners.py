@@ -52,9 +52,9 @@ def measured():
 
 
 class Guess(dovetail.IdentificationMethod):
-    """A method that gives what it is told to give."""
+    """A method that gives what it is asked to give."""
 
-    name, summary = "guess", "What it is told"
+    name, summary = "guess", "What it is given"
 
     class Config(dovetail.ComponentConfig):
         stiffness: float = Field(1e6, alias="lambda")
@@ -164,7 +164,7 @@ def test_a_state_that_cannot_be_kept_is_refused_before_anything_is_written(tmp_p
 
 def test_a_distribution_is_looked_at_while_training():
     with pytest.raises(PluginError, match="none today"):
-        dovetail.train(block(regressor={"model": "line", "spread": True, "fault": "tells nothing"}))
+        dovetail.train(block(regressor={"model": "line", "spread": True, "fault": "reports nothing"}))
 
 
 def test_features_far_from_zero_keep_their_digits():

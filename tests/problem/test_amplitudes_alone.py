@@ -81,6 +81,6 @@ def test_floor_and_share_of_the_noise_are_estimated_from_amplitudes(floor, share
     normal = np.random.default_rng(3).standard_normal((2, len(model)))
     values = np.abs(model + np.sqrt(truth / 2.0) * (normal[0] + 1j * normal[1]))
     measured = dovetail.Frf(frequency, values, "accelerance", has_phase=False)
-    told = residual_variance(measured, model + 0j, np.ones(len(model), dtype=bool))
-    np.testing.assert_allclose(told, truth, rtol=0.06)
+    reported = residual_variance(measured, model + 0j, np.ones(len(model), dtype=bool))
+    np.testing.assert_allclose(reported, truth, rtol=0.06)
     np.testing.assert_allclose(np.median(estimated_variance(measured, model) / truth), 1.0, atol=0.1)

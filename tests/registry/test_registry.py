@@ -273,7 +273,7 @@ def test_a_missing_plugin_file(tmp_path):
 
 
 def test_a_separately_installed_package_comes_in(tmp_path):
-    """A distribution of its own, installed beside dovetail into a folder that only a subprocess sees."""
+    """A distribution of its own, installed next to dovetail into a folder that only a subprocess sees."""
     package = tmp_path / "dovetail-pads"
     package.mkdir()
     (package / "dovetail_pads.py").write_text(GOOD)

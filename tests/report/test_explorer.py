@@ -60,9 +60,9 @@ def ask(server: PageServer, path: str, body: Any = None, /, **headers: str) -> t
         connection.putheader("Content-Length", str(len(content)))
     connection.endheaders(content)
     answer = connection.getresponse()
-    told = answer.status, answer.read(), dict(answer.getheaders())
+    reported = answer.status, answer.read(), dict(answer.getheaders())
     connection.close()
-    return told
+    return reported
 
 
 def unpacked(text: str) -> np.ndarray:
@@ -262,8 +262,8 @@ def test_only_this_machine_is_served(server: PageServer) -> None:
 def test_odd_requests_get_one_answer(
     server: PageServer, path: str, body: Any, headers: dict[str, str], status: int
 ) -> None:
-    told, content, _ = ask(server, f"/{server.token}/{path}", body, **headers)
-    assert told == status
+    reported, content, _ = ask(server, f"/{server.token}/{path}", body, **headers)
+    assert reported == status
     assert b"Traceback" not in content
     if status == 422:
         assert json.loads(content)["error"]

@@ -328,6 +328,6 @@ def test_what_exceeds_memory_or_numbers_is_one_error_with_the_file(error, small,
     file = written(tmp_path / "a.yaml", small.description.text)
     monkeypatch.setattr("sys.argv", ["dovetail", "simulate", str(file)])
     monkeypatch.setattr(dovetail.Assembly, "simulate", fails)
-    told = run("simulate", file)
-    assert told.startswith(f"{file}\n  ")
-    assert "bug" not in told
+    reported = run("simulate", file)
+    assert reported.startswith(f"{file}\n  ")
+    assert "bug" not in reported

@@ -109,7 +109,7 @@ class System:
 
 
 def _balance(magnitude: np.ndarray) -> np.ndarray:
-    """Factors that bring the diagonal of the elements' magnitudes to one: newtons and newton metres alike."""
+    """Factors that bring the diagonal of the elements' magnitudes to one: both newtons and newton metres."""
     return 1 / np.sqrt(np.diagonal(magnitude, axis1=1, axis2=2))
 
 

@@ -15,7 +15,7 @@ GAUSSIAN_NETWORK: dict[str, Any] = {
         "learning_rate": 3e-3,
     },
 }
-"""A small network that tells intervals, and is trained in seconds."""
+"""A small network that shows intervals, and is trained in seconds."""
 
 
 def mass_on_mount(frequency: dict[str, Any], parameters: dict[str, Any], **sections: Any) -> dict[str, Any]:

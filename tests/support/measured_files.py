@@ -38,7 +38,7 @@ def damaged(data: st.DataObject, content: bytes) -> bytes:
 
 
 def set_58(frequency: np.ndarray, values: np.ndarray, **fields: Any) -> dict[str, Any]:
-    """A pyuff set of an accelerance, ASCII, uneven, double precision unless told otherwise."""
+    """A pyuff set of an accelerance, ASCII, uneven, double precision unless specified otherwise."""
     return {
         "type": 58,
         "func_type": 4,

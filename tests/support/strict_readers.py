@@ -25,18 +25,18 @@ Read = tuple[Array, Array]
 
 LIBERTIES = {
     "blanks": "blanks and tabs around cells, empty lines and blanks behind a row are left out",
-    "code": "bytes that are no UTF-8 are Latin-1, in names and notes; UTF-16 is told by its mark",
+    "code": "bytes that are no UTF-8 are Latin-1, in names and notes; UTF-16 is recognised by its mark",
     "line ends": "a carriage return alone ends a line, and so do mixed ends",
     "quotes": "a quote within a cell is left out",
     "names": "names of columns and arrays have many spellings, and a name may begin with that of a signal",
     "unit": "units are read by pint, in many spellings; a column without one has that of the others",
     "above": "any lines may stand above a table, and a header above may be a comment",
-    "separator": "the separator is told by the lines themselves",
+    "separator": "the separator follows from the lines themselves",
     "number": "a complex number in i or j, 'infinity' and the like, as Python writes them",
     "type": "arrays of other numbers than doubles, and other orders of bytes and axes",
-    "several": "other arrays, sets and segments beside those of the FRF are left alone",
+    "several": "other arrays, sets and segments next to those of the FRF are left alone",
     "header": "keys of a LabVIEW header, and the order of their lines, do not matter; other keys are left alone",
-    "fields": "fields of a universal file may stand beside their columns, and those that say nothing are not looked at",
+    "fields": "fields of a universal file may stand next to their columns; those that say nothing are ignored",
     "archive": "an archive and an array may have trailing bytes, and unused fields of their headers are not looked at",
 }
 """What our readers read and the strict ones do not, by name."""

@@ -12,7 +12,7 @@ import dovetail
 
 
 class FittedLine(dovetail.FittedRegressor):
-    """A linear function of the features; `fault` says what is wrong with its state or with what it tells."""
+    """A linear function of the features; `fault` says what is wrong with its state or with what it shows."""
 
     def __init__(self, weights: np.ndarray, fault: str = "") -> None:
         self.weights, self.fault = weights, fault
@@ -43,7 +43,7 @@ class FittedSpread(FittedLine):
     """The same with a distribution that reaches far beyond the range."""
 
     def predict_distribution(self, features: Any) -> dovetail.TargetDistribution:
-        if self.fault == "tells nothing":
+        if self.fault == "reports nothing":
             raise RuntimeError("none today")
         mean = self.predict(features)
         return dovetail.TargetDistribution.gaussian(mean, np.repeat(0.05 * np.eye(2)[None], len(mean), axis=0))
@@ -73,7 +73,7 @@ class Line(dovetail.Regressor):
 
 
 class LineInContext(Line):
-    """One that must be told the context."""
+    """One that must get the context."""
 
     name = "line_in_context"
 
@@ -127,7 +127,7 @@ class Offset(dovetail.Reducer):
 
 
 class OneDof(dovetail.FrfReader):
-    """A file that tells where the response is, and nothing of the force."""
+    """A file that shows where the response is, and nothing of the force."""
 
     name, summary, suffixes = "one_dof", "A response without a force", (".one",)
 
@@ -135,8 +135,8 @@ class OneDof(dovetail.FrfReader):
         return content.startswith(b'{"response"')
 
     def read(self, path: Any, content: bytes) -> list[dovetail.RecordedFrf]:
-        told = json.loads(content)["response"]
-        return [dovetail.RecordedFrf(np.arange(1.0, 5.0), np.full(4, 1j), unit="m/s^2/N", response=told)]
+        reported = json.loads(content)["response"]
+        return [dovetail.RecordedFrf(np.arange(1.0, 5.0), np.full(4, 1j), unit="m/s^2/N", response=reported)]
 
     def samples(self, folder: Any) -> list[Any]:
         (folder / "a.one").write_text('{"response": "1-x"}')

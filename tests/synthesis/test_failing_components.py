@@ -18,7 +18,7 @@ HERE = re.escape(str(Path(__file__)))
 
 
 class Frail(dovetail.JointModel):
-    """A spring that fails where it is told to."""
+    """A spring that fails where it is asked to."""
 
     name = "frail"
     summary = "A spring"

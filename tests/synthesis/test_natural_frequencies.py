@@ -28,7 +28,7 @@ def chain(count: int, *, held: bool = True, massless: int = 0) -> tuple[np.ndarr
 
 
 def closed_form(count: int, *, held: bool = True) -> np.ndarray:
-    """The elastic modes [Hz] of the chain (a free chain has one rigid-body mode beside them)."""
+    """The elastic modes [Hz] of the chain (a free chain has one rigid-body mode next to them)."""
     angle = np.pi * np.arange(1, count + 1) / (count + 1) if held else np.pi * np.arange(1, count) / count
     return 2 * np.sqrt(STIFFNESS / MASS) * np.sin(angle / 2) / (2 * np.pi)
 
@@ -63,13 +63,13 @@ def test_massless_dofs_at_a_free_end_change_nothing(form):
 @pytest.mark.parametrize("form", ["dense", "sparse"])
 def test_dofs_without_mass_have_no_mode(form):
     M, K = chain(6)
-    apart = np.zeros((9, 9))
-    apart[6:, 6:] = STIFFNESS * (2 * np.eye(3) - np.eye(3, k=1) - np.eye(3, k=-1))
-    apart[:6, :6] = K
+    separate = np.zeros((9, 9))
+    separate[6:, 6:] = STIFFNESS * (2 * np.eye(3) - np.eye(3, k=1) - np.eye(3, k=-1))
+    separate[:6, :6] = K
     inert = np.zeros((9, 9))
     inert[:6, :6] = M
-    np.testing.assert_allclose(frequencies(form, inert, apart, 3), closed_form(6)[:3], rtol=1e-9)
-    assert frequencies(form, np.zeros((9, 9)), apart, 3).size == 0
+    np.testing.assert_allclose(frequencies(form, inert, separate, 3), closed_form(6)[:3], rtol=1e-9)
+    assert frequencies(form, np.zeros((9, 9)), separate, 3).size == 0
 
 
 @pytest.mark.parametrize("form", ["dense", "sparse"])

@@ -66,7 +66,7 @@ class Plugin:
 
 
 def on_springs(step=150, **options):
-    """The solid bar beside a beam, held together by springs at two sections; free otherwise."""
+    """The solid bar next to a beam, held together by springs at two sections; free otherwise."""
     registry = Registry()
     registry.load_entry_points()
     registry.add(Plugin(), "here")

@@ -1,4 +1,4 @@
-"""Stiff springs beside soft ones, and fine meshes at low frequencies: right digits, or a word that they are lost."""
+"""Stiff springs next to soft ones, and fine meshes at low frequencies: right digits, or a word that they are lost."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ class RotationalStop(Spring):
 
 
 class RotationalDamper(Spring):
-    """A constant rotational stiffness, and beside it a damper that bears above 97 % of the range of k."""
+    """A constant rotational stiffness, and next to it a damper that bears above 97 % of the range of k."""
 
     def add_stop(self, matrices, theta):
         matrices.add_contact_layer([(1, 3)], 10.0 + 0.0 * theta[:, 0], np.where(theta[:, 0] > STOP, 1e-3, 0.0))

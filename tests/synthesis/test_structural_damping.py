@@ -14,7 +14,7 @@ from dovetail_bench.evaluation.mesh_refinement import finer
 
 ASSEMBLIES = Path(__file__).resolve().parents[2] / "assemblies"
 AT = 159.0
-"""Hz; where structural damping and dampers are alike."""
+"""Hz; where structural damping and dampers are equal."""
 K, C = 1e6, 50.0
 
 

@@ -73,8 +73,8 @@ def by_differences(assembly: dovetail.Assembly, theta: np.ndarray, column: int) 
 
 @pytest.mark.parametrize("option", RANGES)
 def test_an_unknown_option_gives_the_frf_of_a_description_with_its_value(option):
-    sought = with_option(PLAIN, f"substructures.arm.{option}", {"range": list(RANGES[option])})
-    assembly = dovetail.load(sought)
+    unknown = with_option(PLAIN, f"substructures.arm.{option}", {"range": list(RANGES[option])})
+    assembly = dovetail.load(unknown)
     assert [parameter.name for parameter in assembly.parameters] == [f"arm.{option}"]
     theta = np.linspace(*RANGES[option], 3)[:, np.newaxis]
     known = [dovetail.load(with_option(PLAIN, f"substructures.arm.{option}", float(value))).frf() for [value] in theta]
@@ -84,12 +84,12 @@ def test_an_unknown_option_gives_the_frf_of_a_description_with_its_value(option)
 
 
 def test_all_of_them_and_a_joint_and_a_tip_mass_at_once():
-    sought = copy.deepcopy(PLAIN)
+    unknown = copy.deepcopy(PLAIN)
     for option, ends in RANGES.items():
-        sought = with_option(sought, f"substructures.arm.{option}", {"range": list(ends)})
-    sought["substructures"]["tip"]["masses"][0]["mass"] = {"range": ["50 g", "120 g"], "scale": "log"}
-    del sought["joints"]["foot"]["parameters"]["k"]
-    assembly = dovetail.load(sought)
+        unknown = with_option(unknown, f"substructures.arm.{option}", {"range": list(ends)})
+    unknown["substructures"]["tip"]["masses"][0]["mass"] = {"range": ["50 g", "120 g"], "scale": "log"}
+    del unknown["joints"]["foot"]["parameters"]["k"]
+    assembly = dovetail.load(unknown)
     theta = assembly.from_unit(np.random.default_rng(1).random((2, len(assembly.parameters))))
     for vector in theta:
         plain = copy.deepcopy(PLAIN)
@@ -107,12 +107,12 @@ def test_all_of_them_and_a_joint_and_a_tip_mass_at_once():
 
 
 def test_a_part_without_batched_matrices_is_constructed_for_each_value(monkeypatch):
-    sought = with_option(PLAIN, "substructures.arm.material.young", {"range": [190e9, 220e9]})
+    unknown = with_option(PLAIN, "substructures.arm.material.young", {"range": [190e9, 220e9]})
     theta = np.array([[195e9], [214e9]])
-    assembly = dovetail.load(sought)
+    assembly = dovetail.load(unknown)
     part = type(assembly.description.substructures["arm"])
     monkeypatch.setattr(part, "scaled_matrices", dovetail.SubstructureModel.scaled_matrices)
-    with_batch = dovetail.load(sought).frf(theta)
+    with_batch = dovetail.load(unknown).frf(theta)
     monkeypatch.setattr(part, "batched_matrices", dovetail.SubstructureModel.batched_matrices)
     assert difference(assembly.frf(theta), with_batch) < 1e-12
 
@@ -128,8 +128,8 @@ def test_an_unknown_part_takes_no_memory_for_pairs_of_nodes_at_each_line(peak_of
 
 
 def test_one_frf_and_its_derivatives_ask_the_part_for_its_matrices_once(monkeypatch):
-    sought = with_option(PLAIN, "substructures.arm.material.young", {"range": [190e9, 220e9]})
-    assembly = dovetail.load(sought)
+    unknown = with_option(PLAIN, "substructures.arm.material.young", {"range": [190e9, 220e9]})
+    assembly = dovetail.load(unknown)
     part, asked = type(assembly.description.substructures["arm"]), []
     monkeypatch.setattr(part, "scaled_matrices", dovetail.SubstructureModel.scaled_matrices)
     first, other = np.array([195e9]), np.array([214e9])
@@ -311,9 +311,9 @@ def test_a_window_a_gain_and_a_delay_for_all_responses():
     responses = json.loads(shared.description.text)["responses"]
     responses = [{**response, "calibration": own} for response in responses]
     responses[1]["calibration"] = {**own, "window": {"same_as": "near.window"}}
-    apart = dovetail.load({**{k: v for k, v in PLAIN.items() if k != "response"}, "responses": responses})
+    separate = dovetail.load({**{k: v for k, v in PLAIN.items() if k != "response"}, "responses": responses})
     assert [p.name for p in shared.parameters] == ["calibration.window"]
-    assert difference(shared.frfs([12.0]), apart.frfs([12.0])) < 1e-12
+    assert difference(shared.frfs([12.0]), separate.frfs([12.0])) < 1e-12
     first, second = shared.each_response
     jacobian = first.combined([second]).jacobian(np.array([[12.0]]))[1]
     assert difference(jacobian[0, 1, 0], by_differences(second, np.array([12.0]), 0)) < 1e-6
@@ -350,7 +350,7 @@ def test_a_shared_parameter_cannot_be_repeated_by_a_response():
 
 @pytest.mark.parametrize("chain", [{}, {"window": "0 1/s"}, {"mass": "0 g"}])
 def test_a_joint_may_have_the_name_of_a_part_that_is_known(chain):
-    """They are told apart although the synthesis takes a part with unknowns for a joint."""
+    """They are distinguished although the synthesis takes a part with unknowns for a joint."""
     named = copy.deepcopy(PLAIN)
     named["joints"] = {"wall": PLAIN["joints"]["foot"], "tip": PLAIN["joints"]["weld"]}
     named["response"] = {**PLAIN["response"], "calibration": chain}

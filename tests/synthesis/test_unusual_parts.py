@@ -38,7 +38,7 @@ def test_poles_of_a_damper_in_series_with_a_spring(damper_at_the_mass):
             "base": {"model": "ground"},
         },
         {
-            "beside": spring("mass", "base", k={"range": [1e5, 1e7]}, c=0.0),
+            "parallel": spring("mass", "base", k={"range": [1e5, 1e7]}, c=0.0),
             "first": spring("mass", "between", **first),
             "second": spring("between", "base", **second),
         },

@@ -168,7 +168,7 @@ class DerivativeOfTheFirst(SoundJoint):
 
 @breaks("parameters_are_distinguishable")
 class Product(SoundJoint):
-    """Stiffness is pressure times area, and nothing else tells them apart."""
+    """Stiffness is pressure times area, and nothing else distinguishes them."""
 
     parameters = (
         Parameter("p", "Pa/m", 1e8, 1e9, "log", "stiffness per area"),

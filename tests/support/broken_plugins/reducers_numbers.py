@@ -259,7 +259,7 @@ class Overflowing(SoundReducer):
 
 
 class Memory(FittedReducer):
-    """A projection, with the training samples beside it."""
+    """A projection, with the training samples next to it."""
 
     def __init__(self, rows, directions):
         self.rows, self.directions = rows, directions

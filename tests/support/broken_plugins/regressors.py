@@ -68,7 +68,7 @@ class Backwards(SoundRegressor):
     """It counts down."""
 
     def fit(self, features, targets, *, seed, progress=silent):
-        """Report what is left."""
+        """Report the residual."""
         progress("regressor", 3, 3)
         return super().fit(features, targets, seed=seed, progress=progress)
 

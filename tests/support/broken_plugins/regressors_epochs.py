@@ -155,7 +155,7 @@ class BackwardsEpochs(Epochs):
     """Epochs are counted down."""
 
     def fit_epochs(self, epoch, *, seed, progress=silent):
-        """Report what is left."""
+        """Report the residual."""
 
         def turned(stage, done, total, note=""):
             progress(stage, total - done, total, note)

@@ -176,7 +176,7 @@ class StiffenedByReceptance(Unmeshed):
 
 @also_breaks("declarations_do_not_change", "a_component_keeps_its_config")
 class PopsItsOptions(Unmeshed):
-    """It takes its options apart while it answers."""
+    """It takes its options to pieces while it answers."""
 
     class Config(SoundSubstructure.Config):
         """A list.

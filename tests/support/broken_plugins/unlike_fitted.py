@@ -111,7 +111,7 @@ class FittedLandmarks(FittedReducer):
 
 @also_breaks("other_fits_have_no_influence")
 class Boosted(Regressor):
-    """Stumps, one after the other, each on what is left; the step shrinks with all the fits that the class has made."""
+    """Stumps, one after the other, each on the residual; the step shrinks with all the fits that the class has made."""
 
     name = "boosted"
     summary = "Boosted stumps"
