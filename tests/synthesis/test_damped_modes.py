@@ -84,6 +84,43 @@ def test_a_fractional_derivative_has_the_pole_that_newtons_method_finds(theta):
     assert poles.derivatives["j0"][0, 1] == pytest.approx(by_c, rel=1e-6)
 
 
+@pytest.mark.parametrize("light", [1e-3, 1e-2, 1.0])
+@pytest.mark.parametrize("damping", [3e3, 1e4, 1e6])
+def test_a_light_mass_that_a_damper_locks_leaves_the_low_pole_of_the_heavy_one(light, damping):
+    """A mass of 100 kg on rubber, which ends at a light mass on a damper to the ground.
+
+    Without the damper the only elastic mode is that of the light mass, up to 300 times as high.
+    """
+    heavy, values = 100.0, {"k": 1e5, "g": 0.02, "alpha": 0.5, "m": 1e-3}
+    ends = {"a": {"to": "light", "at": 0.0}, "b": {"to": "base", "at": 0.0}}
+    damper = {"model": "spring_damper", "direction": "x", "connect": ends}
+    damper["parameters"] = {"k": {"value": 0.0}, "c": {"value": damping}}
+    mount = {"model": "rubber", "connect": {"a": {"to": "light", "at": 0.0}, "b": {"to": "heavy", "at": 0.0}}}
+    mount["parameters"] = {name: {"value": value} for name, value in values.items()}
+    description = copy.deepcopy(ONE)
+    masses = {"light": {"mass": light, "inertia": 1e-9}, "heavy": {"mass": heavy, "inertia": 1.0}}
+    parts = {name: {"model": "lumped", "masses": [mass]} for name, mass in masses.items()}
+    description |= {
+        "substructures": {"base": {"model": "ground"}, **parts},
+        "joints": {"damper": damper, "mount": mount},
+    }
+    description["response"]["at"] = "heavy"
+    (mode, *_) = dovetail.load(description, plugins=[unusual_joints.__file__]).modes([], count=2)
+
+    def determinant(s):
+        half = 2.0 * values["k"] * (1.0 + values["g"] * (s / (200.0 * np.pi)) ** values["alpha"])
+        inner = values["m"] * s**2 + 2.0 * half
+        ends = (light * s**2 + damping * s + half, heavy * s**2 + half)
+        return ends[0] * ends[1] * inner - half**2 * sum(ends)
+
+    s = 1j * np.sqrt(values["k"] / heavy)
+    for _ in range(50):
+        h = 1e-5 * s
+        s -= determinant(s) * 2 * h / (determinant(s + h) - determinant(s - h))
+    assert mode.natural_frequency == pytest.approx(abs(s) / (2 * np.pi), rel=1e-8)
+    assert mode.damping_ratio == pytest.approx(-s.real / abs(s), rel=1e-6)
+
+
 def test_a_joint_whose_law_has_a_kink_has_no_poles():
     kinked = ContinuedStiffness(lambda f: (1e6 * (1 + 0.1j * np.minimum(f, 100.0) / 100.0))[:, None, None], "a law")
     with pytest.raises(DovetailError, match="is not a smooth function of frequency"):

@@ -34,6 +34,8 @@ _FURTHER = 6
 _FIRST, _ROUNDS, _LOWEST = 100.0, 8, 1e-3
 """Frequency [Hz] at which the search for the first mode with frequency-dependent joints starts, how often it is
 computed with the stiffness that they have at its frequency, and the lowest of these."""
+_SETTLED = 0.5
+"""Ratio of two such frequencies above which the lower end of the sweep is known, in view of the next ratio."""
 _BELOW, _ABOVE, _HIGHEST = 20.0, 20.0, 1e6
 """Ratios of the undamped modes' frequencies to the ends of the sweep, and a frequency [Hz] that it reaches at least if
 it does not find enough poles: a joint may have a mass within its dynamic stiffness."""
@@ -252,6 +254,26 @@ def searched_poles(pencil: Pencil, wanted: Wanted) -> tuple[NDArray[np.complex12
     return searched(pencil, wanted, vectors, modes.solve)
 
 
+def _lowest_with_dampers(pencil: Pencil, frequency: float, count: int) -> float:
+    """Return a frequency [Hz] below which no pole turns that is not overdamped, at most the given one.
+
+    Dampers hold a structure that moves freely without them, and so make low modes. With its shape, a turning pole s has
+    k/m = |s|^2 and c/m < 2 |s|. The lowest natural frequency of K + w C, which falls with w, is then below sqrt(3) w at
+    w = |s|.
+    """
+    for _ in range(_ROUNDS):
+        try:
+            damped = pencil.stiffness(frequency) + (2.0 * np.pi * frequency) * pencil.C
+            frequencies = lowest_modes(damped, pencil.M, count)[0]
+        except DovetailError:
+            break
+        lower = float(min(frequencies[frequencies > 0.0], default=np.inf)) / np.sqrt(3.0)
+        if lower > _SETTLED * frequency or frequency < _LOWEST:
+            break
+        frequency = lower
+    return frequency
+
+
 class _UndampedModes:
     """Lowest modes without damping, with the stiffness that frequency-dependent joints have at the first elastic one.
 
@@ -286,4 +308,6 @@ class _UndampedModes:
             elastic = frequencies[frequencies > 0.0]
             frequency = float(min(elastic, default=frequency))
         assert frequencies is not None
+        if pencil.joints:
+            frequency = _lowest_with_dampers(pencil, frequency, count)
         self.sweep = frequency / _BELOW, max(_HIGHEST, _ABOVE * float(max(frequencies, default=0.0)))

@@ -255,6 +255,9 @@ def searched(
         poles, within = few_poles(pencil.projected(V), more)
         shapes = within @ V.T
         elastic = _deforms(K, shapes)
+        for index in np.flatnonzero(~elastic) if pencil.joints else ():  # masses within joints reduce K there
+            own = pencil.stiffness(min(abs(poles[index]) / (2.0 * np.pi), _RIGID_STIFFNESS))
+            elastic[index] = _deforms(own, shapes[index : index + 1])[0]
         order = np.flatnonzero(elastic)[wanted.lowest(poles[elastic])]
         poles, shapes = poles[order], shapes[order]
         added = []
