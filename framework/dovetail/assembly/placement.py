@@ -44,6 +44,8 @@ def placement_doubts(assembly: Assembly) -> Iterator[str]:
         for first, second in joint.connection.model.facing_ports:
             side, other = sides[first], sides[second]
             if side.in_space:  # their points were compared
+                yield from _twisted(name, side)
+                yield from _twisted(name, other)
                 continue
             if side.part != other.part and has_positions(side.model) and has_positions(other.model):
                 offset = float(np.mean(side.along) - np.mean(other.along))
@@ -102,6 +104,21 @@ def _without_positions(name: str, model: JointModel, sides: dict[str, Side]) -> 
                 f"joints.{name}: the nodes of '{side.part}' have no positions that differ, so that nothing shows "
                 f"whether its nodes {labels}{more} lie where they have to, in this order. Give them positions."
             )
+
+
+def _twisted(name: str, side: Side) -> Iterator[str]:
+    """Yield the doubt about a joint that acts in a displacement and about the axis of a part, not about its bending."""
+    axes = [direction for direction in side.port.directions if direction.startswith("r")]
+    points = side.all_points
+    if len(axes) != 1 or len(axes) == len(side.port.directions) or side.model.grounded or len(points) < 2:
+        return
+    lengths = np.ptp(points, axis=0)
+    across = np.delete(lengths, "xyz".index(axes[0][1]))
+    if lengths.max() > 0.0 and across.max() <= _SLIGHT * lengths.max():
+        yield (
+            f"joints.{name}: of the rotations of '{side.part}' it acts in {axes[0]} only, the torsion of that part, "
+            "which does not resist its bending. If that is not meant, give the joint 'axes' of its own."
+        )
 
 
 def _on_one_side(name: str, side: Side, other: Side) -> Iterator[str]:

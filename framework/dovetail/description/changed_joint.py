@@ -63,6 +63,16 @@ class ChangedJoint(JointModel):
         return self.model.facing_ports
 
     @property
+    def nodes_along(self) -> tuple[str, ...]:
+        """Those of the model."""
+        return self.model.nodes_along
+
+    @property
+    def axes(self) -> NDArray[np.float64]:
+        """Those of the model in the assembly, in columns (3, 3)."""
+        return axes_of(self.model)
+
+    @property
     def contact_dofs(self) -> tuple[tuple[int, int], ...]:
         """Those of the model."""
         return self.model.contact_dofs
@@ -97,3 +107,8 @@ class MappedJoint(ChangedJoint):
     def matrices_jacobian(self, theta: NDArray[np.float64]) -> Sequence[StructuralMatrices]:
         """Return their derivatives by each parameter, per unit of it."""
         return [self.mapped(derivative) for derivative in self.model.matrices_jacobian(theta)]
+
+
+def axes_of(model: JointModel) -> NDArray[np.float64]:
+    """Return the axes of a joint in the assembly, in columns (3, 3)."""
+    return model.axes if isinstance(model, ChangedJoint) else np.eye(3)

@@ -7,11 +7,12 @@ part runs against that of the assembly. If a part has a place in space, all have
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.description.changed_joint import axes_of
 from dovetail.description.placed_parts import Placement
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.tree import Path
@@ -43,6 +44,8 @@ class Side:
         How the part lies in the assembly, if its axes are not the assembly's.
     in_space : bool
         Whether the assembly's parts have places in space.
+    axis : (3,) array or None
+        Along which the joint counts positions, in the assembly; None for one whose nodes lie on no line of its own.
     """
 
     port: Port
@@ -51,6 +54,7 @@ class Side:
     nodes: tuple[int, ...]
     placement: Placement | None = None
     in_space: bool = False
+    axis: NDArray[np.float64] | None = None
 
     @property
     def points(self) -> NDArray[np.float64]:
@@ -58,6 +62,11 @@ class Side:
         chosen = [self.model.nodes[node] for node in self.nodes]
         there = [node if self.placement is None else self.placement.node(node) for node in chosen]
         return np.array([node.coordinates for node in there])
+
+    @property
+    def all_points(self) -> NDArray[np.float64]:
+        """Coordinates (n, 3) of all nodes of the part in the assembly [m]."""
+        return replace(self, nodes=tuple(range(len(self.model.nodes)))).points
 
     @property
     def has_points(self) -> bool:
@@ -76,12 +85,14 @@ class Side:
 
     @property
     def along(self) -> NDArray[np.float64]:
-        """The positions along the assembly's axis [m], from an unknown origin."""
+        """The positions along the assembly's axis, or the joint's in space [m], from an unknown origin."""
+        if self.axis is not None:
+            return np.asarray(self.points @ self.axis)
         return -self.positions if self.reversed else self.positions
 
     @property
     def sense(self) -> float:
-        """1 or -1 for nodes that run along the assembly's axis or against it; 0 if they are all at one position."""
+        """1 or -1 for nodes that run along that axis or against it; 0 if they are all at one position."""
         return float(np.sign(self.along[-1] - self.along[0]))
 
     @property
@@ -96,8 +107,10 @@ def sides_of(
     """Return the sides of a joint by the names of its ports."""
     pairs: Iterator[tuple[Port, Attachment]] = zip(connection.model.ports, connection.attachments, strict=True)
     in_space = any(placement.in_space for placement in placements.values())
+    on_a_line = in_space and connection.model.nodes_along == ("y",)
+    axis = -axes_of(connection.model)[:, 1] if on_a_line else None
     return {
-        port.name: Side(port, name, substructures[name], at.nodes, placements.get(name), in_space)
+        port.name: Side(port, name, substructures[name], at.nodes, placements.get(name), in_space, axis)
         for port, at in pairs
         for name in (at.substructure,)
     }
@@ -138,7 +151,9 @@ def facing_faults(model: JointModel, sides: Mapping[str, Side]) -> Iterator[tupl
     refused, reported = set[str](), set[tuple[str, bytes]]()
     for name, side in comparable.items():
         declared = side.port.positions
-        problem, remedy = _disorder(side) if declared or name in faced else ("", "")
+        problem, remedy = _off_axes(model, side)
+        if not problem and (declared or name in faced):
+            problem, remedy = _disorder(side)
         if declared and not problem:
             problem, remedy = _against_model(model, side, np.array(declared))
         same = remedy, np.diff(side.positions).round(9).tobytes()
@@ -148,7 +163,7 @@ def facing_faults(model: JointModel, sides: Mapping[str, Side]) -> Iterator[tupl
         reported |= {same} if problem else set()
     for first, second in (*facing, *_declared_pairs(model)):
         if sides[first].in_space:
-            if not refused and (problem := _apart(sides[first], sides[second], model.spans_a_distance)):
+            if not refused and (problem := _apart(model, sides[first], sides[second])):
                 refused.add(second)
                 yield second, problem, "Correct the places of the parts, or list the nodes that face each other."
         elif {first, second} <= comparable.keys() - refused:
@@ -218,28 +233,46 @@ def _mismatch(side: Side, other: Side) -> tuple[str, str]:
     return problem, "Facing nodes lie at the same places of the assembly: list nodes with equal distances."
 
 
-def _apart(side: Side, other: Side, spans_a_distance: bool) -> str:
+def _apart(model: JointModel, side: Side, other: Side) -> str:
     """Return how two nodes that face each other lie at different points of the assembly, or an empty text."""
     if not side.has_points or not other.has_points:
         return ""
     gaps = other.points - side.points
-    gaps = gaps - gaps[0] if spans_a_distance else gaps
-    distances = np.linalg.norm(gaps, axis=1)
+    between = gaps[0] if model.spans_a_distance else np.zeros(3)
+    distances = np.linalg.norm(gaps - between, axis=1)
     node = int(np.argmax(distances))
-    extent = max(float(np.ptp(_all_points(one), axis=0).max()) for one in (side, other))
-    if distances[node] <= _LEAST + _SMALL * extent:
+    limit = _LEAST + _SMALL * max(float(np.ptp(one.all_points, axis=0).max()) for one in (side, other))
+    shifted = between - axes_of(model)[:, 0] * (axes_of(model)[:, 0] @ between)
+    if distances[node] > limit:
+        apart = f"it is {_mm(distances[node])} away"
+        if model.spans_a_distance:
+            apart = f"the way between them differs by {_mm(distances[node])} from that of the first pair"
+    elif np.linalg.norm(shifted) > limit:
+        apart = f"not opposite to it: it is {_mm(np.linalg.norm(shifted))} away along the faces"
+    else:
         return ""
-    apart = f"it is {_mm(distances[node])} away"
-    if spans_a_distance:
-        apart = f"the way between them differs by {_mm(distances[node])} from that of the first pair"
     return (
         f"the node of '{other.part}' at {format_point(other.points[node])} faces that of '{side.part}' at "
         f"{format_point(side.points[node])}, but {apart}."
     )
 
 
-def _all_points(side: Side) -> NDArray[np.float64]:
-    return np.array([node.coordinates for node in side.model.nodes])
+def _off_axes(model: JointModel, side: Side) -> tuple[str, str]:
+    """Return how a port's nodes lie off those axes of the joint along which its model has them, and the remedy."""
+    if not side.in_space or not model.nodes_along or not side.has_points:
+        return "", ""
+    steps = (side.points - side.points[0]) @ axes_of(model)
+    along = ["xyz".index(name) for name in model.nodes_along]
+    off = np.linalg.norm(np.delete(steps, along, axis=1), axis=1)
+    node = int(np.argmax(off))
+    if off[node] <= _LEAST + _ROUNDING * float(np.abs(steps).max()):
+        return "", ""
+    first, last = (format_point(side.points[at]) for at in (0, node))
+    problem = (
+        f"the nodes of '{side.part}' at {first} and {last} do not lie along {' and '.join(model.nodes_along)} of the "
+        f"joint, as in the joint model '{model.name}'."
+    )
+    return problem, "Turn the joint to its nodes with 'axes', or correct the places of the parts."
 
 
 def _because(*sides: Side) -> str:
@@ -248,6 +281,8 @@ def _because(*sides: Side) -> str:
 
 
 def _remedy(side: Side) -> str:
+    if side.axis is not None:
+        return "Turn the joint with 'axes', so that its nodes run along -y of it, or list them in the other order."
     if side.reversed:
         return (
             f"'{side.part}' is reversed: list its nodes in the order in which they lie along the assembly, or remove "

@@ -92,6 +92,11 @@ class OrientedJoint(JointInCoordinates):
         super().__init__(model)
         self._rotation = rotation
 
+    @property
+    def axes(self) -> NDArray[np.float64]:
+        """The joint's axes in the assembly, in columns (3, 3)."""
+        return self._rotation
+
     def _along(self, directions: Sequence[str]) -> NDArray[np.float64]:
         """Return the joint's directions (n, 6) by those of the assembly."""
         return six_directions(self._rotation).T[[DIRECTIONS.index(direction) for direction in directions]]

@@ -219,6 +219,15 @@ class JointModel(Component):
         return ((self.ports[0].name, self.ports[1].name),)
 
     @property
+    def nodes_along(self) -> tuple[str, ...]:
+        """Axes of the joint along which the nodes of a port lie; an empty tuple if they may lie anywhere.
+
+        In space, a description in which they lie otherwise is refused. By default ("y",) if a port has positions, which
+        are counted along -y, and otherwise ().
+        """
+        return ("y",) if any(port.positions for port in self.ports) else ()
+
+    @property
     def contact_dofs(self) -> tuple[tuple[int, int], ...]:
         """Pairs of local DOFs that become the same DOF when the joint's contacts are taken as rigid.
 

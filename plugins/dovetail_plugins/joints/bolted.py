@@ -128,6 +128,11 @@ class Bolted(JointModel):
         directions = PLANAR if self.config.motion == "plane" else DIRECTIONS
         return tuple(Port(name, self.config.nodes, directions=directions) for name in "ab")
 
+    @property
+    def nodes_along(self) -> tuple[str, ...]:
+        """Along the lap; in space anywhere on the faces, to which x is normal."""
+        return ("y",) if self.config.motion == "plane" else ("y", "z")
+
     def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
         """Return the matrices for theta (n, n_params)."""
         joint = StructuralMatrices.zeros(len(theta), self.size)
