@@ -25,6 +25,9 @@ _MOST = 20
 """Starts that are refined: six poles are compared, and a few are of rigid-body modes; ten times as many in a sweep."""
 _ENOUGH = 12
 """Poles of a sweep after which it ends: twice as many as are compared, from starts by increasing magnitude."""
+_NEAR_ZERO = 1e-5
+"""Magnitude of a pole, over the root of all stiffness over all mass, below which Newton's steps may end anywhere: with
+a damper three poles of free bodies meet at zero, where rounding moves each by its cube root, 6e-6."""
 _FAR = 1e7
 """Hz; what is beyond it is infinite."""
 
@@ -68,6 +71,11 @@ class _Problem:
                 magnitudes[kind][where] += L.T @ abs(values) @ L
         return totals, magnitudes
 
+    def largest(self) -> float:
+        """Magnitude [1/s] that no pole is far above: the root of all stiffness over all mass."""
+        (M, K, *_), _ = self.matrices(100.0)
+        return float(np.sqrt(np.trace(K).real / np.trace(M).real))
+
     def at(self, s: complex) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Z, dZ/ds and the sum of the magnitudes of the terms of Z."""
         (M, K, C, D), sizes = self.matrices(s / (2j * np.pi))
@@ -94,7 +102,7 @@ def damped_poles(dense: DenseAssembly, theta: Sequence[float], *, rigid: bool = 
         known = np.array(poles) if sweep else np.empty(0)
         if s.imag > _TURN * abs(s) and not (abs(known - s) < _SAME * abs(s) + 10 * np.finfo(float).eps * moved).any():
             poles.append(s)
-            rounding.append(moved)
+            rounding.append(np.inf if sweep and abs(s) < _NEAR_ZERO * problem.largest() else moved)
     order = np.argsort(np.abs(poles))
     return np.array(poles, dtype=complex)[order], np.array(rounding)[order]
 

@@ -33,7 +33,7 @@ class ChangedJoint(JointModel):
     def __init__(self, model: JointModel) -> None:
         super().__init__()
         self.name, self.summary = model.name, model.summary  # type: ignore[misc]  # for messages
-        self.spans_a_distance = model.spans_a_distance
+        self.spans_a_distance, self.nodes_along = model.spans_a_distance, model.nodes_along
         self.Config, self.config = model.Config, model.config  # those of the description
         self.model = model
 
@@ -61,11 +61,6 @@ class ChangedJoint(JointModel):
     def facing_ports(self) -> tuple[tuple[str, str], ...]:
         """Those of the model."""
         return self.model.facing_ports
-
-    @property
-    def nodes_along(self) -> tuple[str, ...]:
-        """Those of the model."""
-        return self.model.nodes_along
 
     @property
     def axes(self) -> NDArray[np.float64]:

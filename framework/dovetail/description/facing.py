@@ -248,7 +248,7 @@ def _apart(model: JointModel, side: Side, other: Side) -> str:
         if model.spans_a_distance:
             apart = f"the way between them differs by {_mm(distances[node])} from that of the first pair"
     elif np.linalg.norm(shifted) > limit:
-        apart = f"not opposite to it: it is {_mm(np.linalg.norm(shifted))} away along the faces"
+        apart = f"not opposite to it: it is {_mm(float(np.linalg.norm(shifted)))} away along the faces"
     else:
         return ""
     return (

@@ -27,8 +27,7 @@ _SAMPLES = 4
 """Number of random parameter vectors at which declarations about the matrices are verified."""
 _DEVIATIONS = 4.0
 """Standard deviations of a normal prior between the middle and each end of its range; 6e-5 of it lie outside."""
-_TAIL = 3.167124183311986e-05
-"""Share of the normal distribution below the range: scipy.special.ndtr(-4.0)."""
+_TAIL = 3.167124183311986e-05  # share of the normal distribution below the range: scipy.special.ndtr(-4.0)
 _INSIDE = 1.0 - 2.0 * _TAIL
 
 
@@ -165,13 +164,14 @@ class Parameter:
 class JointModel(Component):
     """A connection with parameters to identify.
 
-    Its local DOFs are those of its ports (`node_dofs`): port by port and node by node, each in the order of the port's
-    directions, by default x then rz. Its internal DOFs follow. Facing nodes may lie apart in space, all by the same
-    vector, if it `spans_a_distance`, as on the axes of two lapped bars.
+    Its local DOFs are those of its ports' nodes (`node_dofs`), each in the order of its port's directions, by default x
+    then rz, and its internal DOFs. The nodes of a layer lie along some axes of the joint (`nodes_along`); facing ones
+    may be apart along x if it `spans_a_distance`, as on the axes of two lapped bars.
     """
 
     kind: ClassVar[Kind] = "joint"
     spans_a_distance: bool = False
+    nodes_along: tuple[str, ...] = ()
 
     @property
     @abstractmethod
@@ -217,15 +217,6 @@ class JointModel(Component):
         if len(self.ports) != 2 or self.ports[0].nodes != self.ports[1].nodes:
             return ()
         return ((self.ports[0].name, self.ports[1].name),)
-
-    @property
-    def nodes_along(self) -> tuple[str, ...]:
-        """Axes of the joint along which the nodes of a port lie; an empty tuple if they may lie anywhere.
-
-        In space, a description in which they lie otherwise is refused. By default ("y",) if a port has positions, which
-        are counted along -y, and otherwise ().
-        """
-        return ("y",) if any(port.positions for port in self.ports) else ()
 
     @property
     def contact_dofs(self) -> tuple[tuple[int, int], ...]:

@@ -257,7 +257,8 @@ def searched(
         elastic = _deforms(K, shapes)
         for index in np.flatnonzero(~elastic) if pencil.joints else ():  # masses within joints reduce K there
             own = pencil.stiffness(min(abs(poles[index]) / (2.0 * np.pi), _RIGID_STIFFNESS))
-            elastic[index] = _deforms(own, shapes[index : index + 1])[0]
+            strain, largest = _strain(own, shapes[index : index + 1])
+            elastic[index] = strain[0] > _DOUBTFUL * largest[0]
         order = np.flatnonzero(elastic)[wanted.lowest(poles[elastic])]
         poles, shapes = poles[order], shapes[order]
         added = []

@@ -104,6 +104,7 @@ class Bolted(JointModel):
     def __init__(self, config: Any = None) -> None:
         super().__init__(config)
         self.spans_a_distance = self.config.motion == "plane"  # between the axes of the bars, not their faces
+        self.nodes_along = ("y",) if self.config.motion == "plane" else ("y", "z")
 
     @classmethod
     def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
@@ -127,11 +128,6 @@ class Bolted(JointModel):
         """The two parts, a and b."""
         directions = PLANAR if self.config.motion == "plane" else DIRECTIONS
         return tuple(Port(name, self.config.nodes, directions=directions) for name in "ab")
-
-    @property
-    def nodes_along(self) -> tuple[str, ...]:
-        """Along the lap; in space anywhere on the faces, to which x is normal."""
-        return ("y",) if self.config.motion == "plane" else ("y", "z")
 
     def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
         """Return the matrices for theta (n, n_params)."""

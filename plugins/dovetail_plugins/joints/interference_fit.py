@@ -39,6 +39,7 @@ class InterferenceFit(JointModel):
 
     name = "interference_fit"
     summary = "Shaft in hub: distributed radial and tilting stiffness and damping over the contact length"
+    nodes_along = ("y",)
     references = (
         "K. Ahmadi, H. Ahmadian, Modelling machine tool dynamics using a distributed parameter tool-holder joint "
         "interface, Int. J. Mach. Tools Manuf. 47 (2007) 1916-1928",
