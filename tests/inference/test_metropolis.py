@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from dovetail.inference.posterior import metropolis
 from dovetail.inference.posterior.metropolis import Chains, decorrelate
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints
 from dovetail.inference.posterior.tangent_steps import Density
+from dovetail.inference.posterior.weights import INDEPENDENT
 from dovetail.interfaces import NO_LIMIT
 from dovetail.problem.least_squares import Linearisation
 
@@ -71,7 +71,7 @@ def test_points_that_start_elsewhere_reach_the_posterior():
     start = np.array([-0.5, 0.0]) + 0.3 * random.standard_normal((3000, 2))
     chains = decorrelate(Density.of(problem), LinearisedPoints.at(problem, start), random)
     correlation = [np.corrcoef(start[:, column], chains.z[:, column])[0, 1] for column in range(2)]
-    assert np.abs(correlation).max() < metropolis._SETTINGS.remaining_correlation + 0.06
+    assert np.abs(correlation).max() < INDEPENDENT + 0.06
     np.testing.assert_allclose(shares(chains.z), shares(exact(problem, 60_000, random)), atol=0.06)
 
 

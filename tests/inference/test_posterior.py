@@ -23,7 +23,6 @@ from dovetail.inference.posterior import (
     error_shapes,
     quantiles,
     sample_posterior,
-    sampling,
     typical_model_error,
 )
 from dovetail.inference.posterior.likelihood import (
@@ -38,11 +37,12 @@ from dovetail.inference.posterior.likelihood import (
 )
 from dovetail.inference.posterior.mode_search import _promising, search_modes
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap
+from dovetail.inference.posterior.tangent_mixture import TangentMixture
 from dovetail.inference.posterior.tangent_steps import Density, tangent_steps
 from dovetail.problem import Problem
-from dovetail.problem.least_squares import Linearisation
 from dovetail.problem.observations import Observations
 from dovetail.problem.residuals import FrfResiduals, ModelFrfs, Weighted
+from support.bent_valley import Bow
 from support.noisy_measurements import noisy
 
 ASSEMBLIES = Path(__file__).resolve().parents[2] / "assemblies"
@@ -91,8 +91,7 @@ def test_the_samples_are_those_of_the_posterior_on_a_grid(sdof, has_phase):
 def test_where_no_search_arrives_moves_from_the_peak_find_the_same_posterior(sdof, monkeypatch):
     frf = noisy(sdof, sdof.frf(sdof.from_unit(np.array([0.4, 0.5]))), 0.2, 1)
     mean, deviation = on_a_grid(sdof, frf)
-    nothing = LinearisedPoints(np.empty((0, 2)), np.empty((0, 3)), np.empty((0, 2, 3)))
-    monkeypatch.setattr(sampling._Sampler, "_search", lambda *_: (nothing, np.empty(0)))
+    monkeypatch.setattr(TangentMixture, "_add", lambda *_: None)
     found = sample_posterior(Problem.of(sdof, frf), refine(Problem.of(sdof, frf)), samples=1000, model_error=EXACT)
     ours = found.weight @ found.fraction
     assert found.converged_fraction < 0.01
@@ -181,19 +180,6 @@ def test_each_search_reaches_the_components_that_were_drawn(sdof):
     ends, converged = tangent_map.solve(target, LinearisedPoints.at(problem, np.broadcast_to(anchor.z, (20, 2))), 100)
     assert converged.all()
     np.testing.assert_allclose(tangent_map.components(ends.residuals), target, atol=0.02)
-
-
-class Bow:
-    """A bent, narrow valley: the second coordinate follows the square of the first, to a hundredth."""
-
-    def residuals(self, z):
-        return np.concatenate([z, (z[:, 1:] - z[:, :1] ** 2 + 1.0) / 0.01], axis=1)
-
-    def linearise(self, z):
-        jacobian = np.zeros((len(z), 2, 3))
-        jacobian[:, 0, 0] = jacobian[:, 1, 1] = 1.0
-        jacobian[:, 0, 2], jacobian[:, 1, 2] = -2.0 * z[:, 0] / 0.01, 1.0 / 0.01
-        return Linearisation(self.residuals(z), jacobian)
 
 
 def test_metropolis_steps_from_one_end_of_a_bent_valley_sample_its_distribution():

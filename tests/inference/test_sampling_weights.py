@@ -14,7 +14,9 @@ from dovetail.inference.posterior import laplace_posterior, sample_posterior, sa
 from dovetail.inference.posterior.alternating import Alternating
 from dovetail.inference.posterior.laplace import half_about_the_fit
 from dovetail.inference.posterior.likelihood import normal_from_unit, squared_norms
-from dovetail.inference.posterior.separate_modes import ends_about, separate_modes, shares
+from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints
+from dovetail.inference.posterior.separate_modes import separate_modes
+from dovetail.inference.posterior.tangent_mixture import TangentMixture
 from dovetail.inference.posterior.weights import clipped, effective_after_moves
 from dovetail.interfaces import NO_LIMIT
 from dovetail.problem import Problem
@@ -28,7 +30,7 @@ def test_samples_are_moved_where_fewer_than_four_tenths_of_them_count(sdof, monk
     z, calls = np.random.default_rng(0).standard_normal((100, 2)), []
 
     class Sampler(sampling._Sampler):
-        lines, begun, missing, _limit = 9, 100, 0, NO_LIMIT
+        lines, missing, _limit, _random = 9, 0, NO_LIMIT, np.random.default_rng(1)
         _likelihood = SimpleNamespace(log=lambda fraction: squared_norms(normal_from_unit(fraction)) / 2.0)
 
         def __init__(self, *_):
@@ -36,11 +38,13 @@ def test_samples_are_moved_where_fewer_than_four_tenths_of_them_count(sdof, monk
 
         def _search(self, _):
             log_density = np.where(np.arange(100) < effective, 0.0, 50.0)
-            return SimpleNamespace(z=z, log_posterior=np.zeros(100)), log_density
+            return SimpleNamespace(
+                ends=SimpleNamespace(z=z), log_density=log_density, log_weight=-log_density, begun=100
+            )
 
         def _move(self, points, log_weight, count):
             calls.append(count)
-            return SimpleNamespace(z=points, log_posterior=np.zeros(100), correlation=0.0)
+            return SimpleNamespace(z=z, log_posterior=np.zeros(100), correlation=0.0)
 
     monkeypatch.setattr(sampling, "_Sampler", Sampler)
     frf = noisy(sdof, sdof.frf(), 0.1)
@@ -89,16 +93,12 @@ class Parabola:
 
 
 def sampled_about(problem, modes, count):
-    """Return samples of searches that are shared out to separate modes, and their weights, as `_Sampler.search`."""
-    random, separate = np.random.default_rng(0), separate_modes(sampling.LinearisedPoints.at(problem, modes))
-    samples, log_weights = [], []
-    for number, share, tangent_map in shares(problem, separate, count):
-        target, starts = random.standard_normal((share, 1)), separate.at_rows(np.full(share, number))
-        ends, log_density = ends_about(separate, number, tangent_map, target, starts)
-        samples.append(ends.z)
-        log_weights.append(ends.log_posterior - log_density - np.log(share))
-    weight = np.exp(np.concatenate(log_weights) - np.max(np.concatenate(log_weights)))
-    return np.concatenate(samples), weight / weight.sum()
+    """Return samples of searches about separate modes, and their weights."""
+    separate = separate_modes(LinearisedPoints.at(problem, modes))
+    mixture = TangentMixture(problem, separate, separate.z, np.random.default_rng(0))
+    mixture.sample(count, count)
+    weight = np.exp(mixture.log_weight - mixture.log_weight.max())
+    return mixture.ends.z, weight / weight.sum()
 
 
 @pytest.mark.parametrize("order", [1, -1])
@@ -115,14 +115,14 @@ def test_samples_about_separate_modes_have_the_weights_of_the_posterior(order):
 
 def test_the_same_mode_counts_once_and_one_of_hardly_any_probability_not_at_all():
     modes = np.array([[2.0], [2.001], [-1.0]])
-    assert len(separate_modes(sampling.LinearisedPoints.at(Parabola(), modes)).z) == 2
+    assert len(separate_modes(LinearisedPoints.at(Parabola(), modes)).z) == 2
     steep = Parabola()
     steep.residuals = lambda z: np.concatenate([z, (z - 2.0) * (z + 1.0) / 0.05 + 10.0 * (z < 0.5)], axis=1)
-    assert len(separate_modes(sampling.LinearisedPoints.at(steep, modes)).z) == 1
+    assert len(separate_modes(LinearisedPoints.at(steep, modes)).z) == 1
 
 
 def test_without_an_end_that_is_a_mode_there_is_no_separate_one():
-    nowhere = sampling.LinearisedPoints.at(Parabola(), np.empty((0, 1)))
+    nowhere = LinearisedPoints.at(Parabola(), np.empty((0, 1)))
     assert len(separate_modes(nowhere).z) == 0
 
 

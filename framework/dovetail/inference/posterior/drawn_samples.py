@@ -11,13 +11,15 @@ from dovetail.inference.posterior.evidence import Evidence
 from dovetail.inference.posterior.likelihood import PosteriorResiduals
 from dovetail.inference.posterior.metropolis import decorrelate
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints
-from dovetail.inference.posterior.separate_modes import ends_about, mixed, separate_modes, shares
+from dovetail.inference.posterior.separate_modes import separate_modes
+from dovetail.inference.posterior.tangent_mixture import TangentMixture
 from dovetail.inference.posterior.tangent_steps import Density
 from dovetail.inference.posterior.weights import (
     are_even,
     clipped,
     drawn_by_weight,
     effective_after_moves,
+    enough_correlation,
     from_logarithms,
 )
 
@@ -61,21 +63,19 @@ def draw_about_modes(posterior: PosteriorResiduals, modes: NDArray[np.float64], 
         As in `sample_posterior`.
     """
     random, separate = np.random.default_rng([seed, 8]), separate_modes(LinearisedPoints.at(posterior, modes))
-    about, log_weights = [], []
-    for number, share, tangent_map in shares(posterior, separate, count):
-        target, starts = random.standard_normal((share, modes.shape[1])), separate.at_rows(np.full(share, number))
-        ends, log_density = ends_about(separate, number, tangent_map, target, starts)
-        about.append(ends)
-        log_weights.append(ends.log_posterior - log_density - np.log(share))
-    points, log_weight = LinearisedPoints.joined(about), np.concatenate(log_weights)
-    converged, evidence = len(log_weight), Evidence.of_weights(log_weight + np.log(count), count)
+    mixture = TangentMixture(posterior, separate, separate.z, random)
+    mixture.sample(count, count)
+    points, log_weight = mixture.ends, mixture.log_weight
+    evidence = Evidence.of_weights(log_weight, mixture.begun)
+    converged = len(log_weight)
     if not converged:
         points, log_weight = separate, separate.log_posterior
-    order = mixed(len(log_weight), separate, random)
+    order = random.permutation(len(log_weight))
     points, log_weight = points.at_rows(order), log_weight[order]
     if are_even(log_weight, count):
-        return DrawnSamples(points.z, log_weight, None, evidence, count, converged, np.inf)
+        return DrawnSamples(points.z, log_weight, None, evidence, mixture.begun, converged, np.inf)
     chosen = drawn_by_weight(from_logarithms(clipped(log_weight)), count, random)
-    moved = decorrelate(Density.of(posterior), points.at_rows(chosen), random)
+    enough = enough_correlation(log_weight, count)
+    moved = decorrelate(Density.of(posterior), points.at_rows(chosen), random, correlation=enough)
     effective = effective_after_moves(clipped(log_weight), count, moved.correlation)
-    return DrawnSamples(moved.z, np.zeros(count), None, evidence, count, converged, effective)
+    return DrawnSamples(moved.z, np.zeros(count), None, evidence, mixture.begun, converged, effective)

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints
 from dovetail.inference.posterior.tangent_steps import Density, tangent_steps
+from dovetail.inference.posterior.weights import INDEPENDENT
 from dovetail.interfaces import NO_LIMIT, Progress, TimeLimit, silent
 
 
@@ -29,8 +30,6 @@ from dovetail.interfaces import NO_LIMIT, Progress, TimeLimit, silent
 class Settings:
     """How far samples move from their starts, and by how many steps."""
 
-    remaining_correlation: float = 0.25
-    """Correlation of moved samples with their starts, in each coordinate, below which they count as independent."""
     most_cost: float = 1500.0
     """Computations of the residuals of each sample, those for derivatives included, after which no step begins."""
     tangent: tuple[int, int] = (2, 4)
@@ -180,14 +179,18 @@ def decorrelate(
     random: np.random.Generator,
     progress: Progress = silent,
     limit: TimeLimit = NO_LIMIT,
+    correlation: float = INDEPENDENT,
 ) -> Chains:
-    """Move points by Metropolis steps until they are independent of their starts, or time is over."""
+    """Move points by Metropolis steps until the correlation of each coordinate with its start is small enough.
+
+    They end earlier if time is over or the steps have cost too much.
+    """
     chains = Chains(density, points, random, limit)
     tangent = _Kind(chains, chains.tangent_steps, _SETTINGS.tangent)
     kinds = [tangent, _Kind(chains, chains.prior_steps, _SETTINGS.prior)]
     if len(points.z) >= _SETTINGS.least_points:
         kinds.append(_Kind(chains, chains.difference_steps, _SETTINGS.differences))
-    goal, spent = -np.log(_SETTINGS.remaining_correlation), 0.0
+    goal, spent = -np.log(correlation), 0.0
     decayed, untried = np.zeros(points.z.shape[1]), list(kinds)
     differ = len(np.unique(points.z, axis=0)) >= _SETTINGS.tried
     few_tangent_steps = partial(chains.tangent_steps, points=_SETTINGS.tried if differ else None)

@@ -114,7 +114,18 @@ class TangentMap:
 
     def log_determinant(self, points: LinearisedPoints) -> NDArray[np.float64]:
         """Return the logarithm (n,) of the map's Jacobian determinant at points."""
-        return np.asarray(np.linalg.slogdet(points.jacobian @ self._tangents)[1])
+        return self.signed_log_determinant(points)[1]
+
+    def signed_log_determinant(self, points: LinearisedPoints) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the sign and the logarithm (n,) of the map's Jacobian determinant at points."""
+        sign, logarithm = np.linalg.slogdet(points.jacobian @ self._tangents)
+        return sign, logarithm
+
+    def all_components(self, residuals: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the components (n, k, d) of residuals (n, d + m) by the maps of all k anchors."""
+        count, _, width = self._tangents.shape
+        flat = residuals @ np.swapaxes(self._tangents, 0, 1).reshape(residuals.shape[1], -1)
+        return np.asarray(flat.reshape(len(residuals), count, width))
 
     def log_density(self, points: LinearisedPoints) -> NDArray[np.float64]:
         """Return the log density (n,), up to a constant, of points whose components are standard normal draws."""

@@ -31,15 +31,17 @@ from dovetail.inference.posterior.metropolis import Chains, decorrelate
 from dovetail.inference.posterior.mode_search import likelihood_at_mode, maximise_posterior, search_modes
 from dovetail.inference.posterior.model_error import TYPICAL, ModelError
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap
-from dovetail.inference.posterior.separate_modes import ends_about, mixed, nearest_modes, separate_modes, shares
+from dovetail.inference.posterior.separate_modes import separate_modes
+from dovetail.inference.posterior.tangent_mixture import TangentMixture
 from dovetail.inference.posterior.tangent_steps import Density
 from dovetail.inference.posterior.unknown_chain import UnknownChain
 from dovetail.inference.posterior.weights import (
-    a_few_dominate,
+    are_counted,
     are_even,
     clipped,
     drawn_by_weight,
     effective_after_moves,
+    enough_correlation,
     from_logarithms,
 )
 from dovetail.interfaces import Progress, logged, silent
@@ -68,8 +70,8 @@ class Settings:
     """Chi-squared above the best one up to which a point is in the region of interest."""
     most_snapshots: int = 600
     """Number of FRFs, the latest ones, from which the misfit is reduced."""
-    batch: int = 100
-    """Number of searches at a time; each batch starts from the samples of the batches before."""
+    batch: int = 400
+    """Largest number of searches at a time; each batch starts from the samples of the batches before."""
     limited_batch: int = 25
     """The same with a time limit. A batch that does not end in time is lost: its first ends are no sample."""
     ample: float = 20.0
@@ -79,8 +81,6 @@ class Settings:
     interval would rest on one or two of them."""
     still: float = 0.1
     """Decrease of chi-squared that the tangent promises below which an end of a search is a mode."""
-    least_ends: float = 0.7
-    """Searches about several modes that must end there; those along one curved valley mostly do not."""
 
 
 _SETTINGS = Settings()
@@ -209,10 +209,8 @@ class _Sampler:
     ----------
     lines : int
         Number of lines from which the reduced misfit is computed.
-    begun : int
-        Number of searches for samples that came to an end.
     missing : int
-        Searches that the time limit left out; all of them if not all modes had their turn.
+        Searches that the time limit left out.
     """
 
     def __init__(
@@ -247,7 +245,7 @@ class _Sampler:
             if self._limit.is_over:
                 break
             snapshots = np.concatenate([snapshots, frfs[near]])[-_SETTINGS.most_snapshots :]
-        self.lines, self.begun, self.missing = reduced.lines, 0, 0
+        self.lines, self.missing = reduced.lines, 0
         ample = self._limit.remaining > _SETTINGS.ample * (self._limit.elapsed - began)
         self._batch = _SETTINGS.batch if ample else _SETTINGS.limited_batch
 
@@ -284,12 +282,12 @@ class _Sampler:
 
         If the weights of the ends of searches are uneven, samples are drawn by weight and moved by Metropolis steps.
         """
-        ends, log_density = self._search(count)
-        z, log_weight, converged = ends.z, ends.log_posterior - log_density, len(ends.z)
+        mixture = self._search(count)
+        order = self._random.permutation(np.flatnonzero(are_counted(mixture.log_weight)))
+        z, log_density, log_weight = mixture.ends.z[order], mixture.log_density[order], mixture.log_weight[order]
         log_likelihood, effective = self._log_likelihood(z), np.inf
-        on_all_lines = log_likelihood - squared_norms(z) / 2.0 - log_density
-        evidence = Evidence.of_weights(on_all_lines + np.log(max(self.begun, 1)), self.begun)
-        even = are_even(log_weight, self.begun)
+        evidence = Evidence.of_weights(log_likelihood - squared_norms(z) / 2.0 - log_density, mixture.begun)
+        even = are_even(log_weight, min(mixture.begun, count))
         if not even and self._limit.is_over:
             self._limit.leave_out("steps that make the weights of samples even")
         elif not even:
@@ -298,49 +296,20 @@ class _Sampler:
             z, log_density = points.z, points.log_posterior
             log_likelihood = self._log_likelihood(z)
         weight = log_likelihood - squared_norms(z) / 2.0 - log_density
-        return DrawnSamples(z, weight, log_likelihood, evidence, self.begun, converged, effective)
+        return DrawnSamples(z, weight, log_likelihood, evidence, mixture.begun, len(mixture.ends.z), effective)
 
-    def _search(self, count: int) -> tuple[LinearisedPoints, NDArray[np.float64]]:
-        """Return the ends of the searches that converged, and the logarithms of their density.
+    def _search(self, count: int) -> TangentMixture:
+        """Search for samples about the separate modes.
 
-        The searches are shared out to the separate modes. Those about each have a map and starts of their own, and
-        only ends that are nearest to it count: one map for all would reach a part of each mode only. A curved valley
-        has many points that seem to be modes, but searches about them end elsewhere: it takes one map.
+        A curved valley has many points that seem to be modes, but searches about them end elsewhere: it counts as one.
         """
-        modes = self._separate()
-        ends, log_density = self._search_about(modes, count)
-        if len(modes.z) == 1 or len(ends.z) > _SETTINGS.least_ends * self.begun:
-            return ends, log_density
-        return self._search_about(LinearisedPoints.at(self._posterior, self._mode), count)
-
-    def _search_about(self, modes: LinearisedPoints, count: int) -> tuple[LinearisedPoints, NDArray[np.float64]]:
-        about_modes = list(shares(self._posterior, modes, count))
-        batches = [(first, *about) for about in about_modes for first in range(0, about[1], self._batch)]
-        batches.sort(key=lambda batch: batch[0])  # if time ends early, all modes have had their turn
-        of_batches: list[tuple[int, LinearisedPoints, NDArray[np.float64]]] = []
-        done, finished = np.zeros(len(about_modes), dtype=np.intp), 0
-        self.missing = count
-        for first, number, share, tangent_map in batches:
-            self._progress("samples", finished, count)
-            near = np.concatenate([modes.z[[number]], self._points[nearest_modes(modes, self._points) == number]])
-            target, starts = self._starts(min(self._batch, share - first), tangent_map, near)
-            ends, log_density = ends_about(modes, number, tangent_map, target, starts, self._limit)
-            if self._limit.is_over:
+        highest = LinearisedPoints.at(self._posterior, self._mode)
+        for modes in (self._separate(), highest):
+            mixture = TangentMixture(self._posterior, modes, self._points, self._random, self._limit)
+            self.missing = mixture.sample(count, self._batch, self._progress)
+            if not mixture.is_one_valley:
                 break
-            self._points, finished = np.concatenate([self._points, ends.z]), finished + len(ends.z)
-            of_batches.append((number, ends, log_density))
-            done[number] += len(target)
-            if done.all() and _a_few_dominate(*_joined(of_batches, done)):
-                self.missing = 0
-                break
-        self.begun = int(done.sum())
-        if not done.all():
-            return modes.at_rows(np.empty(0, dtype=np.intp)), np.empty(0)
-        self.missing = min(self.missing, count - self.begun)
-        self._progress("samples", count, count)
-        order = mixed(finished, modes, self._random)
-        ends, log_density = _joined(of_batches, done)
-        return ends.at_rows(order), log_density[order]
+        return mixture
 
     def _separate(self) -> LinearisedPoints:
         """Return the separate modes of the reduced posterior; the highest alone if there are no others."""
@@ -356,7 +325,8 @@ class _Sampler:
             z, log_weight = self._mode, np.zeros(1)
         chosen = drawn_by_weight(from_logarithms(clipped(log_weight)), count, self._random)
         start = LinearisedPoints.at(self._posterior, z[chosen])
-        return decorrelate(Density.of(self._posterior), start, self._random, self._progress, self._limit)
+        enough = enough_correlation(log_weight, count)
+        return decorrelate(Density.of(self._posterior), start, self._random, self._progress, self._limit, enough)
 
     def _log_likelihood(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the log-likelihood (n,) at z (n, p), from the few lines if a part of the points shows them to do."""
@@ -371,16 +341,3 @@ class _Sampler:
     def _log_posterior(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the log density (n,), up to a constant, of z (n, p), from all lines."""
         return np.asarray(self._likelihood.log(unit_from_normal(z)) - squared_norms(z) / 2.0)
-
-
-def _joined(
-    found: list[tuple[int, LinearisedPoints, NDArray[np.float64]]], done: NDArray[np.intp]
-) -> tuple[LinearisedPoints, NDArray[np.float64]]:
-    """Join ends of searches about several modes, given with their log density, by the number of searches about each."""
-    modes, ends, log_density = zip(*found, strict=True)
-    densities = [one + np.log(done[mode]) for mode, one in zip(modes, log_density, strict=True)]
-    return LinearisedPoints.joined(ends), np.concatenate(densities)
-
-
-def _a_few_dominate(ends: LinearisedPoints, log_density: NDArray[np.float64]) -> bool:
-    return a_few_dominate(ends.log_posterior - log_density)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # loads a part of it when that is first used
 from numpy.typing import NDArray
 
 
@@ -18,9 +19,16 @@ class Settings:
     """Effective samples over searches below which a few weights dominate and the largest are clipped."""
     quantile: float = 0.975
     """Quantile at which they are clipped: where the tangent map folds over, single weights are huge."""
+    negligible: float = 12.0
+    """Logarithm of the largest weight over those that are left out: thousands of them change nothing."""
+    tempered: float = 0.25
+    """Effective samples, over their number, from which anchors of further searches are drawn."""
 
 
 _SETTINGS = Settings()
+
+INDEPENDENT = 0.25
+"""Correlation of moved samples with their starts, in each coordinate, below which they count as independent."""
 
 
 def drawn_by_weight(weight: NDArray[np.float64], count: int, random: np.random.Generator) -> NDArray[np.intp]:
@@ -53,6 +61,27 @@ def effective_after_moves(log_weight: NDArray[np.float64], count: int, correlati
     return float(1.0 / (correlation**2 / before + (1.0 - correlation**2) / count))
 
 
+def enough_correlation(log_weight: NDArray[np.float64], count: int) -> float:
+    """Return the correlation with their starts to which moved samples may come, so that they count as even weights do.
+
+    Parameters
+    ----------
+    log_weight, count
+        As in `effective_after_moves`.
+    """
+    if a_few_dominate(log_weight):
+        return INDEPENDENT
+    before, wanted = max(effective_sample_size(log_weight), 1.0), _SETTINGS.even * count
+    if before >= wanted:
+        return 1.0
+    return float(max(INDEPENDENT, np.sqrt((1.0 / wanted - 1.0 / count) / (1.0 / before - 1.0 / count))))
+
+
+def are_counted(log_weight: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which samples do not have a negligible weight."""
+    return np.asarray(log_weight > log_weight.max(initial=-np.inf) - _SETTINGS.negligible)
+
+
 def are_even(log_weight: NDArray[np.float64], searches: int) -> bool:
     """Return whether weighted samples of a number of searches can be used as they are."""
     return effective_sample_size(log_weight) >= _SETTINGS.even * max(searches, 1)
@@ -68,6 +97,18 @@ def clipped(log_weight: NDArray[np.float64]) -> NDArray[np.float64]:
     if len(log_weight) and a_few_dominate(log_weight):
         return np.asarray(np.minimum(log_weight, np.quantile(log_weight, _SETTINGS.quantile)))
     return log_weight
+
+
+def tempered(log_weight: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the logarithms of the weights times a factor, 1 or less, with which not only a few count."""
+    wanted = _SETTINGS.tempered * len(log_weight)
+    if effective_sample_size(log_weight) >= wanted:
+        return log_weight
+
+    def excess(factor: float) -> float:
+        return effective_sample_size(factor * log_weight) - wanted
+
+    return np.asarray(scipy.optimize.bisect(excess, 0.0, 1.0, rtol=0.01) * log_weight)
 
 
 def from_logarithms(log_weight: NDArray[np.float64]) -> NDArray[np.float64]:
