@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import scipy  # loads a part of it when that is first used
 from numpy.typing import NDArray
 
 from dovetail.errors import DovetailError
-from dovetail.interfaces import plugin_errors
+from dovetail.interfaces import SubstructureModel, plugin_errors
 from dovetail.synthesis.condensation import BoundaryStiffness, boundary_stiffness
 from dovetail.synthesis.graph import Graph
 from dovetail.synthesis.joint_evaluation import (
@@ -26,6 +27,11 @@ from dovetail.synthesis.relative_coordinates import in_coordinates, relative_coo
 
 Point = tuple[str, int]
 """A DOF: the name of a substructure, and the index of its DOF."""
+
+_MOST_KEPT = 16e6
+"""Bytes of a condensed stiffness that is kept with its substructure."""
+_LATEST: WeakKeyDictionary[SubstructureModel, tuple[tuple[object, ...], BoundaryStiffness]] = WeakKeyDictionary()
+"""The latest condensed stiffness of each substructure, and for which DOFs and frequencies."""
 
 
 def condense(
@@ -60,8 +66,25 @@ def condense(
             numbers = graph.substructure_dofs(name)[dofs]
             with plugin_errors(substructure, f"substructure '{name}' ({substructure.name})"):
                 draw = None if disturbed is None else disturbed.get(name)
-                condensed[name] = boundary_stiffness(substructure, dofs, frequency, draw).numbered(numbers)
+                condensed[name] = _latest_stiffness(substructure, dofs, frequency, draw).numbered(numbers)
     return condensed
+
+
+def _latest_stiffness(
+    substructure: SubstructureModel, dofs: list[int], frequency: NDArray[np.float64], draw: int | None
+) -> BoundaryStiffness:
+    """Return the condensed stiffness, without computing it again if it was the latest of this substructure.
+
+    Assemblies that differ in one part, as in a search for causes, condense that part only.
+    """
+    wanted = (tuple(dofs), draw, frequency.tobytes())
+    known, stiffness = _LATEST.get(substructure, (None, None))
+    if stiffness is None or known != wanted:
+        stiffness = boundary_stiffness(substructure, dofs, frequency, draw)
+        if stiffness.values.nbytes <= _MOST_KEPT:
+            stiffness.values.setflags(write=False)
+            _LATEST[substructure] = wanted, stiffness
+    return stiffness
 
 
 class CoupledSystem:
