@@ -4,10 +4,11 @@
     python tests/benchmarks/gallery.py hammer
     python tests/benchmarks/gallery.py frame --data FOLDER
     python tests/benchmarks/gallery.py beam --data FOLDER
+    python tests/benchmarks/gallery.py collet --data FOLDER
 
 prints the tables of a page of docs/gallery, and writes them to docs/gallery/tables (or the folder of `--to`). The
-FRFs of oscillator and hammer are part of this repository; those of frame and beam are not, and are read from the folder
-that measured_structures.py made with `--convert`.
+FRFs of oscillator and hammer are part of this repository; those of the others are not. Those of frame and beam are read
+from the folder that measured_structures.py made with `--convert`, those of the collet from their repository's folder.
 
 An FRF that is predicted is compared with the measured one by the FRAC, |<a, b>|^2 / (<a, a> <b, b>) over the band: 1 if
 they differ by a factor only. It is blind to gains, and the highest peaks dominate it. The magnitude error next to it,
@@ -18,12 +19,23 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from gallery_collet import collet
+from gallery_tables import (
+    interval_of_band,
+    named,
+    pairs,
+    percent,
+    predictions,
+    rows,
+    sentence,
+    word,
+)
 from measured_data import DESCRIPTIONS, STRUCTURES
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
@@ -55,18 +67,6 @@ class Circle(NamedTuple):
     damping: float
 
 
-def frac(first: NDArray[np.complex128], second: NDArray[np.complex128]) -> float:
-    """Return the frequency response assurance criterion of two FRFs of shape (n_lines,)."""
-    powers = np.vdot(first, first).real * np.vdot(second, second).real
-    return float(abs(np.vdot(first, second)) ** 2 / powers)
-
-
-def magnitude_error(model: NDArray[np.complex128], frf: NDArray[np.complex128]) -> float:
-    """Return the median over the lines of how far magnitudes are apart, as a part of the larger one."""
-    separate = np.abs(np.log(np.abs(model) / np.abs(frf)))
-    return float(1 - np.exp(-np.median(separate)))
-
-
 def circle_fit(frf: dovetail.Frf, band: tuple[float, float]) -> Circle:
     """Fit a circle to the lines of an accelerance within a band [Hz], and the angles on it.
 
@@ -94,32 +94,6 @@ def circle_fit(frf: dovetail.Frf, band: tuple[float, float]) -> Circle:
     fit = least_squares(residuals, start, x_scale=(0.1, 1.0, 0.5))
     _, natural, width = fit.x
     return Circle(natural / (2 * np.pi), natural**2, abs(width))
-
-
-def rows(header: str, lines: Iterable[Sequence[str]]) -> str:
-    """Return a Markdown table; the header's cells are separated by bars."""
-    titles = header.split("|")
-    table = [titles, ["---"] * len(titles), *lines]
-    return "".join(f"| {' | '.join(cell.strip() for cell in line)} |\n" for line in table)
-
-
-def named(result: dovetail.Identification, assembly: dovetail.Assembly) -> dict[str, float]:
-    """Return the identified values by the names of the assembly's parameters."""
-    return {parameter.name: float(value) for parameter, value in zip(assembly.parameters, result.theta, strict=True)}
-
-
-def predictions(
-    assembly: dovetail.Assembly, theta: Mapping[str, float], measured: Sequence[dovetail.Frf], derivatives: int = 0
-) -> list[tuple[float, float]]:
-    """Return FRAC and magnitude error of each response over the assembly's band, of FRFs derived so often by time."""
-    band = assembly.frequency[0], assembly.frequency[-1]
-    frequency = measured[0].frequency
-    inside = (frequency >= band[0]) & (frequency <= band[1])
-    on_lines = assembly.on(frequency[inside])
-    models = on_lines.frfs(on_lines.vector(theta))
-    slope = frequency[inside] ** derivatives
-    pairs = [(model * slope, frf.values[inside] * slope) for model, frf in zip(models, measured, strict=True)]
-    return [(frac(*pair), magnitude_error(*pair)) for pair in pairs]
 
 
 def with_band(assembly: dovetail.Assembly, start: float, stop: float) -> dovetail.Assembly:
@@ -309,36 +283,12 @@ def beam_column(actuator: int, position: float) -> dovetail.Assembly:
     return dovetail.load(description)
 
 
-def pairs(compared: Sequence[tuple[float, float]]) -> list[str]:
-    """Return the cells of FRAC and magnitude error of several responses."""
-    return [f"{likeness:.3f}, {percent(error)}" for likeness, error in compared]
-
-
-def percent(error: float) -> str:
-    """Return a relative error in per cent."""
-    return f"{100 * error:.0f} %"
-
-
-def interval_of_band(band: tuple[float, float]) -> str:
-    """Return a band in words."""
-    return f"{band[0]:.0f} to {band[1]:.0f} Hz"
-
-
-def word(result: dovetail.Identification) -> str:
-    """Return the word for how well the model fits."""
-    return "not judged" if result.adequacy is None else result.adequacy.word
-
-
-def sentence(result: dovetail.Identification) -> str:
-    """Return what the program says of the errors of the model."""
-    return "" if result.adequacy is None else result.adequacy.sentence + "\n"
-
-
 PAGES: Mapping[str, Callable[[Path], dict[str, str]]] = {
     "oscillator": oscillator,
     "frame": frame,
     "beam": beam,
     "hammer": hammer,
+    "collet": collet,
 }
 
 

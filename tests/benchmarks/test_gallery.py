@@ -6,6 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import gallery
+import gallery_collet
+import gallery_tables
 import numpy as np
 import pytest
 
@@ -30,10 +32,10 @@ def test_a_circle_gives_stiffness_and_damping_through_any_gain_and_phase(measure
 
 def test_frac_sees_shapes_and_the_magnitude_error_sees_sizes():
     curve = np.array([1.0 + 1j, 5.0, 2.0j])
-    assert gallery.frac(curve, 3j * curve) == pytest.approx(1.0)
-    assert gallery.frac(curve, np.array([0.0, 0.0, 1.0])) == pytest.approx(4 / 31)
-    assert gallery.magnitude_error(curve, 2 * curve) == pytest.approx(0.5)
-    assert gallery.magnitude_error(2 * curve, curve) == pytest.approx(0.5)
+    assert gallery_tables.frac(curve, 3j * curve) == pytest.approx(1.0)
+    assert gallery_tables.frac(curve, np.array([0.0, 0.0, 1.0])) == pytest.approx(4 / 31)
+    assert gallery_tables.magnitude_error(curve, 2 * curve) == pytest.approx(0.5)
+    assert gallery_tables.magnitude_error(2 * curve, curve) == pytest.approx(0.5)
 
 
 def test_the_oscillator_agrees_with_its_circle_and_predicts_lines_that_were_not_fitted(measured):
@@ -81,3 +83,47 @@ def test_the_hammers_only_resonance_determines_its_stiffness():
     value, interval = (cell.strip() for cell in row.split("|")[2:4])
     low, high = map(float, interval.split(" to "))
     assert low < float(value) < high < 1.5 * low
+
+
+def test_shared_poles_are_found_again_with_their_damping():
+    frequency = np.arange(600.0, 3200.0, 2.0)
+    s = 2j * np.pi * frequency
+    poles = ((1070.0, 0.03), (1250.0, 0.04), (1970.0, 0.05), (2610.0, 0.03))
+    residues = np.array([[2.0, 0.4, 3.0, 5.0], [0.5, 0.2j, -1.0, -1.0 + 0.3j]])
+    terms = []
+    for natural, damping in poles:
+        pole = 2 * np.pi * natural * (-damping + 1j * np.sqrt(1 - damping**2))
+        terms.append((1 / (s - pole), 1 / (s - np.conj(pole))))
+    frfs = np.array(
+        [sum(r * one + np.conj(r) * other for r, (one, other) in zip(row, terms, strict=True)) for row in residues]
+    )
+    found = gallery_collet.fit_poles(frequency, frfs, gallery_collet.POLES)
+    np.testing.assert_allclose(found.natural_frequency, [natural for natural, _ in poles], rtol=1e-6)
+    np.testing.assert_allclose(found.damping_ratio, [damping for _, damping in poles], rtol=1e-5)
+    assert found.misfit.max() < 1e-6
+
+
+def test_the_predicted_points_of_the_collet_are_those_of_the_hammer():
+    """The FRF of every impact is that of the same structure: exchanged, the fitted ones stay the same."""
+    five, two = gallery_collet.column(range(5)), gallery_collet.column(gallery_collet.FITTED)
+    assert [parameter.name for parameter in five.parameters] == [parameter.name for parameter in two.parameters]
+    theta = two.from_unit(np.full(len(two.parameters), 0.5))
+    np.testing.assert_allclose(five.frfs(theta)[[0, 2]], two.frfs(theta), rtol=1e-9)
+    assert len(gallery_collet.column((0,), gallery_collet.without_masses).parameters) == len(two.parameters) - 6
+
+
+def test_the_page_of_the_collet_is_made_from_five_files(tmp_path, monkeypatch):
+    five = gallery_collet.column(range(5))
+    lines = five.on(np.arange(600.0, 3201.0, 4.0))
+    values = lines.frfs(lines.from_unit(np.full(len(five.parameters), 0.6)))
+    for name, frf in zip(gallery_collet.FILES, values, strict=True):
+        np.savetxt(tmp_path / name, np.column_stack([lines.frequency, frf.real, frf.imag]), delimiter="\t", fmt="%.6e")
+    monkeypatch.setattr(gallery_collet, "STARTS", 1)
+    monkeypatch.setattr(gallery_collet, "SEEDS", 1)
+    monkeypatch.setattr(gallery_collet, "MODELS", {"all": lambda _: None})
+    tables = gallery.PAGES["collet"](tmp_path)
+    assert {name: table.count("\n") for name, table in tables.items() if name in ("collet", "collet_modes")} == {
+        "collet": 7,
+        "collet_modes": 6,
+    }
+    assert "| H14 | predicted | " in tables["collet"]
