@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-import sys
+import runpy
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 pytest.importorskip("myst_parser")
-sys.path.insert(0, str(Path(__file__).parents[2] / "docs"))
-import notebook_pages
+notebook_pages = SimpleNamespace(**runpy.run_path(str(Path(__file__).parents[2] / "docs" / "notebook_pages.py")))
 
 
 def notebook(folder: Path, *cells: str) -> Path:
