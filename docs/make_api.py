@@ -22,6 +22,7 @@ SECTIONS = {
     "measurement": "Measurements",
     "frf": "Frequency response functions",
     "coupling": "Measured parts",
+    "matrix_files": "Imported matrices",
     "dataset": "Datasets",
     "identification": "Identification",
     "exchange": "Data of other packages",

@@ -10,7 +10,12 @@ from dovetail.testing.kit import check_descriptions
 PAGE = Path(__file__).with_name("conformance.md")
 TESTS = Path(__file__).parents[1] / "tests"
 HEADINGS = {"joint": "Joints", "substructure": "Substructures", "reducer": "Reducers", "regressor": "Regressors"}
-HEADINGS |= {"reader": "File readers", "method": "Methods of identification", "law": "Laws"}
+HEADINGS |= {
+    "reader": "File readers",
+    "matrix_reader": "Readers of matrices",
+    "method": "Methods of identification",
+    "law": "Laws",
+}
 
 INTRODUCTION = """# What the conformance kit checks
 

@@ -99,6 +99,7 @@ from .interfaces import ComponentConfig as ComponentConfig
 from .interfaces import ComponentState as ComponentState
 from .interfaces import Coordinates as Coordinates
 from .interfaces import Direction as Direction
+from .interfaces import DofTable as DofTable
 from .interfaces import Estimate as Estimate
 from .interfaces import FeatureContext as FeatureContext
 from .interfaces import FileName as FileName
@@ -112,6 +113,8 @@ from .interfaces import IdentificationProblem as IdentificationProblem
 from .interfaces import JointModel as JointModel
 from .interfaces import Law as Law
 from .interfaces import LawUnknown as LawUnknown
+from .interfaces import MatrixMeaning as MatrixMeaning
+from .interfaces import MatrixReader as MatrixReader
 from .interfaces import Node as Node
 from .interfaces import NodeDofs as NodeDofs
 from .interfaces import Omission as Omission
@@ -122,6 +125,8 @@ from .interfaces import Progress as Progress
 from .interfaces import RecordedArrays as RecordedArrays
 from .interfaces import RecordedChannels as RecordedChannels
 from .interfaces import RecordedFrf as RecordedFrf
+from .interfaces import RecordedMatrix as RecordedMatrix
+from .interfaces import RecordedModel as RecordedModel
 from .interfaces import RecordedSet as RecordedSet
 from .interfaces import RecordedSignal as RecordedSignal
 from .interfaces import Reducer as Reducer
@@ -138,6 +143,8 @@ from .interfaces import carried as carried
 from .interfaces import is_rotation as is_rotation
 from .interfaces import silent as silent
 from .interfaces import spread_normal as spread_normal
+from .matrix_files import mirror_half as mirror_half
+from .matrix_files import read_matrices as read_matrices
 from .measurement import EstimatedFrf as EstimatedFrf
 from .measurement import ModalParameters as ModalParameters
 from .measurement import ModelDof as ModelDof

@@ -65,6 +65,7 @@ def dovetail_components() -> list[type[dovetail.Component]]:
         Multistart,
         Network,
         *_readers(),
+        *_matrix_readers(),
         *LAWS,
     ]
 
@@ -79,6 +80,23 @@ def _readers() -> list[type[dovetail.Component]]:
     from dovetail_plugins.readers.uff import UffReader
 
     return [UffReader, TextReader, NpzReader, NpyReader, MatlabReader, Hdf5Reader, CutProReader, LabViewReader]
+
+
+def _matrix_readers() -> list[type[dovetail.Component]]:
+    from dovetail_plugins.matrix_readers.abaqus import AbaqusInputReader, AbaqusMatrixReader
+    from dovetail_plugins.matrix_readers.ansys import (
+        AnsysFullReader,
+        AnsysMappingReader,
+        AnsysNodesReader,
+        HarwellBoeingReader,
+    )
+    from dovetail_plugins.matrix_readers.archives import ArchiveReader, MatrixMarketReader
+    from dovetail_plugins.matrix_readers.nastran import NastranBulkReader
+    from dovetail_plugins.matrix_readers.op4 import Op4Reader
+
+    nastran, abaqus = (NastranBulkReader, Op4Reader), (AbaqusMatrixReader, AbaqusInputReader)
+    ansys = (HarwellBoeingReader, AnsysMappingReader, AnsysNodesReader, AnsysFullReader)
+    return [ArchiveReader, MatrixMarketReader, *nastran, *abaqus, *ansys]
 
 
 @dovetail.hookimpl

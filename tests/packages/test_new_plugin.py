@@ -11,7 +11,7 @@ import pytest
 
 from dovetail.testing import check_component, check_names
 
-KINDS = ("joint", "substructure", "reducer", "regressor", "reader", "method")
+KINDS = ("joint", "substructure", "reducer", "regressor", "reader", "matrix_reader", "method")
 
 
 @pytest.mark.slow  # by default test_transcript.py does so with a joint
@@ -64,7 +64,7 @@ def test_a_name_with_dashes_makes_an_identifier(runner, tmp_path):
     assert 'name = "dovetail-felt-pad"' in (tmp_path / "mine/pyproject.toml").read_text()
 
 
-@pytest.mark.parametrize("kind", ["joint", "substructure", "reader", "method"])
+@pytest.mark.parametrize("kind", ["joint", "substructure", "reader", "matrix_reader", "method"])
 def test_a_new_plugin_passes_the_conformance_kit(kind, runner, tmp_path, monkeypatch):
     assert runner("new-plugin", kind, "my_own", "-o", tmp_path / "mine").exit_code == 0
     source = tmp_path / "mine" / "src" / "dovetail_my_own" / f"{kind}.py"

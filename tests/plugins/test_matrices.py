@@ -132,8 +132,8 @@ FAULTS = {
     "complex": ("npz", {"matrices": {"K": K + 0j}}, {}, "the matrix K has complex128 entries."),
     "negative mass": ("npz", {"matrices": {"M": spoilt(M, -1.0)}}, {}, "the mass of row 4 is negative: -1."),
     "unknown node": ("npz", {}, {"nodes": ["n1", "n99"]}, "there is no node 'n99' with these directions."),
-    "unknown direction": ("npz", {}, {"displacement": "uy"}, "no DOF has the direction 'uy', which is used as x."),
-    "unknown rotation": ("npz", {}, {"rotation": "ry"}, "no DOF has the direction 'ry', which is used as rz."),
+    "unknown direction": ("npz", {}, {"displacement": "uy"}, "no DOF has the direction 'uy', which is used as x"),
+    "unknown rotation": ("npz", {}, {"rotation": "ry"}, "no DOF has the direction 'ry', which is used as rz"),
     "no table": ("npz", {"columns": lambda: {}}, {}, "there is no table of DOFs: no 'nodes', no 'directions'."),
     "no directions": ("npz", {"columns": lambda: {"nodes": table()["nodes"]}}, {}, "there is no 'directions', which"),
     "short table": ("npz", {"columns": changed(nodes=table()["nodes"][1:])}, {}, "nodes 17, directions 18, positions"),
@@ -145,9 +145,9 @@ FAULTS = {
     "two dampings": ("npz", {}, {"loss_factor": 0.01}, "both a matrix D and 'loss_factor' are given."),
     "missing file": ("npz", {}, {"file": "other.npz"}, "other.npz: there is no such file."),
     "folder": ("npz", {}, {"file": "."}, ": this is a directory."),
-    "ending": ("npz", {}, {"file": "part.op4"}, "'.op4' is not the ending of an archive of matrices."),
+    "ending": ("npz", {}, {"file": "part.bin"}, "'.bin' is not the suffix of a file of matrices that is read."),
     "no source": ("npz", {}, {"file": None}, "give either 'file', or 'mass' and 'stiffness'"),
-    "no table file": ("mtx", {}, {"dofs": None}, "files of single matrices need 'mass', 'stiffness' and the table"),
+    "no table file": ("mtx", {}, {"dofs": None}, "there is no table of DOFs: no 'nodes', no 'directions'."),
 }  # fmt: skip
 
 
@@ -156,7 +156,7 @@ def test_every_bad_file_is_one_clear_error(case, tmp_path):
     form, made, options, said = FAULTS[case]
     made = {name: value() if callable(value) else value for name, value in made.items()}
     part = write(tmp_path, form, **made)
-    (tmp_path / "part.op4").write_text("1\n")
+    (tmp_path / "part.bin").write_text("1\n")
     section = {key: value for key, value in (part | options).items() if value is not None}
     with pytest.raises(DescriptionError) as caught:
         load(tmp_path, section)

@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_limits
 
+from dovetail.interfaces import KINDS as KIND_NAMES
 from dovetail.testing import check_component, check_names
 from dovetail.testing.kit import each_check
 from support.broken_plugins import load_broken_plugins
 from support.broken_plugins.lists import BROKEN, FURTHER
 
-KINDS = {kind: f"{kind}s" for kind in ("joint", "substructure", "reducer", "regressor", "reader", "method", "law")}
+KINDS = {kind: f"{kind}s" for kind in KIND_NAMES}
 PLUGINS = {kind: importlib.import_module(f"support.broken_plugins.{name}") for kind, name in KINDS.items()}
 load_broken_plugins()
 CASES = [(kind, check) for kind in PLUGINS for check in BROKEN[kind]]
@@ -90,7 +91,7 @@ def test_there_are_more_than_a_hundred_broken_plugins():
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_sound_one_passes_every_check(kind):
-    sound = getattr(PLUGINS[kind], f"Sound{kind.capitalize()}")
+    sound = getattr(PLUGINS[kind], f"Sound{kind.title().replace('_', '')}")
     results = check_component(sound)
     assert [str(result) for result in results if result.outcome not in ("passed", "not applicable")] == []
 
@@ -103,7 +104,9 @@ def test_no_check_is_without_its_broken_plugin():
 @pytest.mark.parametrize("kind", KINDS)
 def test_there_are_more_than_ten_checks_of_each_kind(kind):
     assert (
-        len(check_names(kind)) == len(set(check_names(kind))) >= {"reader": 15, "method": 15, "law": 11}.get(kind, 20)
+        len(check_names(kind))
+        == len(set(check_names(kind)))
+        >= {"reader": 15, "matrix_reader": 14, "method": 15, "law": 11}.get(kind, 20)
     )
 
 

@@ -20,8 +20,10 @@ from support.broken_plugins.lists import BROKEN
 
 SLOW = ("flow",)
 """Of which `mlp`, whose training it shares, shows most."""
-REGISTERED = [(kind, name) for kind in KINDS if kind != "reader" for name in installed_components().names(kind)]
-"""All but the readers, which test_own_readers.py tests."""
+REGISTERED = [
+    (kind, name) for kind in KINDS if not kind.endswith("reader") for name in installed_components().names(kind)
+]
+"""All but the readers, which test_own_readers.py and test_own_matrix_readers.py test."""
 
 
 @pytest.mark.parametrize(

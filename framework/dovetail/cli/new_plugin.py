@@ -13,7 +13,11 @@ from dovetail.cli.terminal import say
 
 def new_plugin(
     kind: Annotated[
-        str, typer.Argument(metavar="KIND", help="substructure, joint, reducer, regressor, reader, method or law.")
+        str,
+        typer.Argument(
+            metavar="KIND",
+            help="substructure, joint, reducer, regressor, reader, matrix_reader, method or law.",
+        ),
     ],
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the model, as after 'model:' in a description.")],
     output: Annotated[

@@ -65,7 +65,7 @@ def description_schema(registry: Registry) -> Schema:
     for model in (*sections, DampingSection, OrientationSection, AxesSection, IdentificationSection, StudySection):
         _define(definitions, model.__name__.removesuffix("Section").lower(), option_schema(model))
     _complete_sections(definitions)
-    for kind in (kind for kind in KINDS if kind not in ("reader", "law")):  # no assembly names these
+    for kind in (kind for kind in KINDS if kind not in ("reader", "matrix_reader", "law")):  # no assembly names these
         for offer in registry.offers(kind):
             _define(definitions, f"{kind}.{offer.component.name}", _component_schema(offer))
         definitions[kind] = _choice(kind, registry.offers(kind))

@@ -40,7 +40,7 @@ from dovetail.interfaces.matrices import (
 from dovetail.interfaces.method import Estimate, IdentificationMethod, IdentificationProblem
 from dovetail.interfaces.option_schema import option_schema
 from dovetail.interfaces.progress import NO_LIMIT, CutShort, Progress, TimeLimit, logged, progress_reporter, silent
-from dovetail.interfaces.reader import FrfReader
+from dovetail.interfaces.reader import FileReader, FrfReader, MatrixReader
 from dovetail.interfaces.recorded import (
     About,
     ArrayEntry,
@@ -53,6 +53,7 @@ from dovetail.interfaces.recorded import (
     RecordedSignal,
     Statement,
 )
+from dovetail.interfaces.recorded_model import DofTable, MatrixMeaning, RecordedMatrix, RecordedModel
 from dovetail.interfaces.reducer import FittedReducer, Reducer
 from dovetail.interfaces.regressor import FittedRegressor, Regressor, TargetDistribution, TrainingEpoch, spread_normal
 from dovetail.interfaces.state import ComponentState
@@ -77,9 +78,11 @@ __all__ = [
     "CutShort",
     "Declaration",
     "Direction",
+    "DofTable",
     "Estimate",
     "FeatureContext",
     "FileName",
+    "FileReader",
     "FitOptions",
     "FittedReducer",
     "FittedRegressor",
@@ -91,6 +94,8 @@ __all__ = [
     "Kind",
     "Law",
     "LawUnknown",
+    "MatrixMeaning",
+    "MatrixReader",
     "Node",
     "NodeDofs",
     "Omission",
@@ -103,6 +108,8 @@ __all__ = [
     "RecordedArrays",
     "RecordedChannels",
     "RecordedFrf",
+    "RecordedMatrix",
+    "RecordedModel",
     "RecordedSet",
     "RecordedSignal",
     "Reducer",

@@ -16,8 +16,17 @@ from pydantic import BaseModel, ConfigDict, ValidationInfo, field_validator
 from dovetail.errors import DovetailError, Fault, PluginError
 from dovetail.units import refuse_marks
 
-Kind = Literal["substructure", "joint", "reducer", "regressor", "reader", "method", "law"]
-KINDS: tuple[Kind, ...] = ("substructure", "joint", "reducer", "regressor", "reader", "method", "law")
+Kind = Literal["substructure", "joint", "reducer", "regressor", "reader", "matrix_reader", "method", "law"]
+KINDS: tuple[Kind, ...] = (
+    "substructure",
+    "joint",
+    "reducer",
+    "regressor",
+    "reader",
+    "matrix_reader",
+    "method",
+    "law",
+)
 INTERFACE_VERSION = 2
 """Version of the plugin interface; it increases with each change that can break a component."""
 OLDEST_INTERFACE = 1

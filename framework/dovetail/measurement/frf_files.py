@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.atomic_files import read_bounded
-from dovetail.errors import Fault, MeasurementError, PluginError, argument, listing
+from dovetail.errors import Fault, MeasurementError, PluginError, argument
 from dovetail.frf import Frf
 from dovetail.interfaces import (
     ArrayEntry,
@@ -24,7 +24,6 @@ from dovetail.interfaces import (
     RecordedSet,
     RecordedSignal,
     logged,
-    plugin_errors,
 )
 from dovetail.measurement.accelerometer import remove_accelerometer_mass
 from dovetail.measurement.content.channels import decode_channels
@@ -34,9 +33,7 @@ from dovetail.measurement.content.sets import decode_set, sets_of
 from dovetail.measurement.content.tables import decode_table
 from dovetail.measurement.recording import ReadOptions, Recording, parse_quantity
 from dovetail.registry import Offer, PluginPaths, Registry, components
-
-HEAD = 4096
-"""Number of bytes from which a reader recognises its format."""
+from dovetail.registry.file_readers import find_reader, label_of, make_reader, refusals_reported
 
 
 def read_frf(
@@ -187,11 +184,11 @@ def read_content(path: Path, registry: Registry, name: str | None = None) -> tup
     PluginError
         There is no reader of this name, or its code fails.
     """
-    named = None if name is None else _made(registry.find("reader", name))
+    named = None if name is None else make_reader(registry.find("reader", name))
     if named is None:
         check_suffix(path, registry)
     content = read_bounded(path)
-    reader = named or find_reader(path, content, registry)
+    reader = cast("FrfReader", named or find_reader(path, content, registry.readers(), MeasurementError))
     return reader, decode(path, content, reader)
 
 
@@ -223,50 +220,9 @@ def read_suffixes(registry: Registry) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*defaults, *sorted(offers))))
 
 
-def find_reader(path: Path, content: bytes, registry: Registry) -> FrfReader:
-    """Return the reader that recognises a file, or else the default reader of its suffix.
-
-    Raises
-    ------
-    MeasurementError
-        None or several of them.
-    PluginError
-        The code of a reader fails.
-    """
-    suffix = path.suffix.lower()
-    offers = registry.readers()[suffix]
-    takers = [offer for offer in offers if suffix not in reader_class(offer).default_for and _accepts(offer, content)]
-    takers = takers or [offer for offer in offers if suffix in reader_class(offer).default_for]
-    if len(takers) > 1:
-        remedy = "Say which by `reader=`."
-        problem = "several readers take this file."
-        raise MeasurementError(Fault(str(path), problem, listing([o.qualified_name for o in takers]), remedy))
-    if not takers:
-        names = listing(offer.qualified_name for offer in offers)
-        problem = f"no reader of {suffix} files recognises the format of this one."
-        raise MeasurementError(Fault(str(path), problem, f"a file of one of the readers {names}"))
-    return _made(takers[0])
-
-
 def reader_class(offer: Offer) -> type[FrfReader]:
     """Return the class of an offered reader."""
     return cast("type[FrfReader]", offer.component)
-
-
-def _made(offer: Offer) -> FrfReader:
-    with plugin_errors(offer.component, f"reader '{offer.component.name}'"):
-        return reader_class(offer)()
-
-
-def _accepts(offer: Offer, content: bytes) -> bool:
-    reader = _made(offer)
-    with plugin_errors(reader, label_of(reader)):
-        return bool(reader.sniff(content[:HEAD]))
-
-
-def label_of(reader: FrfReader) -> str:
-    """Return what a reader is called in messages."""
-    return f"reader '{reader.name}'"
 
 
 def decode(path: Path, content: bytes, reader: FrfReader) -> Recorded:
@@ -279,15 +235,9 @@ def decode(path: Path, content: bytes, reader: FrfReader) -> Recorded:
     PluginError
         Its code fails, or it returns something else.
     """
-    label = label_of(reader)
-    try:
-        with plugin_errors(reader, label):
-            recorded = reader.read(path, content)
-            _check_kind(recorded, label)
-    except PluginError as error:
-        if isinstance(error.__cause__, ValueError):  # how a reader refuses a file
-            raise MeasurementError(Fault(str(path), str(error.__cause__))) from None
-        raise
+    with refusals_reported(path, reader, MeasurementError):
+        recorded = reader.read(path, content)
+        _check_kind(recorded, label_of(reader))
     return recorded
 
 

@@ -11,9 +11,10 @@ from dovetail.atomic_files import write_whole
 from dovetail.errors import Fault, MeasurementError, PluginError
 from dovetail.frf import Frf
 from dovetail.interfaces import FrfReader, FrfToWrite, plugin_errors
-from dovetail.measurement.frf_files import label_of, read_suffixes, reader_class, unknown_suffix
+from dovetail.measurement.frf_files import read_suffixes, reader_class, unknown_suffix
 from dovetail.measurement.frf_units import meaning_of_unit
 from dovetail.registry import Offer, PluginPaths, Registry, components
+from dovetail.registry.file_readers import label_of
 
 
 def write_frf(

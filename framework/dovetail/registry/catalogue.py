@@ -13,7 +13,7 @@ from types import MappingProxyType, ModuleType
 from typing import Any, TypeAlias, cast
 
 from dovetail.errors import Fault, PluginError, contained, did_you_mean, listing
-from dovetail.interfaces import KINDS, Component, FrfReader, Kind
+from dovetail.interfaces import KINDS, Component, FileReader, Kind
 from dovetail.registry.component_checks import reason_against
 from dovetail.registry.loading import (
     COMPONENTS,
@@ -126,12 +126,18 @@ class Registry:
         usable = [offers[0] for key, offers in self._offers.items() if key[0] == kind and len(offers) == 1]
         return tuple(sorted(usable, key=lambda offer: offer.component.name))
 
-    def readers(self) -> dict[str, list[Offer]]:
-        """Return the offers of file readers by the suffix of their files, including readers with the same name."""
+    def readers(self, kind: Kind = "reader") -> dict[str, list[Offer]]:
+        """Return the offers of file readers by the suffix of their files, including readers with the same name.
+
+        Parameters
+        ----------
+        kind : str
+            "reader" of FRFs, or "matrix_reader".
+        """
         by_suffix: dict[str, list[Offer]] = {}
-        for (kind, _), offers in self._offers.items():
-            for offer in offers if kind == FrfReader.kind else ():
-                for suffix in cast("type[FrfReader]", offer.component).suffixes:
+        for (offered, _), offers in self._offers.items():
+            for offer in offers if offered == kind else ():
+                for suffix in cast("type[FileReader]", offer.component).suffixes:
                     by_suffix.setdefault(suffix, []).append(offer)
         return by_suffix
 

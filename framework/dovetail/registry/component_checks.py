@@ -10,17 +10,28 @@ from dovetail.interfaces import (
     INTERFACE_VERSION,
     OLDEST_INTERFACE,
     ComponentConfig,
+    FileReader,
     FrfReader,
     IdentificationMethod,
     JointModel,
     Law,
+    MatrixReader,
     Reducer,
     Regressor,
     SubstructureModel,
 )
 from dovetail.interfaces.method import RESERVED_NAMES, RESERVED_OPTIONS
 
-_CONTRACTS = (SubstructureModel, JointModel, Reducer, Regressor, FrfReader, IdentificationMethod, Law)
+_CONTRACTS = (
+    SubstructureModel,
+    JointModel,
+    Reducer,
+    Regressor,
+    FrfReader,
+    MatrixReader,
+    IdentificationMethod,
+    Law,
+)
 
 
 def reason_against(component: Any) -> str:
@@ -49,7 +60,7 @@ def _why_unusable(component: Any) -> str:
         return f"{label} does not define {', '.join(missing)}."
     if not isinstance(component.Config, type) or not issubclass(component.Config, ComponentConfig):
         return f"{label}.Config does not derive from dovetail.ComponentConfig."
-    if issubclass(component, FrfReader) and not _are_suffixes(getattr(component, "suffixes", None)):
+    if issubclass(component, FileReader) and not _are_suffixes(getattr(component, "suffixes", None)):
         return f"{label} has no 'suffixes' such as ('.abc',), in lower case."
     if issubclass(component, IdentificationMethod) and component.name in RESERVED_NAMES:
         return f"{label} has the name '{component.name}', which is reserved; choose another name."
@@ -68,7 +79,7 @@ def _unfit_option(component: Any, label: str) -> str:
     if issubclass(component, IdentificationMethod) and (taken := sorted(fields.keys() & RESERVED_OPTIONS)):
         return f"{label} has the option '{taken[0]}', which is a parameter of 'identify'; choose another name."
     required = [name for name, field in fields.items() if field.is_required()]
-    if issubclass(component, FrfReader) and required:
+    if issubclass(component, FileReader) and required:
         return f"{label} has no default for '{required[0]}', but the options of a reader cannot be set."
     return ""
 

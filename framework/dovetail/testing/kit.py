@@ -19,6 +19,7 @@ from dovetail.registry import Registry, installed_components
 from dovetail.testing import (
     declared_checks,
     declared_part_checks,
+    file_reader_checks,
     fitted_checks,
     fitted_shape_checks,
     fitted_state_checks,
@@ -29,6 +30,7 @@ from dovetail.testing import (
     joint_law_checks,
     joint_range_checks,
     law_checks,
+    matrix_reader_checks,
     method_checks,
     reader_checks,
     reducer_checks,
@@ -72,7 +74,8 @@ _MODULES: Mapping[Kind, tuple[ModuleType, ...]] = {
         training_checks,
         general_checks,
     ),
-    "reader": (reader_checks, general_checks),
+    "reader": (file_reader_checks, reader_checks, general_checks),
+    "matrix_reader": (file_reader_checks, matrix_reader_checks, general_checks),
     "method": (method_checks, general_checks),
     "law": (law_checks, general_checks),
 }

@@ -22,6 +22,7 @@ from dovetail.testing.answers import has_receptance
 from dovetail.testing.fitted_specimens import ReducerSpecimen, RegressorSpecimen
 from dovetail.testing.law_checks import LawSpecimen
 from dovetail.testing.linear_algebra import dense
+from dovetail.testing.matrix_reader_checks import MatrixReaderSpecimen
 from dovetail.testing.method_checks import MethodSpecimen
 from dovetail.testing.reader_checks import ReaderSpecimen
 from dovetail.testing.specimen import SEED, Specimen
@@ -178,6 +179,7 @@ def specimen_of(model: type[Component], options: Mapping[str, Any]) -> Specimen:
         "reducer": ReducerSpecimen,
         "regressor": RegressorSpecimen,
         "reader": ReaderSpecimen,
+        "matrix_reader": MatrixReaderSpecimen,
         "method": MethodSpecimen,
         "law": LawSpecimen,
     }

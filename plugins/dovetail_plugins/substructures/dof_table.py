@@ -5,14 +5,13 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail import DovetailError, Fault, read_bounded
+from dovetail import DofTable, DovetailError, Fault, read_bounded
 
 TABLE_ARRAYS = {"nodes": "node", "directions": "direction", "positions": "position", "rows": "row"}
 """Arrays of a table in an archive, and the corresponding columns of a CSV file."""
@@ -21,74 +20,6 @@ _COORDINATES = ("point_x", "point_y", "point_z")
 _COLUMNS = (*TABLE_ARRAYS.values(), *_COORDINATES)
 _EXAMPLE = "a first line 'node,direction' (and 'position', 'row'), then a line for each DOF"
 _LARGEST_FILE = 100_000_000
-
-
-@dataclass(frozen=True, eq=False)
-class DofTable:
-    """DOFs of the nodes.
-
-    Parameters
-    ----------
-    nodes, directions : tuple of str
-        Of each DOF.
-    rows : (n_dofs,) array
-        Row of the matrices, from 0.
-    positions : (n_dofs,) array or None
-        Of the node, in the file's unit of length.
-    where : str
-        The file, for messages.
-    points : (n_dofs, 3) array or None
-        Coordinates of the node in space, in the file's unit of length.
-    """
-
-    nodes: tuple[str, ...]
-    directions: tuple[str, ...]
-    rows: NDArray[np.intp]
-    positions: NDArray[np.float64] | None
-    where: str
-    points: NDArray[np.float64] | None = None
-
-    def label(self, row: int) -> str:
-        """Return a label for a row of the matrices, counted from 0."""
-        named = np.flatnonzero(self.rows == row)
-        if not named.size:
-            return f"row {row + 1}"
-        return f"{self.directions[named[0]]} of node '{self.nodes[named[0]]}' (row {row + 1})"
-
-    def checked(self, size: int) -> DofTable:
-        """Return the table after checking that it fits matrices with `size` rows.
-
-        Raises
-        ------
-        DovetailError
-            A DOF is repeated, a node has two positions, or a row is out of range or repeated.
-        """
-        seen: dict[tuple[str, str], int] = {}
-        taken: dict[int, int] = {}
-        for index, (node, direction, row) in enumerate(zip(self.nodes, self.directions, self.rows, strict=True)):
-            if (node, direction) in seen:
-                raise self._error(index, f"{direction} of node '{node}' is already DOF {seen[node, direction] + 1}.")
-            if not 0 <= row < size:
-                raise self._error(index, f"row {row + 1} is not in the matrices, which have {size} rows.")
-            if row in taken:
-                raise self._error(index, f"row {row + 1} already belongs to DOF {taken[row] + 1}.")
-            seen[node, direction] = taken[int(row)] = index
-        for places in (self.positions, *(() if self.points is None else self.points.T)):
-            if places is not None:
-                self._check_positions(places)
-        return self
-
-    def _check_positions(self, positions: NDArray[np.float64]) -> None:
-        """Check that positions, or coordinates along one axis, are finite and one for each node."""
-        position_of: dict[str, float] = {}
-        for index, (node, position) in enumerate(zip(self.nodes, positions, strict=True)):
-            if not np.isfinite(position):
-                raise self._error(index, f"the position of node '{node}' is not finite.")
-            if position_of.setdefault(node, float(position)) != position:
-                raise self._error(index, f"node '{node}' is at {position_of[node]:g} and at {position:g}.")
-
-    def _error(self, index: int, problem: str) -> DovetailError:
-        return DovetailError(Fault(f"{self.where}  DOF {index + 1}", problem))
 
 
 def read_dof_table(path: Path, size: int) -> DofTable:

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field, model_validator
+from scipy.sparse import coo_array, csc_array
 
 from dovetail import (
     DIRECTIONS,
     PLANAR,
     ComponentConfig,
     Direction,
+    DofTable,
     DovetailError,
     Fault,
     FileName,
@@ -26,10 +27,10 @@ from dovetail import (
     SubstructureModel,
     is_rotation,
 )
+from dovetail_plugins.craig_bampton import ReducedPart, reduce_part
 from dovetail_plugins.substructures.definiteness import check_definiteness
-from dovetail_plugins.substructures.dof_table import DofTable, read_dof_table, table_in
-from dovetail_plugins.substructures.matrix_files import matrix_in, read_archive, read_matrix_market, sound_matrix
-from dovetail_plugins.substructures.matrix_remarks import check_stated_units, comments_of, texts_in
+from dovetail_plugins.substructures.imported_model import NAMES, ImportedModel, SourceFiles, import_model
+from dovetail_plugins.substructures.matrix_remarks import check_stated_units
 
 _WORD = r"^-?[^\s-].*$"
 """A word for a direction, after a minus if its sense is the opposite one."""
@@ -38,8 +39,10 @@ _SMALL = 60
 """Number of DOFs up to which matrices are full, so that they are condensed for all frequencies at once."""
 _PLANE, _IN_SPACE = 2, 6
 """Rigid-body motions of a bar that bends in a plane, as many as it has directions, and of a body in space."""
-_MATRICES = {"M": "mass", "K": "stiffness", "C": "damping", "D": "structural_damping"}
-"""Names in an archive, and the options for separate files."""
+_LARGEST_SHIFT = 1e-3
+"""Relative change of natural frequencies by a reduction above which there is a warning: about what a line resolves."""
+_SECONDS = (1.0, 1e-3, 1e-6)
+"""Units of time of finite element models."""
 
 
 class FileUnits(ComponentConfig):
@@ -60,6 +63,46 @@ class FileUnits(ComponentConfig):
     stiffness: Annotated[float, Field(gt=0), InUnit("N/m")] = 1.0
 
 
+class MatrixNames(ComponentConfig):
+    """Names of matrices in a file that has several which could be meant.
+
+    Attributes
+    ----------
+    mass, stiffness, damping, structural_damping : str
+        As in the file, such as KAA.
+    """
+
+    mass: str | None = None
+    stiffness: str | None = None
+    damping: str | None = None
+    structural_damping: str | None = None
+
+
+class Reduction(ComponentConfig):
+    """Reduction to an interface and modes with the interface held (Craig, Bampton).
+
+    Attributes
+    ----------
+    interface : list of str
+        Nodes that are kept, for joints and responses.
+    modes : int
+        Number of modes that are kept, or
+    up_to : float
+        the frequency up to which they are kept [Hz].
+    """
+
+    alternatives = ((("modes",), ("up_to",)),)
+    interface: Annotated[tuple[str | int, ...], Field(min_length=1)]
+    modes: Annotated[int | None, Field(ge=0, le=2000)] = None
+    up_to: Annotated[float | None, Field(gt=0), InUnit("Hz")] = None
+
+    @model_validator(mode="after")
+    def _one_measure(self) -> Reduction:
+        if (self.modes is None) == (self.up_to is None):
+            raise ValueError("give either 'modes' or 'up_to'")
+        return self
+
+
 class Matrices(SubstructureModel):
     """Matrices M and K (optionally C and D) and a table that names their DOFs.
 
@@ -69,7 +112,7 @@ class Matrices(SubstructureModel):
     """
 
     name = "matrices"
-    summary = "Imported mass, stiffness and damping matrices (NPZ, MAT, Matrix Market), thousands of DOFs"
+    summary = "Imported mass, stiffness and damping matrices (NASTRAN, Abaqus, Ansys, NPZ, MAT), thousands of DOFs"
     references = (
         "R. R. Craig, M. C. C. Bampton, Coupling of substructures for dynamic analyses, AIAA J. 6 (1968) 1313-1319",
     )
@@ -80,11 +123,16 @@ class Matrices(SubstructureModel):
         Attributes
         ----------
         file : str
-            NPZ or MAT archive with M, K and, optionally, C, D and the table of DOFs.
+            File with M, K and, optionally, C, D and the table of DOFs.
         mass, stiffness, damping, structural_damping : str
-            A Matrix Market file for each matrix, instead of `file`.
+            A file for each matrix, instead of `file`.
+        names : section
+            Names of the matrices in the files, if these are not the customary ones.
         dofs : str
-            CSV with the table of DOFs: node, direction and, optionally, position and row.
+            File with the table of DOFs: a CSV with node, direction and, optionally, position and row, or a file of the
+            finite element program.
+        coordinates : str
+            File with the coordinates of the nodes.
         displacement, rotation : str
             The directions, named as in the table, that are x and rz; a preceding minus means the opposite sense.
         axes : mapping of directions to str
@@ -95,6 +143,8 @@ class Matrices(SubstructureModel):
             Units of the numbers in the files.
         loss_factor : float
             Structural damping D = loss_factor K, instead of a matrix.
+        reduce : section
+            Reduction to the nodes of an interface, instead of `nodes`, and some modes.
         tolerance : float
             Relative error of the condensation, verified with exact lines; 0 for a factorisation at every frequency.
         """
@@ -103,33 +153,39 @@ class Matrices(SubstructureModel):
             (("file",), ("mass", "stiffness", "damping", "structural_damping")),
             (("loss_factor",), ("structural_damping",)),
             (("axes",), ("displacement", "rotation")),
+            (("nodes",), ("reduce",)),
         )
         file: _OptionalFile = None
         mass: _OptionalFile = None
         stiffness: _OptionalFile = None
         damping: _OptionalFile = None
         structural_damping: _OptionalFile = None
+        names: MatrixNames = MatrixNames()
         dofs: _OptionalFile = None
+        coordinates: _OptionalFile = None
         displacement: Annotated[str, Field(pattern=_WORD)] = "x"
         rotation: Annotated[str, Field(pattern=_WORD)] = "rz"
         axes: dict[Direction, Annotated[str, Field(pattern=_WORD)]] = Field(default_factory=dict)
         nodes: tuple[str | int, ...] = ()
         units: FileUnits = FileUnits()
         loss_factor: Annotated[float, Field(ge=0, lt=1)] = 0.0
+        reduce: Reduction | None = None
         tolerance: Annotated[float, Field(ge=0, le=1e-3)] = 1e-9
 
         @model_validator(mode="after")
         def _one_source(self) -> Matrices.Config:
-            single = [option for option in _MATRICES.values() if getattr(self, option)]
+            single = [option for option in NAMES.values() if getattr(self, option)]
             if bool(self.file) == bool(single):
                 raise ValueError("give either 'file', or 'mass' and 'stiffness'")
-            if single and not (self.mass and self.stiffness and self.dofs):
-                raise ValueError("files of single matrices need 'mass', 'stiffness' and the table 'dofs'")
+            if single and not (self.mass and self.stiffness):
+                raise ValueError("files of single matrices need 'mass' and 'stiffness'")
             if self.axes and {"displacement", "rotation"} & self.model_fields_set:
                 raise ValueError("give either 'axes', or 'displacement' and 'rotation'")
             words = [word.lstrip("-") for word in self.axes.values()]
             if len(set(words)) < len(words):
                 raise ValueError("two of 'axes' are the same direction of the table")
+            if self.nodes and self.reduce:
+                raise ValueError("'reduce' keeps the nodes of its 'interface', so leave out 'nodes'")
             return self
 
     @classmethod
@@ -143,11 +199,35 @@ class Matrices(SubstructureModel):
 
     def __init__(self, config: Config) -> None:
         super().__init__(config)
-        matrices, table, where = self._read()
-        self._labels, self._table = self._chosen(table), table
-        reached, motions = self._reached(matrices["K"].shape[0])
-        check_definiteness(matrices, where, table.label, reached, motions)
-        self._matrices = self._arranged(matrices)
+        model = import_model(self._files())
+        self._table = model.table
+        self._is_planar = not model.axes or bool({"displacement", "rotation"} & config.model_fields_set)
+        self._is_planar = self._is_planar and not config.axes
+        self._words = self._words_of(model)
+        self._check_units(model)
+        if not (self._is_planar or model.has_units or model.table.points is not None):
+            problem = "there are no coordinates of the nodes, which a part in space needs."
+            remedy = "Name a file of the model with 'coordinates' (nodes of the program's input), or a CSV with 'dofs'."
+            raise DovetailError(Fault(model.table.where, problem, remedy=remedy))
+        if config.loss_factor and "D" in model.matrices:
+            raise DovetailError(
+                Fault(model.where["D"], "both a matrix D and 'loss_factor' are given.", "one of the two")
+            )
+        self._labels = self._chosen(self._table)
+        reached, motions = self._reached(model.matrices["K"].shape[0])
+        check_definiteness(model.matrices, model.where, self._table.label, reached, motions)
+        self.reduced: ReducedPart | None = None
+        self._matrices = self._arranged(model)
+
+    def doubts(self, frequency: float) -> list[str]:
+        """Report a reduction that leaves out too much for frequencies up to `frequency` [Hz]."""
+        if self.reduced is None or (shift := self.reduced.largest_shift(frequency)) <= _LARGEST_SHIFT:
+            return []
+        kept, following = len(self.reduced.natural_frequencies), self.reduced.next_frequency
+        text = f"reduced to {kept} modes, and the next one, with the interface held, is at {following:.4g} Hz: "
+        if np.isinf(shift):
+            return [f"{text}above that the reduced part is wrong. Keep more modes by 'reduce.up_to'."]
+        return [f"{text}natural frequencies up to {frequency:.4g} Hz may change by {shift:.2%}. Keep more modes."]
 
     @cached_property
     def nodes(self) -> tuple[Node, ...]:
@@ -165,16 +245,19 @@ class Matrices(SubstructureModel):
             for label in self._labels
         )
 
-    @cached_property
-    def _words(self) -> dict[Direction, str]:
-        """The table's word for each direction, after a minus if its sense is the opposite one."""
-        if self.config.axes:
-            return {direction: self.config.axes[direction] for direction in DIRECTIONS if direction in self.config.axes}
-        return {"x": self.config.displacement, "rz": self.config.rotation}
+    def _words_of(self, model: ImportedModel) -> dict[Direction, str]:
+        """Return the table's word for each direction, after a minus if its sense is the opposite one."""
+        config = self.config
+        if config.axes:
+            return {direction: config.axes[direction] for direction in DIRECTIONS if direction in config.axes}
+        if self._is_planar:
+            return {"x": config.displacement, "rz": config.rotation}
+        there = set(model.table.directions)
+        return {direction: word for direction in DIRECTIONS if (word := model.axes.get(direction)) in there}
 
     def _directions_of(self, label: str) -> tuple[str, ...]:
         """Return the directions of a node: in space those that the table has."""
-        if not self.config.axes:
+        if self._is_planar:
             return PLANAR
         pairs = {*zip(self._table.nodes, self._table.directions, strict=True)}
         return tuple(direction for direction, word in self._words.items() if (label, word.lstrip("-")) in pairs)
@@ -193,37 +276,38 @@ class Matrices(SubstructureModel):
         node, direction = self.node_dofs[dof]
         return f"node '{self._labels[node]}' {direction}"
 
-    def _read(self) -> tuple[dict[str, Any], DofTable, dict[str, Any]]:
-        """Return the matrices that are present, the table of DOFs, and the file of each matrix."""
-        config, archive = self.config, {}
-        if config.file:
-            where = dict.fromkeys(_MATRICES, config.file)
-            archive = read_archive(Path(config.file))
-            values = {name: matrix_in(archive, name, config.file) for name in _MATRICES}
-        else:
-            where = {name: getattr(config, option) for name, option in _MATRICES.items()}
-            values = {name: read_matrix_market(Path(file)) if file else None for name, file in where.items()}
-        for name in ("M", "K"):
-            if values[name] is None:
-                names = ", ".join(sorted(archive)[:12]) or "nothing"
-                raise DovetailError(Fault(config.file, f"there is no matrix '{name}'; there is: {names}."))
-        if "units" not in config.model_fields_set:
-            files = [file for file in where.values() if file]
-            check_stated_units(
-                texts_in(archive, config.file) if config.file else chain.from_iterable(map(comments_of, files))
-            )
-        matrices = {name: sound_matrix(name, value, where[name]) for name, value in values.items() if value is not None}
-        _check_together(matrices, where)
-        if config.loss_factor and "D" in matrices:
-            raise DovetailError(Fault(where["D"], "both a matrix D and 'loss_factor' are given.", "one of the two"))
-        size = matrices["K"].shape[0]
-        table = read_dof_table(Path(config.dofs), size) if config.dofs else table_in(archive, config.file, size)
-        if table is None:
-            remedy = "Name a CSV file with 'dofs'."
-            raise DovetailError(
-                Fault(config.file, "there is no table of DOFs: no 'nodes', no 'directions'.", "", remedy)
-            )
-        return matrices, table, where
+    def _files(self) -> SourceFiles:
+        """Return the files of the description."""
+        config = self.config
+        files = dict.fromkeys(NAMES, config.file) if config.file else {n: getattr(config, o) for n, o in NAMES.items()}
+        names = {name: wanted for name, option in NAMES.items() if (wanted := getattr(config.names, option))}
+        present = {name: file for name, file in files.items() if file}
+        return SourceFiles(present, names, config.dofs, config.coordinates, are_separate=not config.file)
+
+    def _check_units(self, model: ImportedModel) -> None:
+        """Ask for the units of files that have none, and compare those that a text states.
+
+        Raises
+        ------
+        DovetailError
+            The units are missing, or stiffness and mass have no common unit of time.
+        """
+        where = model.where["K"]
+        if "units" not in self.config.model_fields_set:
+            check_stated_units(iter(model.texts))
+            if not model.has_units:
+                problem = "finite element models have no units of their own, and the description gives none."
+                remedy = (
+                    "For millimetres, tonnes and seconds give 'units: {length: 1 mm, mass: 1 t, stiffness: 1 N/mm}'."
+                )
+                raise DovetailError(Fault(where, problem, "'units' with length, mass and stiffness", remedy))
+        units = self.config.units
+        seconds = np.sqrt(units.mass / units.stiffness)
+        if not model.has_units and not np.isclose(seconds, _SECONDS, rtol=1e-6).any():
+            problem = f"with a unit of mass of {units.mass:g} kg and one of stiffness of {units.stiffness:g} N/m, "
+            problem += f"the unit of time would be {seconds:.4g} s."
+            remedy = "In a consistent system the unit of stiffness is that of mass over the square of that of time."
+            raise DovetailError(Fault(where, problem, "1 s, 1 ms or 1 us", remedy))
 
     def _reached(self, size: int) -> tuple[list[int], int]:
         """Return the rows of the nodes' DOFs, and the largest number of rigid-body motions of all DOFs."""
@@ -232,43 +316,44 @@ class Matrices(SubstructureModel):
         rows = zip(table.nodes, table.directions, table.rows, strict=True)
         reached = [int(row) for node, direction, row in rows if direction in used and node in self._labels]
         directions = set(table.directions)
-        if self.config.axes or len(table.rows) < size or len(directions) > _PLANE:
+        if not self._is_planar or len(table.rows) < size or len(directions) > _PLANE:
             return reached, min(size, _IN_SPACE)
         return reached, min(size, _PLANE if directions <= used else _PLANE + 1)
 
     def _chosen(self, table: DofTable) -> tuple[str, ...]:
-        """Return the nodes that have one of the directions: all, or those of the option `nodes`."""
-        wanted = {option: str(getattr(self.config, option)).lstrip("-") for option in ("displacement", "rotation")}
+        """Return the nodes that have one of the directions: all, or those of the options `nodes` or `reduce`."""
+        options = {"x": "displacement", "rz": "rotation"} if self._is_planar else {}
+        wanted = {options.get(each, f"axes.{each}"): word.lstrip("-") for each, word in self._words.items()}
         directions = dict.fromkeys(table.directions)
-        if self.config.axes:
-            wanted = {f"axes.{direction}": word.lstrip("-") for direction, word in self._words.items()}
+        for option, word in wanted.items():
+            is_needed = option != "rotation" or "rotation" in self.config.model_fields_set
+            if word not in directions and is_needed:
+                use = {"displacement": ", which is used as x", "rotation": ", which is used as rz"}.get(option, "")
+                problem = f"no DOF has the direction '{word}'{use}, see '{option}'."
+                raise DovetailError(Fault(table.where, problem, ", ".join(list(directions)[:12])))
         reached = [n for n, d in zip(table.nodes, table.directions, strict=True) if d in wanted.values()]
-        for option, word in wanted.items() if self.config.axes else ():
-            if word not in directions:
-                listed = ", ".join(list(directions)[:12])
-                raise DovetailError(Fault(table.where, f"no DOF has the direction '{word}', see '{option}'.", listed))
-        if not self.config.axes and wanted["displacement"] not in directions:
-            problem = f"no DOF has the direction '{wanted['displacement']}', which is used as x."
-            raise DovetailError(Fault(table.where, problem, ", ".join(list(directions)[:12]), "Set 'displacement'."))
-        if "rotation" in self.config.model_fields_set and wanted.get("rotation") not in directions:
-            problem = f"no DOF has the direction '{wanted['rotation']}', which is used as rz."
-            raise DovetailError(Fault(table.where, problem, ", ".join(list(directions)[:12]), "Set 'rotation'."))
         labels = tuple(dict.fromkeys(reached))
-        chosen = tuple(str(node) for node in self.config.nodes) or labels
+        given = self.config.reduce.interface if self.config.reduce else self.config.nodes
+        chosen = tuple(str(node) for node in given) or labels
         for label in chosen:
             if label not in labels:
                 some = ", ".join(labels[:12]) + (f", and {len(labels) - 12} more" if len(labels) > 12 else "")
                 raise DovetailError(Fault(table.where, f"there is no node '{label}' with these directions.", some))
         return tuple(dict.fromkeys(chosen))
 
-    def _arranged(self, matrices: dict[str, Any]) -> StructuralMatrices | SparseMatrices:
-        """Convert the matrices to SI, and move x and rz of the nodes to the front."""
-        units, arrangement = self.config.units, self._arrangement(matrices["K"].shape[0])
-        factor = {"M": units.mass, "K": units.stiffness, "C": units.stiffness, "D": units.stiffness}
-        arranged = {name: factor[name] * (arrangement.T @ matrix @ arrangement) for name, matrix in matrices.items()}
+    def _arranged(self, model: ImportedModel) -> StructuralMatrices | SparseMatrices:
+        """Convert the matrices to SI, move the DOFs of the nodes to the front, and reduce the others."""
+        units, arrangement = self.config.units, self._arrangement(model.matrices["K"].shape[0])
+        seconds = 1.0 if model.has_units else float(np.sqrt(units.mass / units.stiffness))
+        factor = {"M": units.mass, "K": units.stiffness, "C": units.stiffness * seconds, "D": units.stiffness}
+        arranged = {n: factor[n] * (arrangement.T @ matrix @ arrangement) for n, matrix in model.matrices.items()}
+        if reduce := self.config.reduce:
+            size = self.node_dofs.size
+            self.reduced = reduce_part(arranged, size, model.where["K"], modes=reduce.modes, up_to=reduce.up_to)
+            arranged = {name: csc_array(matrix) for name, matrix in self.reduced.matrices.items()}
         if self.config.loss_factor:
             arranged["D"] = self.config.loss_factor * arranged["K"]
-        if arrangement.shape[1] > _SMALL:
+        if arranged["K"].shape[0] > _SMALL:
             return SparseMatrices(**arranged)
         small = StructuralMatrices(**{name: matrix.toarray() for name, matrix in arranged.items()})
         for matrix in (small.M, small.K, small.C, small.D):
@@ -277,8 +362,6 @@ class Matrices(SubstructureModel):
 
     def _arrangement(self, size: int) -> Any:
         """Return the sparse matrix (size, d) that maps the nodes' DOFs and the inner ones to those of the file."""
-        from scipy.sparse import coo_array
-
         node_of = {label: index for index, label in enumerate(self._labels)}
         entries, dofs = list[tuple[int, int, float]](), self.node_dofs
         for axis, word in self._words.items():
@@ -292,14 +375,3 @@ class Matrices(SubstructureModel):
         entries += [(int(row), first + index, 1.0) for index, row in enumerate(inner)]
         rows, columns, values = zip(*entries, strict=True)
         return coo_array((values, (rows, columns)), shape=(size, first + len(inner))).tocsc()
-
-
-def _check_together(matrices: Mapping[str, Any], where: Mapping[str, Any]) -> None:
-    """Raise a DovetailError if the matrices differ in size, or if a mass is negative."""
-    size = matrices["K"].shape[0]
-    for name, matrix in matrices.items():
-        if matrix.shape[0] != size:
-            raise DovetailError(Fault(where[name], f"{name} has {matrix.shape[0]} rows, K has {size}."))
-    if (masses := matrices["M"].diagonal()).min() < 0:
-        row = int(np.argmin(masses))
-        raise DovetailError(Fault(where["M"], f"the mass of row {row + 1} is negative: {masses[row]:g}."))

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from dovetail import DovetailError, Fault, call_guarded, read_bounded
+from dovetail import DovetailError, Fault, call_guarded, mirror_half, read_bounded
 
 _LARGEST_FILE = 1_000_000_000
 """Largest size in bytes of a file, and of the unpacked contents of an archive."""
@@ -41,11 +41,21 @@ def read_archive(path: Path) -> dict[str, Any]:
         The file is missing, too large, of another kind or damaged.
     """
     content = read_bounded(path, _LARGEST_FILE)
-    suffix = path.suffix.lower()
-    if suffix == ".mat":
-        return call_guarded(matlab_arrays, path, content, memory=_memory(content))
-    if suffix != ".npz":
+    if path.suffix.lower() not in (".npz", ".mat"):
         raise DovetailError(Fault(str(path), f"'{path.suffix}' is not the ending of an archive of matrices.", _FORMATS))
+    return archive_arrays(path, content)
+
+
+def archive_arrays(path: Path, content: bytes) -> dict[str, Any]:
+    """Return the contents of an NPZ or MAT file by name, from its bytes.
+
+    Raises
+    ------
+    DovetailError
+        It is damaged.
+    """
+    if path.suffix.lower() == ".mat":
+        return call_guarded(matlab_arrays, path, content, memory=_memory(content))
     with _report_damage(path):
         return _read_npz(path, content)
 
@@ -61,6 +71,17 @@ def read_matrix_market(path: Path) -> Any:
     content = read_bounded(path, _LARGEST_FILE)
     if path.suffix.lower() != ".mtx":
         raise DovetailError(Fault(str(path), "this is not a Matrix Market file.", "a name that ends in .mtx"))
+    return matrix_market(path, content)
+
+
+def matrix_market(path: Path, content: bytes) -> Any:
+    """Return the matrix in a Matrix Market file, from its bytes.
+
+    Raises
+    ------
+    DovetailError
+        It is not of real numbers, or damaged.
+    """
     parts = call_guarded(matrix_market_parts, path, content, memory=_memory(content))
     return matrix_in(parts, "matrix", str(path))
 
@@ -100,7 +121,7 @@ def matrix_market_parts(path: Path, content: bytes) -> dict[str, Any]:
             problem = f"the file announces {entries} entries of a {rows} x {columns} matrix, which is too many."
             raise DovetailError(Fault(str(path), problem))
         if layout == "coordinate" and symmetry == "symmetric":
-            return _parts("matrix", _symmetric(mmread(io.BytesIO(_as_general(content))), path), str(path))
+            return _parts("matrix", mirror_half(mmread(io.BytesIO(_as_general(content))), str(path)), str(path))
         matrix = mmread(io.BytesIO(content))
         return {"matrix": matrix} if layout == "array" else _parts("matrix", matrix, str(path))
 
@@ -109,33 +130,6 @@ def _as_general(content: bytes) -> bytes:
     """Return a symmetric Matrix Market file as a general one, so that its entries are read as they are stored."""
     header, rest = content.split(b"\n", 1)
     return re.sub(rb"symmetric", b"general", header, flags=re.IGNORECASE) + b"\n" + rest
-
-
-def _symmetric(stored: Any, path: Path) -> Any:
-    """Return a symmetric matrix of which one half is stored or, against the format, both.
-
-    Raises
-    ------
-    DovetailError
-        The two halves have different entries.
-    """
-    from scipy.sparse import coo_array, diags_array, tril, triu
-
-    matrix = coo_array(stored).tocsr()  # entries that are stored twice are summed
-    lower, upper = tril(matrix, -1, format="csr"), triu(matrix, 1, format="csr").T.tocsr()
-    common = (abs(lower) > 0).multiply(abs(upper) > 0)
-    difference = abs(lower - upper).multiply(common).tocoo()
-    largest = abs(matrix).max() if matrix.nnz else 0.0
-    if difference.nnz and difference.max() > _ASYMMETRY * largest:
-        entry = int(np.argmax(difference.data))
-        row, column = int(difference.row[entry]), int(difference.col[entry])
-        problem = (
-            f"the file says that it is symmetric and stores both halves, which differ: the entry ({row + 1}, "
-            f"{column + 1}) is {matrix[row, column]:g}, ({column + 1}, {row + 1}) is {matrix[column, row]:g}."
-        )
-        raise DovetailError(Fault(str(path), problem, "one half, or two that are equal"))
-    half = lower + upper - upper.multiply(common)
-    return half + half.T + diags_array(matrix.diagonal(), format="csr")
 
 
 def _parts(name: str, matrix: Any, where: str) -> dict[str, Any]:

@@ -55,7 +55,12 @@ def texts_in(archive: Mapping[str, Any], file: str) -> Iterator[tuple[str, str]]
 def comments_of(file: str) -> Iterator[tuple[str, str]]:
     """Yield the comments at the start of a Matrix Market file."""
     with Path(file).open("rb") as stream:
-        head = stream.read(_HEAD).decode("utf-8", errors="replace")
+        yield from comments_in(stream.read(_HEAD), file)
+
+
+def comments_in(content: bytes, file: str) -> Iterator[tuple[str, str]]:
+    """Yield the comments at the start of a Matrix Market file, from its bytes."""
+    head = content[:_HEAD].decode("utf-8", errors="replace")
     for number, line in enumerate(head.splitlines()[1:_MOST_TEXTS], start=2):
         if line.startswith("%"):
             yield line.strip("% ")[:_LONGEST], f"{file}:{number}"

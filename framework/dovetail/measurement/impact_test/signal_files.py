@@ -15,7 +15,7 @@ from dovetail.errors import Fault, MeasurementError, argument, did_you_mean, lis
 from dovetail.frf import QUANTITIES, Quantity
 from dovetail.interfaces import Recorded, RecordedArrays, RecordedChannels, RecordedSignal, plugin_errors
 from dovetail.measurement.content.sets import is_dof, sets_of
-from dovetail.measurement.frf_files import arrays_of_fields, check_suffix, label_of, read_content
+from dovetail.measurement.frf_files import arrays_of_fields, check_suffix, read_content
 from dovetail.measurement.frf_units import motion_unit, read_unit
 from dovetail.measurement.impact_test.interpretation import Choice, Scale, choose_points, sampling_rate, scale_of
 from dovetail.measurement.impact_test.record_arrays import read_archive
@@ -25,6 +25,7 @@ from dovetail.measurement.impact_test.records import Pair
 from dovetail.measurement.impact_test.remarks import Remarks
 from dovetail.measurement.impact_test.sensitivity import volts
 from dovetail.registry import PluginPaths, components
+from dovetail.registry.file_readers import label_of
 
 _PARTS = ("force", "response", "rate", "time", "skip")
 _EVEN = 0.1

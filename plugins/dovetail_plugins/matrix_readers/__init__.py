@@ -1,0 +1,1 @@
+"""Readers of files with which finite element programs export a model."""
