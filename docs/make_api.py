@@ -22,7 +22,7 @@ SECTIONS = {
     "measurement": "Measurements",
     "frf": "Frequency response functions",
     "coupling": "Measured parts",
-    "matrix_files": "Imported matrices",
+    "matrix_files": "For plugin authors: imported matrices",
     "dataset": "Datasets",
     "identification": "Identification",
     "exchange": "Data of other packages",

@@ -13,7 +13,7 @@ from dovetail.atomic_files import read_bounded
 from dovetail.errors import DovetailError, Fault, PluginError
 from dovetail.interfaces import MatrixReader, RecordedMatrix, RecordedModel, logged
 from dovetail.registry import PluginPaths, components
-from dovetail.registry.file_readers import find_reader, label_of, make_reader, refusals_reported
+from dovetail.registry.catalogue import find_reader, label_of, make_reader, refusals_reported
 
 _LARGEST_FILE = 1_000_000_000
 """Bytes."""

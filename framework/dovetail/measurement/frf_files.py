@@ -33,7 +33,7 @@ from dovetail.measurement.content.sets import decode_set, sets_of
 from dovetail.measurement.content.tables import decode_table
 from dovetail.measurement.recording import ReadOptions, Recording, parse_quantity
 from dovetail.registry import Offer, PluginPaths, Registry, components
-from dovetail.registry.file_readers import find_reader, label_of, make_reader, refusals_reported
+from dovetail.registry.catalogue import find_reader, label_of, make_reader, refusals_reported
 
 
 def read_frf(

@@ -14,7 +14,7 @@ from dovetail.interfaces import FrfReader, FrfToWrite, plugin_errors
 from dovetail.measurement.frf_files import read_suffixes, reader_class, unknown_suffix
 from dovetail.measurement.frf_units import meaning_of_unit
 from dovetail.registry import Offer, PluginPaths, Registry, components
-from dovetail.registry.file_readers import label_of
+from dovetail.registry.catalogue import label_of
 
 
 def write_frf(

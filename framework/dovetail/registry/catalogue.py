@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -12,8 +12,8 @@ from pathlib import Path
 from types import MappingProxyType, ModuleType
 from typing import Any, TypeAlias, cast
 
-from dovetail.errors import Fault, PluginError, contained, did_you_mean, listing
-from dovetail.interfaces import KINDS, Component, FileReader, Kind
+from dovetail.errors import DovetailError, Fault, PluginError, contained, did_you_mean, listing
+from dovetail.interfaces import KINDS, Component, FileReader, Kind, plugin_errors
 from dovetail.registry.component_checks import reason_against
 from dovetail.registry.loading import (
     COMPONENTS,
@@ -33,6 +33,8 @@ PluginPaths: TypeAlias = str | os.PathLike[str] | Iterable[str | os.PathLike[str
 
 _SLOW = 2.0
 """Seconds; an import that takes longer is listed."""
+HEAD = 4096
+"""Number of bytes from which a reader recognises its format."""
 
 
 @dataclass(frozen=True)
@@ -316,3 +318,78 @@ def components(plugins: PluginPaths = ()) -> Registry:
         registry.load_file(file)
     registry.load_entry_points()
     return registry
+
+
+def find_reader(
+    path: Path, content: bytes, offers: Mapping[str, Sequence[Offer]], error: type[DovetailError]
+) -> FileReader:
+    """Return the reader that recognises a file, or else the default reader of its suffix.
+
+    Parameters
+    ----------
+    path, content : Path and bytes
+    offers : mapping of str to sequence of Offer
+        Readers by the suffix of their files; there are some for this one.
+    error : type
+        Of what is raised.
+
+    Raises
+    ------
+    DovetailError
+        Of the class `error`: none or several of them recognise it.
+    PluginError
+        The code of a reader fails.
+    """
+    suffix = path.suffix.lower()
+    candidates = offers[suffix]
+    defaults = [offer for offer in candidates if suffix in _reader_class(offer).default_for]
+    takers = [offer for offer in candidates if offer not in defaults and _accepts(offer, content)] or defaults
+    if len(takers) > 1:
+        names = listing([offer.qualified_name for offer in takers])
+        raise error(Fault(str(path), "several readers take this file.", names, "Say which by `reader=`."))
+    if not takers:
+        names = listing(offer.qualified_name for offer in candidates)
+        problem = f"no reader of {suffix} files recognises the format of this one."
+        raise error(Fault(str(path), problem, f"a file of one of the readers {names}"))
+    return make_reader(takers[0])
+
+
+def make_reader(offer: Offer) -> FileReader:
+    """Return a reader, or raise a PluginError if its constructor fails."""
+    with plugin_errors(offer.component, f"reader '{offer.component.name}'"):
+        return _reader_class(offer)()
+
+
+def label_of(reader: FileReader) -> str:
+    """Return what a reader is called in messages."""
+    return f"reader '{reader.name}'"
+
+
+@contextmanager
+def refusals_reported(path: Path, reader: FileReader, error: type[DovetailError]) -> Iterator[None]:
+    """Turn a ValueError, with which a reader refuses a file, into an error about the file.
+
+    Raises
+    ------
+    DovetailError
+        Of the class `error`.
+    PluginError
+        The code of the reader fails in another way.
+    """
+    try:
+        with plugin_errors(reader, label_of(reader)):
+            yield
+    except PluginError as failure:
+        if isinstance(failure.__cause__, ValueError):
+            raise error(Fault(str(path), str(failure.__cause__))) from None
+        raise
+
+
+def _reader_class(offer: Offer) -> type[FileReader]:
+    return cast("type[FileReader]", offer.component)
+
+
+def _accepts(offer: Offer, content: bytes) -> bool:
+    reader = make_reader(offer)
+    with plugin_errors(reader, label_of(reader)):
+        return bool(reader.sniff(content[:HEAD]))

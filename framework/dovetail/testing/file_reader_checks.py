@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from dovetail.errors import DovetailError, PluginError
 from dovetail.interfaces import FileReader
-from dovetail.registry.file_readers import HEAD
+from dovetail.registry.catalogue import HEAD
 from dovetail.testing.outcomes import Nonconformity, NotApplicable
 from dovetail.testing.specimen import SEED, Specimen
 from dovetail.testing.surroundings import observe

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from dovetail.errors import DovetailError
 from dovetail.interfaces import DIRECTIONS, MatrixReader, RecordedModel
 from dovetail.matrix_files import decode_matrices
-from dovetail.registry.file_readers import HEAD
+from dovetail.registry.catalogue import HEAD
 from dovetail.testing.file_reader_checks import FileReaderSpecimen
 from dovetail.testing.outcomes import Nonconformity
 

@@ -16,7 +16,7 @@ from dovetail.interfaces import FrfReader
 from dovetail.measurement.frf_files import decode, frf_numbers, recording_of
 from dovetail.measurement.recording import ReadOptions
 from dovetail.measurement.writing import prepare_for_writing
-from dovetail.registry.file_readers import HEAD
+from dovetail.registry.catalogue import HEAD
 from dovetail.testing.file_reader_checks import FileReaderSpecimen
 from dovetail.testing.outcomes import Nonconformity
 

@@ -31,14 +31,14 @@ class ArchiveReader(MatrixReader):
         """Return the matrices that are there, and the table."""
         archive = archive_arrays(path, content)
         meanings: tuple[MatrixMeaning, ...] = ("M", "K", "C", "D")
-        found = {name: matrix_in(archive, name, str(path)) for name in meanings}
+        arrays = {name: matrix_in(archive, name, str(path)) for name in meanings}
         matrices: dict[str, RecordedMatrix] = {
-            name: RecordedMatrix(values, name) for name, values in found.items() if values is not None
+            name: RecordedMatrix(values, name) for name, values in arrays.items() if values is not None
         }
         if missing := [name for name in ("M", "K") if name not in matrices]:
             names = ", ".join(sorted(archive)[:12]) or "nothing"
             raise ValueError(f"there is no matrix '{missing[0]}'; there is: {names}.")
-        shape = np.shape(found["K"])
+        shape = np.shape(arrays["K"])
         table = table_in(archive, str(path), shape[0] if shape else 0)
         return RecordedModel(matrices, table, texts=[*texts_in(archive, str(path))])
 

@@ -49,13 +49,13 @@ def read_harwell_boeing(content: bytes) -> tuple[str, Any, bool]:
     if len(formats) < 3:
         raise ValueError(f"the formats '{lines[3].strip()[:60]}' are not understood.")
     rest = lines[5 if len(counts) > 4 and counts[4] > 0 else 4 :]
-    parts = []
+    columns_rows_values = []
     for (_, letter, width), count, wanted in zip(
         formats, counts[1:4], (n_columns + 1, n_entries, n_entries), strict=False
     ):
-        parts.append(_fields(rest[:count], int(width), wanted, is_real=letter.upper() != "I"))
+        columns_rows_values.append(_fields(rest[:count], int(width), wanted, is_real=letter.upper() != "I"))
         rest = rest[count:]
-    pointers, rows, values = parts
+    pointers, rows, values = columns_rows_values
     indptr, indices = pointers.astype(np.int64) - 1, rows.astype(np.int64) - 1
     if indptr[0] != 0 or indptr[-1] != n_entries or np.any(np.diff(indptr) < 0):
         raise ValueError("the pointers to the columns do not increase from 1 to the number of entries.")

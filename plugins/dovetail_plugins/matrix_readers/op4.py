@@ -132,14 +132,14 @@ def _entries(source: _Source, header: _Header) -> object:
 
     rows, columns, values = [np.zeros(0, np.intp)], [np.zeros(0, np.intp)], [np.zeros(0)]
 
-    def add(first: int, found: NDArray[np.float64]) -> None:
+    def add(first: int, entries: NDArray[np.float64]) -> None:
         if header.is_complex or not header.is_square:
             return
-        if not 1 <= first <= header.rows - len(found) + 1:
+        if not 1 <= first <= header.rows - len(entries) + 1:
             raise ValueError(f"column {column} of {header.name} has rows outside of the matrix.")
-        rows.append(np.arange(first - 1, first - 1 + len(found)))
-        columns.append(np.full(len(found), column - 1))
-        values.append(found)
+        rows.append(np.arange(first - 1, first - 1 + len(entries)))
+        columns.append(np.full(len(entries), column - 1))
+        values.append(entries)
 
     while True:
         column, row, words = source.column()

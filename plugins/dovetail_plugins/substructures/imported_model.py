@@ -185,14 +185,14 @@ def _table(files: SourceFiles, joined: DofTable | None, size: int, read: Any, fi
     DovetailError
         There is none, it does not fit the matrices, or there are two that differ.
     """
-    given: DofTable | None = None
+    named: DofTable | None = None
     if files.dofs:
-        given = read_dof_table(Path(files.dofs), size) if _is_table(files.dofs) else read(files.dofs).table
-        if given is None:
+        named = read_dof_table(Path(files.dofs), size) if _is_table(files.dofs) else read(files.dofs).table
+        if named is None:
             raise DovetailError(Fault(files.dofs, "the file has no table of DOFs.", remedy="See 'coordinates'."))
-    if joined is not None and given is not None:
-        _check_equal(joined, given)
-    table = given or joined
+    if joined is not None and named is not None:
+        _check_equal(joined, named)
+    table = named or joined
     if table is None:
         remedy = "Name a file with 'dofs'."
         raise DovetailError(Fault(file, "there is no table of DOFs: no 'nodes', no 'directions'.", "", remedy))
@@ -202,14 +202,14 @@ def _table(files: SourceFiles, joined: DofTable | None, size: int, read: Any, fi
     return table.checked(size)
 
 
-def _check_equal(one: DofTable, other: DofTable) -> None:
+def _check_equal(table: DofTable, other: DofTable) -> None:
     """Raise a DovetailError if two tables name a row differently."""
-    names = {int(row): pair for row, *pair in zip(one.rows, one.nodes, one.directions, strict=True)}
+    names = {int(row): pair for row, *pair in zip(table.rows, table.nodes, table.directions, strict=True)}
     for row, *pair in zip(other.rows, other.nodes, other.directions, strict=True):
         if names.get(int(row), pair) != pair:
             node, direction = names[int(row)]
             problem = f"row {row + 1} is {pair[1]} of node '{pair[0]}' here, and {direction} of node '{node}' in "
-            raise DovetailError(Fault(other.where, f"{problem}{one.where}.", remedy="Leave out one of the tables."))
+            raise DovetailError(Fault(other.where, f"{problem}{table.where}.", remedy="Leave out one of the tables."))
 
 
 def _along_axes(

@@ -25,7 +25,7 @@ from dovetail.measurement.impact_test.records import Pair
 from dovetail.measurement.impact_test.remarks import Remarks
 from dovetail.measurement.impact_test.sensitivity import volts
 from dovetail.registry import PluginPaths, components
-from dovetail.registry.file_readers import label_of
+from dovetail.registry.catalogue import label_of
 
 _PARTS = ("force", "response", "rate", "time", "skip")
 _EVEN = 0.1
