@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy
@@ -35,6 +36,8 @@ class Settings:
     """Relative distance within which a resonance of the fitted FRF counts as that of the measured one."""
     cut: float = 3.0
     """Distance, in widths, beyond which a line has no weight."""
+    sums_at_once: int = 16
+    """Number of sums of smoothed residuals in one dense product, so small that most of their weights are not 0."""
 
 
 _SETTINGS = Settings()
@@ -116,8 +119,21 @@ class Smoothed:
         return self._smoothed(self.residual.jacobian(frf, frf_jacobian))
 
     def _smoothed(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        flat = self.means @ values.reshape(-1, values.shape[-1]).T
-        return np.ascontiguousarray(flat.T).reshape(*values.shape[:-1], -1)
+        smoothed = np.empty((*values.shape[:-1], self.means.shape[0]))
+        for sums, summed, weights in self._blocks:
+            np.matmul(values[..., summed], weights, out=smoothed[..., sums])
+        return smoothed
+
+    @cached_property
+    def _blocks(self) -> list[tuple[slice, slice, NDArray[np.float64]]]:
+        """Some sums, the residuals that they are of, and the weights: dense products are faster than a sparse one."""
+        blocks = []
+        for first in range(0, self.means.shape[0], _SETTINGS.sums_at_once):
+            sums = slice(first, first + _SETTINGS.sums_at_once)
+            indices = self.means[sums].indices
+            summed = slice(int(indices.min()), int(indices.max()) + 1)
+            blocks.append((sums, summed, np.ascontiguousarray(self.means[sums, summed].toarray().T)))
+        return blocks
 
 
 def _neighbours(position: NDArray[np.float64], width: float) -> scipy.sparse.csr_array:
