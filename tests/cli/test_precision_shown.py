@@ -100,14 +100,15 @@ def test_one_precision_and_one_verdict_are_shown_everywhere(shown):
                 row.factor,
             )
         assert (shown.read.table[number].precision, shown.read.table[number].verdict) == (row.precision, row.verdict)
-        assert f'<th scope="row">{row.name} <span class="verdict">{row.verdict}</span>' in shown.page
+        mark = content.VERDICT_MARKS[row.verdict]
+        assert f'<th scope="row">{row.name} <span class="verdict {mark}">{row.verdict}</span>' in shown.page
         assert f'<td class="precision" data-label="Precision">{row.precision}</td>' in shown.page
         assert f", {row.precision})" in shown.batch
         assert f'<td class="precision">{row.precision}</td>' in shown.summary
         assert f"<td>{row.precision}</td><td>{row.verdict}</td>" in shown.notebook
         assert shown.compared[number][9:11] == [row.precision, row.verdict]
     counted = [row.verdict for row in shown.result.table]
-    sentence = content.verdict(shown.result)[1]
+    sentence = content.verdict_on(shown.result)[1]
     assert all(f"{counted.count(word)} {word}" in sentence for word in counted)
     expected = {"narrow": "±", "wide": "factor", "at an end": "lower bound", "undetermined": "range only"}
     assert shown.result.table[0].precision.startswith(expected.get(shown.kind, "2 groups"))
