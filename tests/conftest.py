@@ -6,7 +6,7 @@ import json
 import os
 import sys
 import tracemalloc
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -38,14 +38,45 @@ MOST_SECONDS = 20.0
 """Processor seconds, children included, above which a test is listed at the end of a run."""
 LAST = ("architecture", "coupling", "description", "frf", "plugins", "registry", "report")
 """Folders of short tests, which are run when the others have begun: no worker then has a long file left at the end."""
+RUN_BY_DEFAULT = 4
+"""Of a sweep, one of so many combinations is run by default, or of fewer if a value would be in none of them."""
+WHOLE_SWEEP = 30
+"""Combinations below which all of a sweep are run."""
 WithSettings = Callable[..., dovetail.Assembly]
 TOO_MUCH = pytest.StashKey[bool]()
 """Whether a test of this process has been failed for it."""
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put the folders of short tests last, all else in its order."""
+    """Mark most of each sweep as slow, and put the folders of short tests last, all else in its order."""
+    sweeps: dict[str, list[pytest.Function]] = {}
+    for item in items:
+        if isinstance(item, pytest.Function) and item.get_closest_marker("sweep"):
+            sweeps.setdefault(item.nodeid.partition("[")[0], []).append(item)
+    for cases in sweeps.values():
+        for case in cases_left_out(cases):
+            case.add_marker(pytest.mark.slow)
     items.sort(key=lambda item: item.path.parent.name in LAST)
+
+
+def cases_left_out(cases: list[pytest.Function]) -> list[pytest.Function]:
+    """Return most combinations of a sweep; each value of each parameter is in some of the others."""
+    if len(cases) < WHOLE_SWEEP:
+        return []
+    lists = [mark.args[0] for mark in cases[0].iter_markers("parametrize")]
+    names = [[name.strip() for name in one.split(",")] if isinstance(one, str) else one for one in lists]
+    axes = [list(numbered(repr([case.callspec.params[name] for name in one]) for case in cases)) for one in names]
+    lengths = [max(axis) for axis in axes]
+    step = min(RUN_BY_DEFAULT, *(1 + sum(lengths) - length for length in lengths))
+    return [case for case, *place in zip(cases, *axes, strict=True) if sum(place) % step]
+
+
+def numbered(values: Iterable[str]) -> Iterator[int]:
+    """Yield the number of each value in the order in which they first appear."""
+    numbers: dict[str, int] = {}
+    for value in values:
+        yield numbers.setdefault(value, len(numbers))
 
 
 def peak_memory() -> float:

@@ -14,7 +14,7 @@ from dovetail.measurement.impact_test.signal_files import read_signals
 from support.measured_files import fault_of
 from support.stated_files import LINES, TEXTS, VALUES, Said
 
-pytestmark = pytest.mark.usefixtures("unguarded")
+pytestmark = [pytest.mark.usefixtures("unguarded"), pytest.mark.sweep]
 
 NAMED = ("csv", "footer", "npz", "mat 5", "attribute", "attribute of the file")
 """Forms in which a name and a text can be anything; the others have labels of their own."""

@@ -22,6 +22,8 @@ from support.signal_writers import (
     Stated,
 )
 
+pytestmark = pytest.mark.sweep
+
 
 @pytest.fixture(autouse=True)
 def in_this_process(monkeypatch):

@@ -17,7 +17,7 @@ from dovetail.measurement.modal_parameters import read_modal_parameters
 from support.measured_files import fault_of, set_58, write_sets
 from support.stated_files import FREQUENCY, LINES, TEXTS, VALUES, Said
 
-pytestmark = pytest.mark.usefixtures("unguarded")
+pytestmark = [pytest.mark.usefixtures("unguarded"), pytest.mark.sweep]
 
 AMPLITUDE, DEGREES = np.abs(VALUES), np.degrees(np.angle(VALUES))
 

@@ -11,7 +11,7 @@ from dovetail.measurement import read_frf
 from support.measured_files import fault_of, set_58, write_sets
 from support.stated_files import COLUMNS, FREQUENCY, LINES, TEXTS, VALUES, Said, npy
 
-pytestmark = pytest.mark.usefixtures("unguarded")
+pytestmark = [pytest.mark.usefixtures("unguarded"), pytest.mark.sweep]
 
 G, POUND = 9.80665, 4.4482216152605
 UNITS = {

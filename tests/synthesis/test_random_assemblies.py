@@ -26,7 +26,7 @@ from support.random_assemblies import drawn_assemblies
 from support.undamped_modes import elastic_frequencies
 
 
-@pytest.mark.parametrize("count", [40, pytest.param(100, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [12, pytest.param(100, marks=pytest.mark.slow)])
 def test_random_assemblies_against_the_dense_solve(count):
     """In a process of its own, since Hypothesis draws constants of whatever modules are loaded: always the same."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
