@@ -17,8 +17,9 @@ from dovetail_plugins.joints.bolted import Bolted
 from dovetail_plugins.joints.bushing import Bushing
 from dovetail_plugins.joints.collet import Collet
 from dovetail_plugins.joints.interference_fit import InterferenceFit
-from dovetail_plugins.joints.rigid import Rigid
+from dovetail_plugins.joints.rigid import BallJoint, Hinge, Rigid
 from dovetail_plugins.joints.spring_damper import SpringDamper
+from dovetail_plugins.joints.strut import Strut
 from dovetail_plugins.substructures.ground import Ground
 from dovetail_plugins.substructures.lumped import Lumped
 from dovetail_plugins.substructures.rigid_body import RigidBody
@@ -300,6 +301,21 @@ def draw_bushing(bushing: Bushing) -> Sheet:
     return sheet
 
 
+def draw_strut(strut: Strut) -> Sheet:
+    """Draw a spring and a damper along the line between two nodes."""
+    return draw_facing(strut, "Strut", ("k, c: along", "the line between", "the nodes"))
+
+
+def draw_ball_joint(joint: BallJoint) -> Sheet:
+    """Draw two nodes that share their displacements."""
+    return draw_facing(joint, "Ball joint", ("the nodes share", "x, y and z"), "rigid")
+
+
+def draw_hinge(hinge: Hinge) -> Sheet:
+    """Draw two nodes that share all but a rotation."""
+    return draw_facing(hinge, "Hinge", ("the nodes share", "all but rz"), "rigid")
+
+
 def draw_beam(beam: TimoshenkoBeam | SpatialBeam) -> Sheet:
     """Draw a stepped, hollow and tapered beam with its elements and nodes."""
     in_space = isinstance(beam, SpatialBeam)
@@ -441,11 +457,15 @@ CAPTIONS = {
     "middle).",
     "interference_fit": "Each pair of nodes stands for the length nearest to it; `length` goes from the first pair to "
     "the last. With `pressure: linear` the stiffness is k (1 + g s), s from -1 at the first pair to 1 at the last.",
-    "bearing": "m and J, the inner ring's mass and rotary inertia, sit on the shaft's node.",
+    "bearing": "m and J, the inner ring's mass and rotary inertia, sit on the shaft's node. With `motion: space` it "
+    "also acts in y and z and about x.",
     "spring_damper": "With `direction: x` only k and c are there, with `direction: rz` only kr and cr.",
     "rigid": "With `direction: x` facing nodes share the displacement alone, as in a hinge; with `direction: rz` the "
     "rotation.",
     "bushing": "In each of its `directions` a spring and a damper; they may be along `axes` of the joint's own.",
+    "strut": "Its nodes lie apart in space.",
+    "ball_joint": "All rotations are free.",
+    "hinge": "About z, or the `axis` of its section.",
     "spatial_beam": "Positions run along -y, or where `place` says. The DOFs of a node are x, y, z, rx, ry and rz.",
     "rigid_body": "The first node carries the others, which have no DOFs of their own.",
     "timoshenko_beam": "A tapered section becomes uniform elements, each with the diameters at its middle.",
@@ -475,7 +495,10 @@ def examples() -> dict[str, JointModel | SubstructureModel]:
         "bearing": _example(Bearing),
         "spring_damper": _example(SpringDamper),
         "bushing": _example(Bushing),
+        "strut": _example(Strut),
         "rigid": _example(Rigid),
+        "ball_joint": _example(BallJoint),
+        "hinge": _example(Hinge),
         "spatial_beam": _example(SpatialBeam, material=STEEL, sections=[tube, taper]),
         "timoshenko_beam": _example(TimoshenkoBeam, material=STEEL, sections=[tube, taper]),
         "rigid_body": _example(
@@ -499,7 +522,10 @@ def drawings() -> dict[str, str]:
         ("bearing", draw_bearing),
         ("spring_damper", draw_spring_damper),
         ("bushing", draw_bushing),
+        ("strut", draw_strut),
         ("rigid", draw_rigid),
+        ("ball_joint", draw_ball_joint),
+        ("hinge", draw_hinge),
         ("spatial_beam", draw_beam),
         ("timoshenko_beam", draw_beam),
         ("rigid_body", draw_rigid_body),

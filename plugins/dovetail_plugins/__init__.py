@@ -16,8 +16,9 @@ def dovetail_components() -> list[type[dovetail.Component]]:
     from dovetail_plugins.joints.bushing import Bushing
     from dovetail_plugins.joints.collet import Collet
     from dovetail_plugins.joints.interference_fit import InterferenceFit
-    from dovetail_plugins.joints.rigid import Rigid
+    from dovetail_plugins.joints.rigid import BallJoint, Hinge, Rigid
     from dovetail_plugins.joints.spring_damper import SpringDamper
+    from dovetail_plugins.joints.strut import Strut
     from dovetail_plugins.laws import LAWS
     from dovetail_plugins.methods.multistart import Multistart
     from dovetail_plugins.methods.network import Network
@@ -52,7 +53,10 @@ def dovetail_components() -> list[type[dovetail.Component]]:
         Bearing,
         SpringDamper,
         Bushing,
+        Strut,
         Rigid,
+        BallJoint,
+        Hinge,
         UMAP,
         PCA,
         NoReducer,

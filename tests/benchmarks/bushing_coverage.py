@@ -1,6 +1,6 @@
 """How often the 90 % intervals of the twelve unknowns of a bushing, from five FRFs, hold the true values.
 
-    python tests/benchmarks/bushing_coverage.py [--cases 100] [--structures 10] [--seed 0] [--samples 100]
+    python tests/benchmarks/bushing_coverage.py [--cases 100] [--structures 10] [--seed 0] [--samples 100] [--first 0]
 
 A rigid body of random mass, inertia and place sits on a bushing with random axes upon a post that is welded to the
 ground. Sensors and hammer are at random points of the body and in random directions; the lines have random errors of
@@ -101,9 +101,11 @@ def identified(number: int, seed: int, structures: int, samples: int) -> Case:
     return outcome(number, number % structures, assembly, theta, measured, samples)
 
 
-def study(count: int, structures: int, seed: int, samples: int, report: Callable[[str], object] = print) -> list[Case]:
-    """Identify the cases and print the tables."""
-    cases = [identified(number, seed, structures, samples) for number in range(count)]
+def study(
+    count: int, structures: int, seed: int, samples: int, report: Callable[[str], object] = print, first: int = 0
+) -> list[Case]:
+    """Identify the cases from number `first` on and print the tables."""
+    cases = [identified(number, seed, structures, samples) for number in range(first, first + count)]
     report(table("all", cases, lambda case, index: "all"))
     report(table("verdict", cases, lambda case, index: case.verdicts[index]))
     report(table("parameter", cases, lambda case, index: case.names[index]))
@@ -117,5 +119,6 @@ if __name__ == "__main__":
     parser.add_argument("--structures", type=int, default=10)
     parser.add_argument("--seed", type=int, default=0, help="of the structures, parameters and noise")
     parser.add_argument("--samples", type=int, default=100)
+    parser.add_argument("--first", type=int, default=0, help="number of the first case, to run a study in slices")
     options = parser.parse_args()
-    study(options.cases, options.structures, options.seed, options.samples)
+    study(options.cases, options.structures, options.seed, options.samples, first=options.first)

@@ -28,6 +28,8 @@ from dovetail.units import format_point, format_quantity
 _KEYS = ("connect", "parameters", "structural_damping", "axes")
 """Keys of a joint in addition to the options of its model."""
 
+_ALONG = "acts along the line between its nodes"
+
 Substructures = Mapping[str, SubstructureModel | None]
 """Substructures by name; None instead of one with faults."""
 
@@ -53,6 +55,10 @@ def read_joint(name: str, substructures: Substructures, faults: FaultList, regis
     if len(faults) > before or None in attachments:
         return None
     complete = tuple(attachment for attachment in attachments if attachment is not None)
+    if model.component.acts_along_its_nodes:
+        model = _along_nodes(model, path, complete, substructures, faults)
+        if model is None:
+            return None
     joint = JointEntry(connection=Connection(model.component, complete), **described.entry)
     return _with_damping(joint, model, path, faults)
 
@@ -62,6 +68,9 @@ def _with_axes(model: LabelledComponent, path: Path, faults: FaultList) -> Label
     place = (*path, "axes")
     if "axes" in model.component.Config.model_fields or faults.root.at(place) is None:
         return model  # an option of the model, or absent
+    if model.component.acts_along_its_nodes:
+        faults.add(place, f"{model.label} {_ALONG}.", remedy="Leave out 'axes'.", key=True)
+        return None
     section = validate(AxesSection, place, faults, f"'{format_path(place)}'")
     if section is None:
         return None
@@ -79,6 +88,39 @@ def _with_axes(model: LabelledComponent, path: Path, faults: FaultList) -> Label
         faults.add(place, error.faults[0].problem, "axes along those of the assembly")
         return None
     return replace(model, component=joint)
+
+
+def _along_nodes(
+    model: LabelledComponent,
+    path: Path,
+    attachments: Sequence[Attachment],
+    substructures: Substructures,
+    faults: FaultList,
+) -> LabelledComponent | None:
+    """Return the joint's model along the line between its first two nodes; None if there is no line."""
+    ends = []
+    for attachment in attachments[:2]:
+        part = substructures[attachment.substructure]
+        assert part is not None
+        node = part.nodes[attachment.nodes[0]]
+        if part.grounded and node.point is None:
+            problem = (
+                f"{model.label} acts along the line between its nodes, and '{attachment.substructure}' is everywhere."
+            )
+            remedy = "Say where its points are: 'points: [[0 mm, 0 mm, 0 mm]]' instead of positions."
+            faults.add((*path, "connect"), problem, remedy=remedy)
+            return None
+        ends.append(np.asarray(node.coordinates))
+    line = ends[1] - ends[0]
+    length = float(np.linalg.norm(line))
+    if length < 1e-9:
+        problem = (
+            f"{model.label} acts along the line between its nodes, and both are at {format_point(tuple(ends[0]))}."
+        )
+        faults.add((*path, "connect"), problem, remedy="Attach it to nodes at two points, or use a bushing.")
+        return None
+    section = AxesSection(x=tuple((line / length).tolist()))
+    return replace(model, component=oriented(model.component, section.rotation))
 
 
 def _with_damping(joint: JointEntry, model: LabelledComponent, path: Path, faults: FaultList) -> JointEntry | None:

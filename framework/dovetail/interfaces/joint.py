@@ -166,11 +166,11 @@ class JointModel(Component):
 
     Its local DOFs are those of its ports' nodes (`node_dofs`), each in the order of its port's directions, by default x
     then rz, and its internal DOFs. The nodes of a layer lie along some axes of the joint (`nodes_along`); facing ones
-    may be apart along x if it `spans_a_distance`, as on the axes of two lapped bars.
+    may be apart along x if it `spans_a_distance`, and x leads from node to node if it `acts_along_its_nodes`.
     """
 
     kind: ClassVar[Kind] = "joint"
-    spans_a_distance: bool = False
+    spans_a_distance, acts_along_its_nodes = False, False
     nodes_along: tuple[str, ...] = ()
 
     @property

@@ -9,15 +9,29 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from dovetail import ComponentConfig, InUnit, JointModel, Parameter, Port, ScaledMatrices, StructuralMatrices
+from dovetail import (
+    DIRECTIONS,
+    PLANAR,
+    ComponentConfig,
+    InUnit,
+    JointModel,
+    Parameter,
+    Port,
+    ScaledMatrices,
+    StructuralMatrices,
+)
 
 _DISTRIBUTED = (
     Parameter("k", "N/m^2", 1e8, 1e12, "log", "radial stiffness per unit length"),
     Parameter("kr", "N", 1e4, 1e8, "log", "tilting stiffness per unit length (N m/rad per m)"),
     Parameter("c", "N s/m^2", 1e1, 1e6, "log", "radial damping per unit length"),
     Parameter("cr", "N s", 1e-3, 1e3, "log", "tilting damping per unit length (N m s/rad per m)"),
+)
+_SLIDING = (
+    Parameter("ks", "N/m^2", 1e8, 1e12, "log", "stiffness against sliding, along and around, per unit length"),
+    Parameter("cs", "N s/m^2", 1e1, 1e6, "log", "damping of sliding, along and around, per unit length"),
 )
 _GRADIENT = Parameter(
     "g", "1", -0.9, 0.9, "linear", "change of stiffness from the middle to the last node, over the mean stiffness"
@@ -32,9 +46,13 @@ class InterferenceFit(JointModel):
     contact, k (1 + g s) with s from -1 at the first node to 1 at the last; the damping stays even. Slip, lift-off at
     the edges and the stiffening of the shaft by the hub's pressure are not modelled.
 
-    Only kr resists sliding along the axis. Other than in a bolted lap, this omits no stiffness: shaft and hub
-    bend about one axis. With a stiff layer the natural frequencies are those of a solid shaft within 0.5 % (``pytest
-    tests/synthesis/test_sliding_faces.py``), which is the difference of the two beam models in shear.
+    In a plane only kr resists sliding along the axis. Other than in a bolted lap, this omits no stiffness: shaft and
+    hub bend about one axis. With a stiff layer the natural frequencies are those of a solid shaft within 0.5 %
+    (``pytest tests/synthesis/test_sliding_faces.py``), which is the difference of the two beam models in shear.
+
+    With ``motion: space`` the layer acts in all six directions, at the faces' distance from the axis: half of
+    `diameter`. Its stiffness against sliding, ks, then resists axial motion, twist (ks d^2 / 4) and tilting
+    (ks d^2 / 8) together. The axis is y, as that of beams; `axes` gives another one.
     """
 
     name = "interference_fit"
@@ -58,30 +76,50 @@ class InterferenceFit(JointModel):
             Number of facing nodes of each part.
         pressure : 'uniform' or 'linear'
             With 'linear' the joint has another parameter, the gradient g.
+        motion : 'plane' or 'space'
+            Whether the layer acts in x and rz, or in all six directions.
+        diameter : float
+            Of the contact [m], for motion in space.
         """
 
         length: Annotated[float, Field(gt=0), InUnit("m")]
         nodes: Annotated[int, Field(ge=2, le=1000)] = 3
         pressure: Literal["uniform", "linear"] = "uniform"
+        motion: Literal["plane", "space"] = "plane"
+        diameter: Annotated[float | None, Field(gt=0), InUnit("m")] = None
+
+        @model_validator(mode="after")
+        def _diameter_in_space(self) -> InterferenceFit.Config:
+            if (self.motion == "space") != (self.diameter is not None):
+                raise ValueError("give 'diameter' with 'motion: space', and only then")
+            return self
 
     @classmethod
     def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
-        """Return a fit with uniform pressure and one with linearly varying pressure."""
-        return {"length": "40 mm"}, {"length": "40 mm", "nodes": 5, "pressure": "linear"}
+        """Return a fit with uniform pressure, one with linearly varying pressure, and one in space."""
+        space = {"length": "40 mm", "motion": "space", "diameter": "20 mm"}
+        return {"length": "40 mm"}, {"length": "40 mm", "nodes": 5, "pressure": "linear"}, space
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The four distributed parameters, and the gradient g if the pressure is linear."""
-        return (*_DISTRIBUTED, _GRADIENT) if self.config.pressure == "linear" else _DISTRIBUTED
+        """The four distributed parameters, and the gradient g if the pressure is linear.
+
+        In space, those against sliding replace those against tilting.
+        """
+        k, kr, c, cr = _DISTRIBUTED
+        ks, cs = _SLIDING
+        layer = (k, kr, c, cr) if self.config.motion == "plane" else (k, ks, c, cs)
+        return (*layer, _GRADIENT) if self.config.pressure == "linear" else layer
 
     @property
     def linear_parameters(self) -> tuple[str, ...]:
         """The damping, and the stiffness unless a gradient changes it."""
-        return ("c", "cr") if self.config.pressure == "linear" else ("k", "kr", "c", "cr")
+        layer = tuple(parameter.name for parameter in self.parameters[:4])
+        return layer[2:] if self.config.pressure == "linear" else layer
 
     @cached_property
     def scaled_matrices(self) -> ScaledMatrices | None:
-        """The stiffness under a gradient: k and kr, each alone and times g."""
+        """The stiffness under a gradient: k and kr, or ks, each alone and times g."""
         if self.config.pressure == "uniform":
             return None
         shares = np.array([[1, 0, 0, 0, 0], [1, 0, 0, 0, 1], [0, 1, 0, 0, 0], [0, 1, 0, 0, 1]], dtype=np.float64)
@@ -95,7 +133,8 @@ class InterferenceFit(JointModel):
         """The shaft and the hub, with nodes evenly spaced over the length."""
         nodes = int(self.config.nodes)
         along = tuple(float(position) for position in np.linspace(0.0, self.config.length, nodes))
-        return Port("shaft", nodes, along), Port("hub", nodes, along)
+        directions = PLANAR if self.config.motion == "plane" else DIRECTIONS
+        return Port("shaft", nodes, along, directions), Port("hub", nodes, along, directions)
 
     def range_objections(self, lower: Mapping[str, float], upper: Mapping[str, float]) -> Mapping[str, str]:
         """Object also to a gradient beyond 1 or -1, which makes the stiffness of an end negative."""
@@ -108,15 +147,29 @@ class InterferenceFit(JointModel):
     def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
         """Return the matrices for theta (n, 4) or (n, 5)."""
         joint = StructuralMatrices.zeros(len(theta), self.size)
-        k, kr, c, cr = theta[:, :4].T
+        k, second, c, second_c = theta[:, :4].T
         nodes = int(self.config.nodes)
-        for node, along in enumerate(np.linspace(-1.0, 1.0, nodes)):
+        for shaft, hub in self.contact_dofs:
+            node, direction = self.node_dofs[shaft]
             length = self.config.length / (nodes - 1) * (0.5 if node in (0, nodes - 1) else 1.0)
+            along = 2.0 * node / (nodes - 1) - 1.0
             stiffness = length * (1.0 + along * theta[:, 4]) if self.config.pressure == "linear" else length
-            radial, tilting = self.contact_dofs[2 * node : 2 * node + 2]
-            joint.add_contact_layer([radial], stiffness * k, length * c)
-            joint.add_contact_layer([tilting], stiffness * kr, length * cr)
+            radial, arm = self._acts(direction)
+            share, damping = (k, c) if radial else (arm * second, arm * second_c)
+            joint.add_contact_layer([(shaft, hub)], stiffness * share, length * damping)
         return joint
+
+    def _acts(self, direction: str) -> tuple[bool, float]:
+        """Return whether the radial springs act in a direction, or else the factor of those against tilting or sliding.
+
+        Springs ks along and around the axis at a distance r from it: the mean of (r cos)^2 over the circumference
+        resists tilting, r^2 twist.
+        """
+        if direction in ("x", "z"):
+            return True, 1.0
+        if self.config.diameter is None or direction == "y":
+            return False, 1.0
+        return False, float((self.config.diameter / 2.0) ** 2 * (1.0 if direction == "ry" else 0.5))
 
 
 def _stiffnesses(theta: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""A rigid connection: the nodes of two parts become one."""
+"""Rigid connections: the nodes of two parts become one, in all directions or in those of a ball joint or a hinge."""
 
 from __future__ import annotations
 
@@ -70,3 +70,62 @@ class Rigid(JointModel):
     def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
         """Return zeros: a rigid connection only merges DOFs."""
         return StructuralMatrices.zeros(len(theta), self.size)
+
+
+class BallJoint(Rigid):
+    """Two nodes in space share their displacements and turn freely."""
+
+    name = "ball_joint"
+    summary = "Ball joint in space: two nodes share x, y and z"
+
+    class Config(ComponentConfig):
+        """It has no options."""
+
+    @classmethod
+    def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
+        """Return the joint."""
+        return ({},)
+
+    @property
+    def ports(self) -> tuple[Port, ...]:
+        """The two sides, a and b."""
+        return Port("a", 1, directions=self._directions), Port("b", 1, directions=self._directions)
+
+    @property
+    def merged_dofs(self) -> tuple[tuple[int, int], ...]:
+        """All DOFs of the two nodes in its directions."""
+        return self.contact_dofs
+
+    @property
+    def _directions(self) -> tuple[str, ...]:
+        return DIRECTIONS[:3]
+
+
+class Hinge(BallJoint):
+    """Two nodes in space share all motions but the rotation about an axis.
+
+    The axis is one of the assembly's, or with `axes` another one.
+    """
+
+    name = "hinge"
+    summary = "Hinge in space: two nodes share all motions but the rotation about an axis"
+
+    class Config(ComponentConfig):
+        """Its axis.
+
+        Attributes
+        ----------
+        axis : 'x', 'y' or 'z'
+            About which it turns freely.
+        """
+
+        axis: Literal["x", "y", "z"] = "z"
+
+    @classmethod
+    def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
+        """Return a hinge about z and one about x."""
+        return {}, {"axis": "x"}
+
+    @property
+    def _directions(self) -> tuple[str, ...]:
+        return tuple(direction for direction in DIRECTIONS if direction != f"r{self.config.axis}")
