@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
+import scipy  # loads a part of it when that is first used
 from pydantic import Field, model_validator
-from scipy.sparse import coo_array, csc_array
 
 from dovetail import (
     DIRECTIONS,
@@ -350,7 +350,7 @@ class Matrices(SubstructureModel):
         if reduce := self.config.reduce:
             size = self.node_dofs.size
             self.reduced = reduce_part(arranged, size, model.where["K"], modes=reduce.modes, up_to=reduce.up_to)
-            arranged = {name: csc_array(matrix) for name, matrix in self.reduced.matrices.items()}
+            arranged = {name: scipy.sparse.csc_array(matrix) for name, matrix in self.reduced.matrices.items()}
         if self.config.loss_factor:
             arranged["D"] = self.config.loss_factor * arranged["K"]
         if arranged["K"].shape[0] > _SMALL:
@@ -374,4 +374,4 @@ class Matrices(SubstructureModel):
         first = dofs.size
         entries += [(int(row), first + index, 1.0) for index, row in enumerate(inner)]
         rows, columns, values = zip(*entries, strict=True)
-        return coo_array((values, (rows, columns)), shape=(size, first + len(inner))).tocsc()
+        return scipy.sparse.coo_array((values, (rows, columns)), shape=(size, first + len(inner))).tocsc()
