@@ -13,7 +13,8 @@ import numpy as np
 import dovetail
 
 KNOWN = {"dc": "3 mm", "mn2": "0.2 kg"}
-NOISE, CASES = 0.01, 20
+NOISE, CASES, COLLETS = 0.01, 60, 10
+"""Relative noise, and cases of the single mass and of the collet; slower programs solve the first ones only."""
 POLES = ((180.0, 0.004), (420.0, 0.01), (433.0, 0.008), (760.0, 0.02))
 """Natural frequencies [Hz] and damping ratios of the FRF whose modal parameters are estimated."""
 

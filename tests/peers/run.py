@@ -63,7 +63,7 @@ def results_of(name: str, folder: Path, libraries: str) -> list[dict[str, object
     interpreter, script = python_of(name, folder, libraries), HERE / f"solve_{name}.py"
     paths = [str(ROOT / "framework"), str(ROOT / "plugins"), str(HERE)]
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(paths)}
-    done = subprocess.run([interpreter, str(script)], env=environment, capture_output=True, text=True)
+    done = subprocess.run([interpreter, str(script)], env=environment, cwd=folder, capture_output=True, text=True)
     if done.returncode:
         raise SystemExit(f"{script.name}:\n{done.stderr[-2000:]}")
     package = {"dovetail": "dovetail-frf"}.get(name, PEERS.get(name, name))
@@ -122,10 +122,11 @@ def main() -> None:
     parser.add_argument("--only", nargs="*", default=list(NAMES))
     given = parser.parse_args()
     TABLES.mkdir(exist_ok=True)
+    given.folder.mkdir(parents=True, exist_ok=True)
     file = TABLES / "results.json"
     kept = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
     for name in given.only:
-        kept[name] = results_of(name, given.folder, given.libraries)
+        kept[name] = results_of(name, given.folder.resolve(), given.libraries)
         file.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
     rows = [row for name in NAMES for row in kept.get(name, [])]
     page = ROOT / "docs" / "peers.md"

@@ -4,11 +4,11 @@ import time
 
 import numpy as np
 from interface import directions, positions, recorded, relative_error
-from problems import CASES, Scores, collet, measurement, one_mass
+from problems import CASES, COLLETS, Scores, collet, measurement, one_mass
 
 import dovetail
 
-for problem, assembly, cases in (("one mass", one_mass(), CASES), ("collet", collet(), 2)):
+for problem, assembly, cases in (("one mass", one_mass(), CASES), ("collet", collet(), COLLETS)):
     for program, error in (("Dovetail", 0.0), ("Dovetail, model allowed its usual errors", None)):
         scores = Scores(problem)
         for seed in range(cases):

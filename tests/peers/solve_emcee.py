@@ -5,7 +5,7 @@ import numpy as np
 from problems import Scores, collet, measurement, one_mass, residuals
 from scipy.optimize import least_squares
 
-for problem, assembly, cases, steps in (("one mass", one_mass(), 5, 1000), ("collet", collet(), 1, 1500)):
+for problem, assembly, cases, steps in (("one mass", one_mass(), 20, 1000), ("collet", collet(), 2, 1500)):
     scores, count, ratios = Scores(problem), len(assembly.parameters), []
     for seed in range(cases):
         truth, measured = measurement(assembly, seed)

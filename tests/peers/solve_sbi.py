@@ -2,14 +2,14 @@
 
 import numpy as np
 import torch
-from problems import CASES, NOISE, Scores, collet, measurement, one_mass
+from problems import CASES, COLLETS, NOISE, Scores, collet, measurement, one_mass
 from sbi.inference import NPE
 from sbi.utils import BoxUniform
 
 import dovetail
 
 torch.set_num_threads(1)
-for problem, assembly, cases, count in (("one mass", one_mass(), CASES, 2000), ("collet", collet(40), 2, 4000)):
+for problem, assembly, cases, count in (("one mass", one_mass(), CASES, 2000), ("collet", collet(40), COLLETS, 4000)):
     scores = Scores(problem)
     width = len(assembly.parameters)
     # begin
@@ -22,7 +22,7 @@ for problem, assembly, cases, count in (("one mass", one_mass(), CASES, 2000), (
     noisy = [dovetail.noisy_frf(dovetail.Frf(assembly.frequency, row, quantity), NOISE, random) for row in clean]
     x = torch.tensor(np.log10([frf.amplitude for frf in noisy]), dtype=torch.float32)
     inference = NPE(prior=prior)
-    inference.append_simulations(theta, x).train(max_num_epochs=60, show_train_summary=False)
+    inference.append_simulations(theta, x).train(max_num_epochs=100, show_train_summary=False)
     posterior = inference.build_posterior()
     # end
     for seed in range(cases):

@@ -4,7 +4,7 @@ import numpy as np
 from problems import CASES, Scores, collet, measurement, one_mass, residuals
 from scipy.optimize import least_squares
 
-for problem, assembly, cases in (("one mass", one_mass(), CASES), ("collet", collet(), 2)):
+for problem, assembly, cases in (("one mass", one_mass(), CASES), ("collet", collet(), 5)):
     scores, count = Scores(problem), len(assembly.parameters)
     for seed in range(cases):
         truth, measured = measurement(assembly, seed)
