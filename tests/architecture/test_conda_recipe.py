@@ -6,6 +6,7 @@ import re
 import tomllib
 from pathlib import Path
 
+import pytest
 import yaml
 
 import dovetail
@@ -43,6 +44,18 @@ def test_it_has_the_sections_and_tests_that_conda_forge_asks_for():
     assert RECIPE["build"]["noarch"] == "python"
     imports = RECIPE["tests"][0]["python"]["imports"]
     assert imports == ["dovetail", "dovetail_bench", "dovetail_machining", "dovetail_plugins"]
+
+
+def test_rattler_build_renders_it():
+    """Its parser refuses keys, expressions and requirements that it does not know."""
+    rattler_build = pytest.importorskip("rattler_build", reason="pip install py-rattler-build")
+    file = ROOT / "conda" / "recipe.yaml"
+    variants = rattler_build.VariantConfig.from_file(str(file.with_name("variants.yaml")))
+    (rendered,) = rattler_build.Stage0Recipe.from_file(str(file)).render(variants)
+    assert rendered.recipe.package.name == PROJECT["name"]
+    broken = file.read_text(encoding="utf-8").replace("noarch: python", "noarchy: python")
+    with pytest.raises(rattler_build.RecipeParseError, match="noarchy"):
+        rattler_build.Stage0Recipe.from_yaml(broken)
 
 
 def test_the_page_on_installation_lists_every_extra():
