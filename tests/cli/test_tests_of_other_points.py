@@ -85,6 +85,7 @@ COMMANDS = {
 }
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(("use", "dofs"), CASES, ids=str)
 @pytest.mark.parametrize("command", COMMANDS)
 def test_tests_of_a_series_at_other_points_are_refused(run, measured, command, use, dofs):

@@ -150,6 +150,7 @@ def refused(result, *found):
 # -- one FRF ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(("use", "stated"), SINGLE, ids=IDS)
 @pytest.mark.parametrize("command", ["identify", "explore", "compare", "validate"])
 def test_an_frf_whose_dofs_contradict_its_use_is_refused(run, described, written, tmp_path, command, use, stated):
@@ -163,6 +164,7 @@ def test_an_frf_whose_dofs_contradict_its_use_is_refused(run, described, written
     assert any(end in done.stderr for end in stated if end)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(("use", "stated"), SINGLE, ids=IDS)
 @pytest.mark.parametrize("suffix", FORMATS)
 def test_it_is_refused_from_every_format_and_in_python(described, written, use, stated, suffix):
@@ -213,6 +215,7 @@ def test_ignored_dofs_do_not_turn_the_sign(frfs, tmp_path, response, force, sign
 # -- several FRFs of one assembly ------------------------------------------------------------------------------------
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("chosen", ASSIGNED, ids="-".join)
 @pytest.mark.parametrize("command", ["identify", "explore"])
 def test_exchanged_or_repeated_files_are_refused(run, described, written, command, chosen):

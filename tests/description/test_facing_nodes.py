@@ -147,6 +147,7 @@ def test_nodes_at_the_same_places_are_accepted(joint, plugin):
     assert dovetail.load(joined(joint, *at_ends(joint)), plugins=[plugin]).frf().shape == (3,)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("side", [0, 1], ids=["first port", "second port"])
 @pytest.mark.parametrize("fault", WRONG)
 @pytest.mark.parametrize("joint", NODES)

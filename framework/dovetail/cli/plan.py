@@ -13,6 +13,7 @@ from dovetail.cli.terminal import heading, print_json, progress_bars, say, table
 from dovetail.errors import Fault, ParameterError
 
 if TYPE_CHECKING:
+    from dovetail import Assembly
     from dovetail.design import MeasurementPlan, PlannedPoint, SeriesPlan
 
 _SHOWN = 8
@@ -70,11 +71,18 @@ def plan(
     if as_json:
         print_json(ranking.to_dict())
         return
-    names = [parameter.name for parameter in loaded.parameters]
+    _print_ranking(loaded, ranking, size)
+    if ranking.responses:
+        _print_pair(ranking, assembly)
+
+
+def _print_ranking(assembly: Assembly, ranking: MeasurementPlan, noise: float) -> None:
+    """Print the best points and the described ones, and the best second points."""
+    names = [parameter.name for parameter in assembly.parameters]
     headers = ["point", "position [mm]", "mean", *names, "modes not seen [Hz]"]
-    title(f"{loaded.name}: part of the prior variance that one FRF takes away, noise {size:g}")
-    substructures = loaded.description.substructures
-    nodes = [(r.substructure, substructures[r.substructure].nodes[r.node]) for r in loaded.description.responses]
+    title(f"{assembly.name}: part of the prior variance that one FRF takes away, noise {noise:g}")
+    substructures = assembly.description.substructures
+    nodes = [(r.substructure, substructures[r.substructure].nodes[r.node]) for r in assembly.description.responses]
     described = {(name, node.position, label) for name, node in nodes for label in ("", node.label)}
     rows = []
     for rank, point in enumerate(ranking.points):
@@ -88,8 +96,6 @@ def plan(
         table(headers, [_row(point, "") for point in ranking.seconds[:_SHOWN]], numbers=headers[1:-1])
     say()
     say("1: the measurement determines it; 0: the measurement adds nothing to its range.")
-    if ranking.responses:
-        _print_pair(ranking, assembly)
 
 
 def _plan_series(
