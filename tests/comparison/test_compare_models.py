@@ -26,8 +26,8 @@ ROD = ASSEMBLIES / "series" / "clamped_rod.yaml"
 
 def model(name, log, error=0.1, **changed):
     evidence = None if log is None else Evidence(log, error)
-    known = {"log_likelihood": 0.0, "line_scores": np.zeros(4), "fits": "to the noise", **changed}
-    return ComparedModel(name, 3, evidence, known["log_likelihood"], known["line_scores"], known["fits"])
+    known = {"bounds": (-np.inf, 0.0), "line_scores": np.zeros(4), "fits": "to the noise", **changed}
+    return ComparedModel(name, 3, evidence, known["bounds"], known["line_scores"], known["fits"])
 
 
 def test_a_model_is_preferred_where_log_z_differs_by_more_than_three_and_two_standard_errors():
@@ -41,13 +41,29 @@ def test_a_model_is_preferred_where_log_z_differs_by_more_than_three_and_two_sta
 
 
 def test_a_model_whose_evidence_is_unknown_is_worse_where_even_its_largest_likelihood_is_too_small():
-    worse = ModelComparison("x", (model("a", -5.0), model("b", None, log_likelihood=-50.0)))
+    worse = ModelComparison("x", (model("a", -5.0), model("b", None, bounds=(-np.inf, -50.0))))
     assert worse.preferred.name == "a"
     assert "at least exp(45) times that of b" in worse.sentence
-    unclear = ModelComparison("x", (model("a", -5.0), model("b", None, log_likelihood=0.0)))
+    unclear = ModelComparison("x", (model("a", -5.0), model("b", None, bounds=(-np.inf, 0.0))))
     assert unclear.preferred is None
     assert "at most exp(5) times as large" in unclear.sentence
     assert "Ask for more samples" in ModelComparison("x", (model("a", None), model("b", None))).sentence
+
+
+def test_a_model_of_which_few_samples_count_is_preferred_where_even_its_least_evidence_is_larger():
+    """Only this one fits: how much better it is need not be known."""
+    few = model("fits", None, bounds=(-80.0, -20.0))
+    comparison = ModelComparison("x", (model("does not", -500.0, fits="does not fit"), few))
+    assert comparison.preferred.name == "fits"
+    assert comparison.difference(comparison.ranking[1]) == (420.0, 0.1)
+    assert "at least exp(420) times that of does not" in comparison.sentence
+    assert "does not fit" not in comparison.sentence
+    both = ModelComparison("x", (model("b", None, bounds=(-900.0, -500.0)), few))
+    assert both.preferred.name == "fits"
+    close = ModelComparison("x", (model("does not", -82.0), few))
+    assert close.preferred is None
+    assert "too few samples count for the marginal likelihood of fits" in close.sentence
+    assert json.dumps(close.to_dict(), allow_nan=False)
 
 
 def test_a_preferred_model_that_does_not_fit_is_named():
@@ -72,6 +88,13 @@ def test_the_joint_that_made_the_measurement_is_preferred_to_a_rigid_one(rod):
     assert rigid.unknowns == 0
     assert comparison.difference(rigid)[0] > 1e3
     assert comparison.score_difference(rigid)[0] > 1e3
+
+
+def test_few_samples_suffice_where_the_other_joint_does_not_fit_at_all(rod):
+    comparison = dovetail.compare_models(ROD, rod, joints=["rigid", "spring_damper"], samples=20)
+    assert comparison.preferred.name == "spring_damper"
+    assert comparison.preferred.evidence is None
+    assert comparison.sentence.startswith("The measurements prefer spring_damper: its marginal likelihood is at least")
 
 
 def test_of_a_joint_without_the_parameter_that_matters_less_is_known(rod, tmp_path):

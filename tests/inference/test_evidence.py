@@ -7,7 +7,7 @@ import pytest
 
 from dovetail.inference.fitting import refine
 from dovetail.inference.posterior import sample_posterior, typical_model_error
-from dovetail.inference.posterior.evidence import FEWEST_EFFECTIVE, Evidence
+from dovetail.inference.posterior.evidence import FEWEST_EFFECTIVE, RISK, Evidence, least_log_evidence
 from dovetail.inference.posterior.mode_search import likelihood_at_mode
 from dovetail.problem import Problem
 from support.mounts_in_series import NORMAL, mount
@@ -81,6 +81,16 @@ def test_weights_of_which_too_few_count_give_no_evidence():
     assert Evidence.of_weights(np.empty(0), 400) is None
     enough = np.where(np.arange(400) < FEWEST_EFFECTIVE + 2, 0.0, -50.0)
     assert Evidence.of_weights(enough, 400).log == pytest.approx(np.log(32 / 400))
+
+
+@pytest.mark.parametrize("spread", [0.5, 3.0, 8.0])
+@pytest.mark.parametrize("count", [1, 5, 40])
+def test_the_lower_bound_is_exceeded_even_if_single_weights_dominate(count, spread):
+    random = np.random.default_rng(3)
+    weights = random.normal(-(spread**2) / 2.0, spread, (2000, count))  # of which the mean is expected to be 1
+    bounds = np.array([least_log_evidence(row, count) for row in weights])
+    assert np.mean(bounds > 0.0) <= RISK
+    assert least_log_evidence(np.empty(0), count) == -np.inf
 
 
 def test_searches_that_did_not_converge_count_as_nothing():

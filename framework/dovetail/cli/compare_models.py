@@ -101,11 +101,12 @@ def _print(comparison: ModelComparison) -> None:
         gap, gap_error = comparison.difference(model)
         score, score_error = comparison.score_difference(model)
         log_z = (
-            f"< {model.log_likelihood:.1f}"
+            f"{model.bounds[0]:.1f} to {model.bounds[1]:.1f}"
             if model.evidence is None
             else f"{model.evidence.log:.2f} ± {model.evidence.error:.2f}"
         )
-        below = f"> {gap:.1f}" if model.evidence is None else f"{gap:.2f} ± {gap_error:.2f}"
+        bounded = None in (model.evidence, comparison.ranking[0].evidence)
+        below = f"> {gap:.1f}" if bounded else f"{gap:.2f} ± {gap_error:.2f}"
         first = model is comparison.ranking[0]
         worse = "" if first else f"{score:.1f} ± {score_error:.1f}"
         rows.append(
@@ -116,4 +117,4 @@ def _print(comparison: ModelComparison) -> None:
     say()
     say(comparison.sentence)
     if any(one.evidence is None for one in comparison.models):
-        say("'<' is a bound: too few samples count for the marginal likelihood itself.")
+        say("Where log Z is a range, too few samples count for the marginal likelihood itself; it lies between these.")

@@ -27,8 +27,9 @@ class ComparedModel:
     unknowns : int
     evidence : Evidence or None
         The marginal likelihood; None if too few searches count for it.
-    log_likelihood : float
-        The largest, with all constants; log Z is at most as large.
+    bounds : (float, float)
+        Between which log Z lies: one that it exceeds with a probability of 99 %, and the largest log-likelihood, with
+        all constants.
     line_scores : (m,) array
         Log predictive density of each measured value, given all others.
     fits : str
@@ -38,18 +39,23 @@ class ComparedModel:
     name: str
     unknowns: int
     evidence: Evidence | None
-    log_likelihood: float
+    bounds: tuple[float, float]
     line_scores: NDArray[np.float64]
     fits: str
 
     @property
-    def log_evidence(self) -> float:
-        """Logarithm of the marginal likelihood; its upper bound where that is not known."""
-        return self.log_likelihood if self.evidence is None else self.evidence.log
+    def least(self) -> float:
+        """Logarithm of the marginal likelihood, or the least that it may be."""
+        return self.bounds[0] if self.evidence is None else self.evidence.log
+
+    @property
+    def most(self) -> float:
+        """Logarithm of the marginal likelihood, or the most that it may be."""
+        return self.bounds[1] if self.evidence is None else self.evidence.log
 
     @property
     def error(self) -> float:
-        """Standard error of `log_evidence`; 0 of a bound."""
+        """Standard error of the logarithm; 0 of a bound."""
         return 0.0 if self.evidence is None else self.evidence.error
 
     @property
@@ -75,15 +81,15 @@ class ModelComparison:
 
     @cached_property
     def ranking(self) -> tuple[ComparedModel, ...]:
-        """The models, the highest log Z first; those of which only a bound is known last."""
-        return tuple(sorted(self.models, key=lambda one: (one.evidence is None, -one.log_evidence)))
+        """The models, the highest log Z first, or the highest lower bound where only bounds are known."""
+        return tuple(sorted(self.models, key=lambda one: -one.least))
 
     def difference(self, model: ComparedModel) -> tuple[float, float]:
-        """Return by how much the log Z of a model is below that of the first, and the standard error of this."""
+        """Return by how much at least the log Z of a model is below that of the first, and its standard error."""
         first = self.ranking[0]
         if model is first:
             return 0.0, 0.0
-        return first.log_evidence - model.log_evidence, float(np.hypot(first.error, model.error))
+        return first.least - model.most, float(np.hypot(first.error, model.error))
 
     def score_difference(self, model: ComparedModel) -> tuple[float, float]:
         """Return by how much the score of a model is below that of the first, and the standard error of this."""
@@ -94,8 +100,6 @@ class ModelComparison:
     def preferred(self) -> ComparedModel | None:
         """The model that the measurements prefer to all others; None if they cannot tell."""
         first, *others = self.ranking
-        if first.evidence is None:
-            return None
         exceeds = [gap - _STANDARD_ERRORS * error > DECISIVE for gap, error in map(self.difference, others)]
         return first if all(exceeds) else None
 
@@ -103,7 +107,7 @@ class ModelComparison:
     def sentence(self) -> str:
         """Which model the measurements prefer, and by how much; or why they cannot tell."""
         first, *others = self.ranking
-        if first.evidence is None:
+        if self.preferred is None and all(model.evidence is None for model in self.models):
             return (
                 f"The models cannot be compared: of none do {FEWEST_EFFECTIVE:.0f} effective samples count for the "
                 "marginal likelihood. Ask for more samples."
@@ -111,16 +115,17 @@ class ModelComparison:
         nearest = min(others, key=lambda one: self.difference(one)[0])
         gap, error = self.difference(nearest)
         if self.preferred is None:
-            if nearest.evidence is None:
+            if unknown := [model.name for model in (nearest, first) if model.evidence is None]:
                 return (
                     f"The measurements cannot tell {first.name} from {nearest.name}: too few samples count for the "
-                    f"marginal likelihood of {nearest.name}, which is at most exp({max(-gap, 0.0):.3g}) times as large."
+                    f"marginal likelihood of {unknown[0]}; that of {nearest.name} is at most exp({max(-gap, 0.0):.3g}) "
+                    "times as large."
                 )
             return (
                 f"The measurements cannot tell {first.name} from {nearest.name}: log Z differs by {gap:.2g} "
                 f"(± {error:.1g}), and less than {DECISIVE:g} is not decisive."
             )
-        at_least = "at least " if nearest.evidence is None else ""
+        at_least = "at least " if None in (first.evidence, nearest.evidence) else ""
         text = (
             f"The measurements prefer {first.name}: its marginal likelihood is {at_least}{_factor(gap)} times that of "
             f"{nearest.name} (log Z differs by {at_least}{gap:.3g})."
@@ -140,8 +145,9 @@ class ModelComparison:
                 "unknowns": model.unknowns,
                 "log_evidence": None if model.evidence is None else model.evidence.log,
                 "log_evidence_error": None if model.evidence is None else model.evidence.error,
-                "largest_log_likelihood": model.log_likelihood,
-                "below_the_first": gap,
+                "least_log_evidence": _finite(model.bounds[0]),
+                "largest_log_likelihood": model.bounds[1],
+                "below_the_first": _finite(gap),
                 "below_the_first_error": gap_error,
                 "leave_one_out": model.score,
                 "leave_one_out_below_the_first": score,
@@ -154,6 +160,10 @@ class ModelComparison:
             "preferred": None if preferred is None else preferred.name,
             "sentence": self.sentence,
         }
+
+
+def _finite(value: float) -> float | None:
+    return value if np.isfinite(value) else None
 
 
 def _factor(gap: float) -> str:

@@ -172,11 +172,6 @@ def _compared(
     return tuple(compared)
 
 
-def _misfit(judged: JudgedFit) -> tuple[float, float]:
-    """Return the errors that a model needs, and its chi-squared."""
-    return judged.adequacy.error_in_intervals.natural_frequency, judged.fit.chi_squared
-
-
 def _judged(problem: Problem, options: JudgementOptions, seed: int) -> JudgedFit:
     """Return the fit of a model and its judgement; of a model without unknowns, that of its only FRF."""
     if problem.parameters:
@@ -203,11 +198,13 @@ def _one_compared(
     if count:
         posterior = sample_posterior(problem, fit, samples=samples, model_error=error, seed=seed, progress=progress)
         points, weight, evidence = posterior.fraction, posterior.weight, posterior.evidence
+        least = posterior.least_log_evidence
     else:
         points, weight = fraction[np.newaxis], np.ones(1)
         evidence = Evidence(float(likelihood.log(points)[0] + likelihood.log_constant), 0.0)
+        least = evidence.log
     highest = largest_log_likelihood(likelihood, points)
-    return ComparedModel(name, count, evidence, highest, line_scores(likelihood, points, weight), word)
+    return ComparedModel(name, count, evidence, (least, highest), line_scores(likelihood, points, weight), word)
 
 
 def largest_log_likelihood(likelihood: Likelihood, fraction: NDArray[np.float64]) -> float:

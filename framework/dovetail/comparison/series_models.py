@@ -80,7 +80,8 @@ def compared_model(
     word = max((test.judged.adequacy.word for test in tests), key=_WORDS.index)
     if fit.contradiction < CONTRADICTION:
         word = "does not fit"
-    return ComparedModel(name, unknowns.count, posterior.evidence, highest, np.concatenate(scores), word)
+    bounds = posterior.least_log_evidence, highest
+    return ComparedModel(name, unknowns.count, posterior.evidence, bounds, np.concatenate(scores), word)
 
 
 def _variants(series: SeriesDescription, roles: Mapping[str, Sequence[str]]) -> dict[str, SeriesDescription]:

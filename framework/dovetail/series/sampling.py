@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.inference.posterior import ModelError, Posterior
-from dovetail.inference.posterior.evidence import Evidence
+from dovetail.inference.posterior.evidence import Evidence, least_log_evidence
 from dovetail.inference.posterior.likelihood import ReducedResiduals, squared_norms, unit_from_normal
 from dovetail.inference.posterior.metropolis import Chains, decorrelate
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints
@@ -74,6 +74,8 @@ class SeriesPosterior:
         Of the parameters of each test.
     evidence : Evidence or None
         The marginal likelihood; None if too few searches count for it.
+    least_log_evidence : float
+        A lower bound of its logarithm, which few searches suffice for.
     effective_sample_size : float
         Number of independent samples of equal weight with the same information (Kish).
     search_efficiency : float
@@ -87,6 +89,7 @@ class SeriesPosterior:
     shared: Posterior | None
     tests: tuple[Posterior, ...]
     evidence: Evidence | None
+    least_log_evidence: float
     effective_sample_size: float
     search_efficiency: float
     searches: int
@@ -145,7 +148,8 @@ def sample_series(
     with logged(__name__, f"{samples} samples of a series"):
         sampler = _Sampler(unknowns, tests, fit, np.random.default_rng([seed, 21]), progress)
         points, log_weight = sampler.search(samples)
-        evidence = Evidence.of_weights(log_weight + sampler.log_constant, samples)
+        of_measured = log_weight + sampler.log_constant
+        evidence = Evidence.of_weights(of_measured, samples), least_log_evidence(of_measured, samples)
         effective = effective_sample_size(log_weight)
         z, efficiency = points.z, effective / samples
         if efficiency < _SETTINGS.even_weights:
@@ -155,7 +159,7 @@ def sample_series(
         weight /= weight.sum()
         seconds = time.perf_counter() - began
         parts = sampler.posteriors(z, weight, samples, seconds)
-    return SeriesPosterior(z, weight, *parts, evidence, effective, efficiency, samples, seconds)
+    return SeriesPosterior(z, weight, *parts, *evidence, effective, efficiency, samples, seconds)
 
 
 class _Sampler:

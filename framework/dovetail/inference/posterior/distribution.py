@@ -113,6 +113,8 @@ class Posterior:
     evidence : Evidence or None
         The marginal likelihood; None if too few searches count for it, with the form "laplace", and with a result of an
         earlier version.
+    least_log_evidence : float
+        A lower bound of its logarithm, which few searches suffice for; not in the result's file.
     effective : float
         How many independent samples Metropolis steps left, where there were any: moved samples still resemble one
         another where they were drawn from the same few.
@@ -135,6 +137,7 @@ class Posterior:
     log_likelihood: NDArray[np.float64] | None = None
     normal: tuple[str, ...] = ()
     evidence: Evidence | None = None
+    least_log_evidence: float = -np.inf
     effective: float = np.inf
 
     @staticmethod
@@ -149,6 +152,7 @@ class Posterior:
         seconds: float,
         log_likelihood: NDArray[np.float64] | None = None,
         evidence: Evidence | None = None,
+        least_log_evidence: float = -np.inf,
         effective: float = np.inf,
     ) -> Posterior:
         """Return the posterior of parameters with these samples, in fractions of the ranges."""
@@ -166,6 +170,7 @@ class Posterior:
             log_likelihood=log_likelihood,
             normal=tuple(parameter.name for parameter in parameters if parameter.prior == "normal"),
             evidence=evidence,
+            least_log_evidence=least_log_evidence,
             effective=effective,
         )
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.inference.posterior.evidence import Evidence
+from dovetail.inference.posterior.evidence import Evidence, least_log_evidence
 from dovetail.inference.posterior.likelihood import PosteriorResiduals
 from dovetail.inference.posterior.metropolis import decorrelate
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints
@@ -40,6 +40,8 @@ class DrawnSamples:
         Number of searches for samples that came to an end, and of those that reached it.
     effective : float
         Number of independent samples that they are worth, but for their weights.
+    least_log_evidence : float
+        Lower bound of the logarithm of the marginal likelihood, up to the same constant.
     """
 
     z: NDArray[np.float64]
@@ -49,6 +51,7 @@ class DrawnSamples:
     searches: int
     converged: int
     effective: float
+    least_log_evidence: float
 
 
 def draw_about_modes(posterior: PosteriorResiduals, modes: NDArray[np.float64], count: int, seed: int) -> DrawnSamples:
@@ -67,15 +70,15 @@ def draw_about_modes(posterior: PosteriorResiduals, modes: NDArray[np.float64], 
     mixture.sample(count, count)
     points, log_weight = mixture.ends, mixture.log_weight
     evidence = Evidence.of_weights(log_weight, mixture.begun)
-    converged = len(log_weight)
+    least, converged = least_log_evidence(log_weight, mixture.begun), len(log_weight)
     if not converged:
         points, log_weight = separate, separate.log_posterior
     order = random.permutation(len(log_weight))
     points, log_weight = points.at_rows(order), log_weight[order]
     if are_even(log_weight, count):
-        return DrawnSamples(points.z, log_weight, None, evidence, mixture.begun, converged, np.inf)
+        return DrawnSamples(points.z, log_weight, None, evidence, mixture.begun, converged, np.inf, least)
     chosen = drawn_by_weight(from_logarithms(clipped(log_weight)), count, random)
     enough = enough_correlation(log_weight, count)
     moved = decorrelate(Density.of(posterior), points.at_rows(chosen), random, correlation=enough)
     effective = effective_after_moves(clipped(log_weight), count, moved.correlation)
-    return DrawnSamples(moved.z, np.zeros(count), None, evidence, mixture.begun, converged, effective)
+    return DrawnSamples(moved.z, np.zeros(count), None, evidence, mixture.begun, converged, effective, least)

@@ -11,6 +11,9 @@ FEWEST_EFFECTIVE = 30.0
 """Effective sample size of the weights below which the marginal likelihood is not given: single weights dominate it,
 and its standard error, sqrt(1/30) = 0.18 for weights without long tails, means little."""
 
+RISK = 0.01
+"""Probability that the marginal likelihood is below `least_log_evidence`."""
+
 
 @dataclass(frozen=True)
 class Evidence:
@@ -50,3 +53,14 @@ class Evidence:
     def plus(self, constant: float) -> Evidence:
         """Return the evidence with a constant of the likelihood added to its logarithm."""
         return replace(self, log=self.log + constant)
+
+
+def least_log_evidence(log_weight: NDArray[np.float64], searches: int) -> float:
+    """Return a lower bound of the logarithm of the marginal likelihood, however few weights count.
+
+    The weights' mean is positive, and its expectation is the marginal likelihood. By Markov's inequality it exceeds
+    this by a factor of ``1 / RISK`` with a probability of at most `RISK`. The bound is -inf if no search converged.
+    """
+    if not len(log_weight):
+        return -np.inf
+    return float(np.logaddexp.reduce(log_weight) - np.log(searches) + np.log(RISK))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from dovetail.inference.fitting import Fit
 from dovetail.inference.posterior.distribution import Posterior, check_options
 from dovetail.inference.posterior.drawn_samples import DrawnSamples, draw_about_modes
-from dovetail.inference.posterior.evidence import Evidence
+from dovetail.inference.posterior.evidence import Evidence, least_log_evidence
 from dovetail.inference.posterior.fewer_lines import log_density_at_fit, with_fewer_lines
 from dovetail.inference.posterior.laplace import half_about_the_fit, laplace_posterior
 from dovetail.inference.posterior.likelihood import (
@@ -165,7 +165,7 @@ def sample_posterior(
     if model_error.quantities:
         z, weight = half_about_the_fit(problem, fit, model_error, z, weight, seed)
         log_likelihood = None
-    fraction = unit_from_normal(z)
+    fraction, constant = unit_from_normal(z), _log_constant(likelihood, (problem, fit), measured, model_error)
     return Posterior.from_fractions(
         problem.parameters,
         fraction,
@@ -175,9 +175,8 @@ def sample_posterior(
         lines=lines,
         seconds=time.perf_counter() - began,
         log_likelihood=likelihood.log(fraction) if log_likelihood is None else log_likelihood,
-        evidence=None
-        if evidence is None
-        else evidence.plus(_log_constant(likelihood, (problem, fit), measured, model_error)),
+        evidence=None if evidence is None else evidence.plus(constant),
+        least_log_evidence=drawn.least_log_evidence + constant,
         effective=drawn.effective,
     )
 
@@ -286,7 +285,9 @@ class _Sampler:
         order = self._random.permutation(np.flatnonzero(are_counted(mixture.log_weight)))
         z, log_density, log_weight = mixture.ends.z[order], mixture.log_density[order], mixture.log_weight[order]
         log_likelihood, effective = self._log_likelihood(z), np.inf
-        evidence = Evidence.of_weights(log_likelihood - squared_norms(z) / 2.0 - log_density, mixture.begun)
+        on_all_lines = log_likelihood - squared_norms(z) / 2.0 - log_density
+        evidence = Evidence.of_weights(on_all_lines, mixture.begun)
+        least = least_log_evidence(on_all_lines, mixture.begun)
         even = are_even(log_weight, min(mixture.begun, count))
         if not even and self._limit.is_over:
             self._limit.leave_out("steps that make the weights of samples even")
@@ -296,7 +297,8 @@ class _Sampler:
             z, log_density = points.z, points.log_posterior
             log_likelihood = self._log_likelihood(z)
         weight = log_likelihood - squared_norms(z) / 2.0 - log_density
-        return DrawnSamples(z, weight, log_likelihood, evidence, mixture.begun, len(mixture.ends.z), effective)
+        converged = len(mixture.ends.z)
+        return DrawnSamples(z, weight, log_likelihood, evidence, mixture.begun, converged, effective, least)
 
     def _search(self, count: int) -> TangentMixture:
         """Search for samples about the separate modes.
