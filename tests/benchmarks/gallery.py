@@ -117,8 +117,8 @@ def oscillator(_: Path) -> dict[str, str]:
             result = dovetail.identify(with_band(assembly, *band), frf, "posterior", **options)
             first = first or result
             k, c = (against(circle_value, result, name) for circle_value, name in zip(circle[1:], "kc", strict=True))
-            stated = "0" if options else "not stated"
-            lines.append((interval_of_band(band), stated, *k, *c, word(result)))
+            given = "0" if options else "not given"
+            lines.append((interval_of_band(band), given, *k, *c, word(result)))
     assert first is not None
     values = named(first, assembly)
     compared = []

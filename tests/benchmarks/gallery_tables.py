@@ -17,7 +17,7 @@ def frac(first: NDArray[np.complex128], second: NDArray[np.complex128]) -> float
 
 
 def magnitude_error(model: NDArray[np.complex128], frf: NDArray[np.complex128]) -> float:
-    """Return the median over the lines of how far magnitudes are apart, as a part of the larger one."""
+    """Return the median over the lines of the difference of magnitudes, as a part of the larger one."""
     separate = np.abs(np.log(np.abs(model) / np.abs(frf)))
     return float(1 - np.exp(-np.median(separate)))
 

@@ -20,7 +20,7 @@ LEFT, RIGHT, TOP, BOTTOM = 78, 8, 8, 26
 SIZE = {"width": WIDTH, "height": HEIGHT, "left": LEFT, "right": WIDTH - RIGHT, "top": TOP, "bottom": HEIGHT - BOTTOM}
 """Size of a chart, and the edges of its panel."""
 _MOST_POINTS = 480
-"""Points of a curve; of more files, each point stands for several."""
+"""Points of a curve; of more files, each point represents several."""
 _TICKS, _PLACES = 4, 4
 """Labels at the side and below."""
 _MARGIN = 0.08

@@ -90,7 +90,7 @@ var DovetailCharts = (function () {
       return { label: curve.label, role: curve.role, amplitude, phase: curve.phase ? wrapped(decode(curve.phase), this.data.centre) : null, coherence: curve.coherence ? decode(curve.coherence) : null, residual: curve.residual ? decode(curve.residual).map((value) => (value > 0 ? value : null)) : null };
     }
 
-    /* What stands around the panels: legend, buttons, what the pointer reads, the table. */
+    /* What surrounds the panels: legend, buttons, what the pointer reads, the table. */
     frame() {
       const button = (text, title, action) => element("button", { type: "button", title, "aria-label": title, onclick: action }, text);
       this.logButton = button("log f", "log f: logarithmic frequency axis", () => this.toggleLogarithmic());
@@ -356,7 +356,7 @@ var DovetailCharts = (function () {
       const y = plot.valToPos(1, "y", true);
       plot.ctx.save();
       plot.ctx.strokeStyle = colour("--agreement");
-      plot.ctx.lineWidth = dots;
+      plot.ctx.lineWidth = 2 * dots;
       plot.ctx.setLineDash([6 * dots, 4 * dots]);
       plot.ctx.beginPath();
       plot.ctx.moveTo(left, y);
