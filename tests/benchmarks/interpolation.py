@@ -179,7 +179,7 @@ def main() -> None:
     text = table(by_count, known, engine)
     text += (
         f"\n\nEvery line exact: {1e6 * engine:.0f} µs per FRF, {1e9 * engine / exact.shape[1]:.0f} ns per line. "
-        f"Lines chosen adaptively for each FRF: {min(lines)} to {max(lines)}, with errors up to {max(errors):.0e}."
+        f"Lines chosen adaptively for each FRF: {min(lines)} to {max(lines)}, with errors up\nto {max(errors):.0e}."
     )
     print(text)
     if arguments.output:

@@ -267,7 +267,7 @@ def reasons(cases: list[dict[str, Any]]) -> None:
     partners = [partner for one in reported for partner in one["partners"]]
     moving = sum(abs(moves) >= 0.5 and moves * correlation > 0 for _, correlation, moves in partners)
     print(f"Partners named: {len(partners)}. While the parameter crosses its region, {moving} of them cross half of "
-          "theirs or more, in the direction of the correlation.")  # fmt: skip
+          "theirs or more, in\n  the direction of the correlation.")  # fmt: skip
 
 
 def disagreements(cases: list[dict[str, Any]]) -> None:

@@ -193,7 +193,7 @@ def _log_numbers(
     def numbers(theta: NDArray[np.float64]) -> NDArray[np.float64]:
         values = np.full((len(theta), 2, count), np.nan)
         for row, poles in enumerate(poles_of(theta)):
-            modes, places = _most_alike(reference, poles.shapes)
+            modes, places = _most_similar(reference, poles.shapes)
             s = poles.values[places]
             with np.errstate(divide="ignore"):  # an undamped mode has the damping 0, in every sample
                 values[row, :, modes] = np.log([np.abs(s) / (2.0 * np.pi), -s.real / np.abs(s)]).T
@@ -202,7 +202,7 @@ def _log_numbers(
     return numbers
 
 
-def _most_alike(
+def _most_similar(
     shapes: NDArray[np.complex128], others: NDArray[np.complex128]
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return pairs of shapes (k, d) and others (m, d) with the largest sum of modal assurance criteria."""

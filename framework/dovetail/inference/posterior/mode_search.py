@@ -272,17 +272,18 @@ def _different(maxima: Minima, worth: float = np.inf) -> NDArray[np.float64]:
 def _exchanged(assembly: Assembly, best: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return copies (n, p) of a point (p,), in fractions of the ranges, with the values of like joints exchanged.
 
-    If branches of a structure are alike, each order of their values may explain an FRF equally well.
+    If branches of a structure are interchangeable, each order of their values may explain an FRF equally well.
     """
-    of_joint, alike = defaultdict[str, list[int]](list), defaultdict[tuple[object, ...], list[list[int]]](list)
+    numbers_of: defaultdict[str, list[int]] = defaultdict(list)
+    interchangeable: defaultdict[tuple[object, ...], list[list[int]]] = defaultdict(list)
     named = assembly.description.identified_parameters
     for number, (joint, _) in enumerate(named):
-        of_joint[joint].append(number)
-    for numbers in of_joint.values():
+        numbers_of[joint].append(number)
+    for numbers in numbers_of.values():
         ranges = [(named[n][1], assembly.parameters[n].lower, assembly.parameters[n].upper) for n in numbers]
-        alike[tuple(ranges)].append(numbers)
+        interchangeable[tuple(ranges)].append(numbers)
     points = []
-    for joints in alike.values():
+    for joints in interchangeable.values():
         for order in itertools.islice(itertools.permutations(joints), 1, _SETTINGS.most_orders):
             points.append(best.copy())
             points[-1][np.concatenate(joints)] = best[np.concatenate(order)]
