@@ -21,7 +21,7 @@ def test_check_shows_what_the_reference_assembly_is_made_of(run, assemblies):
     assert max(map(len, lines)) <= 80
 
 
-def test_check_as_json(run, assemblies, collet):
+def test_check_prints_dofs_frequencies_and_parts_as_json(run, assemblies, collet):
     found = json.loads(run("check", assemblies / "bt40_er32.yaml", "--json").stdout)
     assert found["dofs"] == {"assembly": 70, "condensed": 23}
     assert found["natural_frequencies"] == pytest.approx(collet.natural_frequencies(count=3).tolist())

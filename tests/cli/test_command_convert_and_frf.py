@@ -69,7 +69,7 @@ def test_a_rotation_goes_through_every_format(run, tmp_path):
     assert dovetail.read_frf(tmp_path / "b.csv").rotation
 
 
-def test_one_of_several_by_its_dofs(run, tmp_path):
+def test_one_frf_of_several_is_chosen_by_its_dofs(run, tmp_path):
     path = tmp_path / "several.uff"
     for node in (1, 2):
         one = {"type": 58, "func_type": 4, "rsp_node": node, "rsp_dir": 1, "ref_node": 1, "ref_dir": 1, "x": AXIS}

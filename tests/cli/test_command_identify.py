@@ -119,7 +119,7 @@ def test_a_note_says_why_the_network_is_not_used(run, bench, tmp_path):
     assert "Note: The network is not used: " in printed
 
 
-def test_as_json(run, bench, tmp_path):
+def test_json_on_the_terminal_equals_the_result_file(run, bench, tmp_path):
     found = json.loads(
         run("identify", bench.model, bench.measured, "--method", "network", "--json", "-o", tmp_path / "results").stdout
     )

@@ -58,7 +58,7 @@ tests:
         (["-o", "."], 0, ""),
     ],
 )
-def test_options(run, assemblies, tmp_path, monkeypatch, arguments, code, found):
+def test_wrong_options_are_refused(run, assemblies, tmp_path, monkeypatch, arguments, code, found):
     monkeypatch.chdir(tmp_path)
     method = [] if "--method" in arguments else ["--method", "network"]
     assert found in run("validate", assemblies / PARTS, *method, *arguments, code=code).stderr

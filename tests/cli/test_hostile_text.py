@@ -94,7 +94,7 @@ def check_files(folder: Path) -> None:
             json.loads(text)
 
 
-def test_identify_and_predict(folder, run):
+def test_hostile_names_are_shown_harmlessly_by_identify_and_predict(folder, run):
     out = folder / "out"
     done = run("identify", folder / "small.yaml", folder / FILE, "--method", "refined", "-o", out)
     assert not OBEYED.search(done.output)
@@ -105,7 +105,7 @@ def test_identify_and_predict(folder, run):
 
 
 @pytest.mark.parametrize("command", ["validate", "compare"])
-def test_cases(folder, run, command):
+def test_hostile_names_of_cases_are_shown_harmlessly(folder, run, command):
     cases = CASES.format(name=json.dumps(NAME, ensure_ascii=False), joint="{assembly: small.yaml, measured: plain.uff}")
     (folder / "cases.yaml").write_text(cases, encoding="utf-8")
     options = ["--methods", "refined"] if command == "compare" else []

@@ -105,7 +105,7 @@ def test_help_is_printed_within_the_time_limit(command):
     assert help_ < 25 * python
 
 
-def test_version(shell):
+def test_the_version_is_printed(shell):
     import dovetail
 
     assert shell("--version").stdout == f"dovetail {dovetail.__version__}\n"

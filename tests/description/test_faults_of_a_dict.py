@@ -40,7 +40,7 @@ def test_paths_in_the_order_of_the_dict(document, faults):
     )
 
 
-def test_an_empty_dict(faults):
+def test_an_empty_dict_lacks_format_and_name(faults):
     assert faults({}) == (
         "<dict>  dovetail\n"
         "  the description does not say which format it has.\n"

@@ -170,6 +170,6 @@ CASES = {
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_exact_message(case, message, broken):
+def test_each_fault_has_its_message(case, message, broken):
     edits, expected = CASES[case]
     assert message(broken(edits)) == expected

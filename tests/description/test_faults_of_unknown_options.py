@@ -94,7 +94,7 @@ def with_value(place: str, value: Any) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_place_and_problem(fault):
+def test_each_fault_is_reported_once_with_its_problem(fault):
     place, value, message = FAULTS[fault]
     with pytest.raises(dovetail.DescriptionError) as raised:
         dovetail.load(with_value(place, value))

@@ -98,7 +98,7 @@ def test_extending_replaces_one_by_the_other(read, sound, base, over, count):
         ),
     ],
 )
-def test_exact_message(message, sound, section, expected):
+def test_each_fault_has_its_message(message, sound, section, expected):
     assert message(sound.replace(ONE, section)) == expected
 
 

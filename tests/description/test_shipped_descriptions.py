@@ -54,7 +54,7 @@ def test_all_of_them_read_and_survive_their_own_text(assemblies):
 
 
 @pytest.mark.parametrize("case", BROKEN)
-def test_message(case, assemblies, tmp_path):
+def test_a_broken_shipped_description_has_its_message(case, assemblies, tmp_path):
     old, new, expected = BROKEN[case]
     sound = (assemblies / "bt40_er32.yaml").read_text()
     assert sound.count(old) == 1

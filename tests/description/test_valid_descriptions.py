@@ -74,7 +74,7 @@ def test_the_reference_grid_is_exact(document, registry):
         ({"start": 1, "stop": 1_000_000, "step": 1}, 1_000_000),
     ],
 )
-def test_grids(section, count, document, registry):
+def test_each_grid_has_its_lines_and_ends(section, count, document, registry):
     lines = read_description(edited(document, ["frequency"], section), registry).frequency
     assert (len(lines), lines[0], lines[-1]) == (count, section["start"], section["stop"])
 
@@ -88,7 +88,7 @@ def test_identification_has_defaults(document, registry):
 
 
 @pytest.mark.parametrize("known", [{"value": "80 g"}, "80 g", 0.08, {"value": 0.08}])
-def test_a_known_parameter(known, document, registry):
+def test_a_known_parameter_is_fixed(known, document, registry):
     described = edited(document, ["joints", "collet", "parameters", "mn1"], known)
     assert read_description(described, registry).joints["collet"].fixed == {"mn1": 0.08}
 

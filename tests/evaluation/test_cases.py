@@ -88,6 +88,6 @@ def test_an_assembly_and_changes_of_it_are_those_of_the_series(tmp_path):
     assert second.source == {"extends": str(tmp_path / "all.yaml"), "name": "other"}
 
 
-def test_a_missing_file(tmp_path):
+def test_a_missing_file_is_reported(tmp_path):
     with pytest.raises(DescriptionError, match="there is no such file"):
         read_cases(tmp_path / "none.yaml")

@@ -95,7 +95,7 @@ def test_units_of_frfs_between_rotations_and_displacements():
         ("accelerance", True, "rad/(N m s^2)"),
     ],
 )
-def test_units(quantity, rotation, unit):
+def test_each_quantity_has_its_unit(quantity, rotation, unit):
     assert Frf(AXIS, VALUES, quantity, rotation=rotation).unit == unit
     assert unit_of(quantity, rotation=rotation) == unit
     assert unit_of(quantity) == unit or rotation

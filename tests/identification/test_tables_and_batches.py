@@ -118,7 +118,7 @@ def test_samples_of_equal_weight(result):
     assert not np.array_equal(drawn, drawn[np.argsort(drawn[:, 0])])
 
 
-def test_a_data_frame(result):
+def test_a_data_frame_has_the_rows_of_the_table(result):
     frame = result.to_dataframe()
     assert list(frame.index) == ["k", "c"]
     assert frame.loc["k", "estimate"] == result.table[0].estimate
@@ -126,7 +126,7 @@ def test_a_data_frame(result):
 
 
 @pytest.mark.filterwarnings("ignore::FutureWarning")
-def test_inference_data(result, sdof):
+def test_inference_data_hold_samples_priors_and_units(result, sdof):
     data = result.to_inferencedata(draws=500, seed=1)
     assert data.posterior["k"].shape == data.prior["c"].shape == data.log_likelihood["frf"].shape == (1, 500)
     assert data.posterior["k"].attrs["units"] == "N/m"
@@ -247,7 +247,7 @@ def test_a_batch_is_what_each_measurement_gives_alone(sdof, tmp_path):
     assert list(pickle.loads(pickle.dumps(batch)).results) == list(batch.results)
 
 
-def test_an_empty_batch(sdof):
+def test_an_empty_batch_has_no_results(sdof):
     batch = dovetail.identify_many(sdof, [])
     assert (dict(batch.results), dict(batch.failures), batch.table, batch.is_trustworthy) == ({}, {}, [], True)
     assert batch.to_dataframe().empty

@@ -41,7 +41,7 @@ def test_removed_and_added_equal_the_mass_modelled_in(system, quantity: str) -> 
     assert removed.quantity == added.quantity == quantity
 
 
-def test_reading_removes_it(tmp_path: Path) -> None:
+def test_reading_removes_the_mass(tmp_path: Path) -> None:
     write_frf(Frf(FREQUENCY, one_mass(MASS), "receptance").to("accelerance"), tmp_path / "a.csv")
     bare = read_frf(tmp_path / "a.csv", accelerometer_mass=MASS).to("receptance")
     np.testing.assert_allclose(bare.values, one_mass(0.0), rtol=1e-9)

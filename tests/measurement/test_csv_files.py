@@ -127,7 +127,7 @@ def test_the_line_at_zero_is_left_out(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_faults(refused, text: str, message: str) -> None:
+def test_faulty_input_is_refused_with_its_message(refused, text: str, message: str) -> None:
     assert refused("a.csv", text) == message
 
 

@@ -34,7 +34,9 @@ def test_every_number_and_the_unit(tmp_path: Path) -> None:
         ("Freq, Hz, Real, (m/s^2)/N, Imag, (m/s^2)/N", 1.0, "accelerance"),
     ],
 )
-def test_other_labels(tmp_path: Path, labels: str, factor: float, quantity: str) -> None:
+def test_other_labels_give_other_units_and_quantities(
+    tmp_path: Path, labels: str, factor: float, quantity: str
+) -> None:
     (tmp_path / "a.frf").write_text(f"0 1 2 {labels}\n  1.0  3.0E+000  4.0\n2 5 6\n")
     frf = read_frf(tmp_path / "a.frf")
     np.testing.assert_allclose(frf.values, factor * np.array([3 + 4j, 5 + 6j]))
@@ -62,7 +64,7 @@ def test_without_a_unit_it_has_to_be_given(tmp_path: Path, refused) -> None:
         ("", "a.frf\n  the file is empty."),
     ],
 )
-def test_faults(refused, text: str, message: str) -> None:
+def test_faulty_input_is_refused_with_its_message(refused, text: str, message: str) -> None:
     assert refused("a.frf", text).startswith(message)
 
 

@@ -224,7 +224,7 @@ RECORD = np.sin(np.arange(64.0))
         (RECORD, RECORD, 1e3, {"exponential_window": 0.0}, r"0\.0 is not a final value of the window"),
     ],
 )
-def test_faults(force, response, rate: float, options: dict, message: str) -> None:
+def test_faulty_input_is_refused_with_its_message(force, response, rate: float, options: dict, message: str) -> None:
     with pytest.raises(MeasurementError, match=message):
         frf_from_signals(force, response, rate, **options)
 

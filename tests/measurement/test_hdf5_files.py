@@ -85,7 +85,7 @@ def test_nothing_outside_the_file_is_read(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_faults(tmp_path: Path, datasets: dict, message: str) -> None:
+def test_faulty_input_is_refused_with_its_message(tmp_path: Path, datasets: dict, message: str) -> None:
     saved(tmp_path / "a.h5", **datasets).close()
     assert fault_of(tmp_path / "a.h5").startswith(message)
 

@@ -141,7 +141,7 @@ def damage_and_read(tmp_path: Path, intact: dict[str, bytes], name: str, data: s
         ("a.npz", "a.npz\n  the archive is damaged: File is not a zip file.\n  Accepted: a file of np.savez"),
     ],
 )
-def test_names(refused, name: str, message: str) -> None:
+def test_strange_file_names_are_refused(refused, name: str, message: str) -> None:
     assert refused(name, b"1") == message
 
 

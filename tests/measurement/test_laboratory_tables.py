@@ -52,7 +52,7 @@ DIALECTS = [
 
 @pytest.mark.parametrize(("separator", "mark"), DIALECTS)
 @pytest.mark.parametrize("above", ["", PROTOCOL, "% made by hand\n"])
-def test_no_header(tmp_path: Path, separator: str, mark: str, above: str) -> None:
+def test_a_table_without_a_header_is_read_by_its_columns(tmp_path: Path, separator: str, mark: str, above: str) -> None:
     check(read(tmp_path, above + rows(separator, mark), columns=("frequency", "real", "imag")))
     polar = rows(separator, mark, polar=True)
     check(read(tmp_path, above + polar, columns=("frequency", "amplitude", "phase_deg")))

@@ -62,7 +62,7 @@ VARIANTS = {
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_an_frf(tmp_path: Path, variant: str) -> None:
+def test_an_frf_is_read_from_every_variant(tmp_path: Path, variant: str) -> None:
     (tmp_path / "a.lvm").write_bytes(VARIANTS[variant].encode())
     check(read_frf(tmp_path / "a.lvm"))
 
@@ -119,7 +119,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("text", FAULTS, ids=range(len(FAULTS)))
-def test_faults(refused, text: str) -> None:
+def test_faulty_input_is_refused_with_its_message(refused, text: str) -> None:
     assert refused("a.lvm", text).startswith(FAULTS[text])
 
 
@@ -130,7 +130,7 @@ def test_dofs_choose_nothing_and_the_package_is_named(refused, monkeypatch: pyte
         read_frf(tmp_path / "a.lvm")
 
 
-def test_time_records(tmp_path: Path) -> None:
+def test_time_records_are_read(tmp_path: Path) -> None:
     rows = "".join(f"\t{n % 5},5\t{n},25\n" for n in range(8))
     segment = (
         "Channels\t2\t\t\nSamples\t8\t8\t\nY_Unit_Label\tNewtons\tg\t\nX_Dimension\tTime\tTime\t\nX0\t0,0\t0,0\t\n"

@@ -71,7 +71,7 @@ def test_names_amplitude_and_phase(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("unguarded")
 @pytest.mark.parametrize("axes", [(0, 1, 2), (1, 2, 0), (1, 0, 2)])
-def test_one_of_a_matrix_of_frfs(tmp_path: Path, axes: tuple) -> None:
+def test_one_frf_of_a_matrix_is_chosen(tmp_path: Path, axes: tuple) -> None:
     frfs = np.arange(1, 43).reshape(7, 2, 3) * (1 + 1j)
     path = saved(tmp_path / "a.mat", f=FREQUENCY, H=np.transpose(frfs, axes), quantity="mobility")
     np.testing.assert_array_equal(read_frf(path, response="2", force="3").values, frfs[:, 1, 2])
@@ -84,7 +84,7 @@ def test_one_of_a_matrix_of_frfs(tmp_path: Path, axes: tuple) -> None:
 
 
 @pytest.mark.usefixtures("unguarded")
-def test_one_of_several_columns(tmp_path: Path) -> None:
+def test_one_of_several_columns_is_chosen(tmp_path: Path) -> None:
     frfs = VALUES[:, np.newaxis] * np.array([1, 10, 100])
     path = saved(tmp_path / "a.mat", f=FREQUENCY, H=frfs, coh=np.full((7, 3), [0.1, 0.2, 0.3]), quantity="mobility")
     for options in ({"index": 2}, {"response": "2"}):
@@ -167,7 +167,7 @@ def test_entries_that_cannot_be_read_are_skipped(tmp_path: Path) -> None:
         ({}, "a.mat\n  the frequency is not to be found by its name; the file holds: nothing\n"),
     ],
 )
-def test_faults(tmp_path: Path, variables: dict, message: str) -> None:
+def test_faulty_input_is_refused_with_its_message(tmp_path: Path, variables: dict, message: str) -> None:
     assert fault_of(saved(tmp_path / "a.mat", **variables)).startswith(message)
 
 
@@ -207,7 +207,7 @@ def cell(*values: object) -> np.ndarray:
 
 
 @pytest.mark.usefixtures("unguarded")
-def test_cells(tmp_path: Path) -> None:
+def test_arrays_within_cells_are_read(tmp_path: Path) -> None:
     path = saved(tmp_path / "a.mat", data=cell(FREQUENCY, "text", cell(VALUES, np.eye(2))))
     names = {"frequency": "data{1}", "values": "data{3}{1}"}
     np.testing.assert_array_equal(read_frf(path, names=names, quantity="mobility").values, VALUES)

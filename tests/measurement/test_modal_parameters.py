@@ -24,7 +24,7 @@ TABLES = {
 
 
 @pytest.mark.parametrize("text", sorted(TABLES))
-def test_a_table(tmp_path: Path, text: str) -> None:
+def test_a_table_of_natural_frequencies_is_read(tmp_path: Path, text: str) -> None:
     (tmp_path / "a.csv").write_text(text)
     modes = read_modal_parameters(tmp_path / "a.csv")
     np.testing.assert_allclose(modes.frequency, [100, 250.5], rtol=1e-15)
@@ -61,7 +61,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("text", FAULTS, ids=range(len(FAULTS)))
-def test_faults(tmp_path: Path, text: str) -> None:
+def test_faulty_input_is_refused_with_its_message(tmp_path: Path, text: str) -> None:
     (tmp_path / "a.csv").write_text(text)
     with pytest.raises(MeasurementError) as caught:
         read_modal_parameters(tmp_path / "a.csv")

@@ -39,7 +39,7 @@ def test_data_noise_has_the_deviation_of_all_the_data() -> None:
 
 
 @pytest.mark.parametrize("add", [complex_noise, data_noise])
-def test_seeds(add) -> None:
+def test_a_seed_repeats_the_noise(add) -> None:
     clean = np.linspace(1, 2, 50)
     np.testing.assert_array_equal(add(clean, 0.1, 7), add(clean, 0.1, 7))
     np.testing.assert_array_equal(add(clean, 0.1, 7), add(clean, 0.1, np.random.default_rng(7)))

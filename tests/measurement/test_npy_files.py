@@ -85,7 +85,7 @@ FAULTS = [
 
 
 @pytest.mark.parametrize(("content", "arguments", "message"), FAULTS)
-def test_faults(refused, content: bytes, arguments: dict, message: str) -> None:
+def test_faulty_input_is_refused_with_its_message(refused, content: bytes, arguments: dict, message: str) -> None:
     assert refused("a.npy", content, **arguments).startswith(message)
     assert not Marker.opened
 

@@ -139,7 +139,7 @@ def test_arrays_of_other_types(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_faults(refused, content: bytes, message: str) -> None:
+def test_faulty_input_is_refused_with_its_message(refused, content: bytes, message: str) -> None:
     assert refused("a.npz", content) == message
     assert not Marker.opened
 

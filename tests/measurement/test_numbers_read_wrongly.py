@@ -33,7 +33,7 @@ def test_numbers_that_no_analyser_writes(tmp_path: Path, name: str, odd: str) ->
 
 
 @pytest.mark.parametrize("odd", ["1_0 mm", "1_0", "\uff11\uff12 mm", "1_0mm"])
-def test_quantities(odd: str) -> None:
+def test_odd_quantities_are_refused(odd: str) -> None:
     with pytest.raises(UnitError):
         to_si(odd, "m")
 

@@ -92,7 +92,7 @@ def test_coherence_is_interpolated(measured: Frf) -> None:
 
 
 @pytest.mark.parametrize("lines", [1, 2, 3, 4])
-def test_few_lines(lines: int) -> None:
+def test_few_lines_are_interpolated_by_a_straight_line(lines: int) -> None:
     frequency = np.arange(1.0, lines + 1)
     resampled = on_grid(Frf(frequency, frequency + 2j, "mobility"), np.linspace(1, lines, 7)[: 7 if lines > 1 else 1])
     np.testing.assert_allclose(resampled.values, resampled.frequency + 2j, rtol=1e-14)

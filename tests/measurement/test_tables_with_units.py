@@ -105,7 +105,7 @@ FAULTS = [
 
 
 @pytest.mark.parametrize(("text", "message"), FAULTS)
-def test_faults(refused, text: str, message: str) -> None:
+def test_faulty_input_is_refused_with_its_message(refused, text: str, message: str) -> None:
     assert refused("a.csv", text).startswith(message)
 
 

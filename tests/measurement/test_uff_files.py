@@ -32,7 +32,7 @@ def file_of(tmp_path: Path, *sets: dict, **options: bool) -> Path:
 @pytest.mark.parametrize("spacing", [0, 1], ids=["uneven", "even"])
 @pytest.mark.parametrize("binary", [0, 1], ids=["ascii", "binary"])
 @pytest.mark.parametrize("is_complex", [True, False], ids=["complex", "real"])
-def test_double_precision(tmp_path: Path, is_complex: bool, binary: int, spacing: int) -> None:
+def test_double_precision_is_read_exactly(tmp_path: Path, is_complex: bool, binary: int, spacing: int) -> None:
     values = VALUES if is_complex else np.abs(VALUES)
     frf = read_frf(file_of(tmp_path, set_58(FREQUENCY, values, binary=binary, abscissa_spacing=spacing)))
     np.testing.assert_array_equal(frf.frequency, FREQUENCY)

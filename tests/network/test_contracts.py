@@ -89,7 +89,7 @@ def train(small, dataset):
     return trained
 
 
-def test_sound_ones_pass(train):
+def test_sound_components_are_trained(train):
     assert train().predict_parameters(np.ones((2, 600))).shape == (2, 2)
 
 

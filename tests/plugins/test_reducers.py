@@ -275,7 +275,7 @@ class TestNeighbours:
         np.testing.assert_array_equal(membership_strengths(np.zeros((1, 5))), np.ones((1, 5)))
 
     @pytest.mark.parametrize("metric", METRICS)
-    def test_compression_keeps_them(self, training, metric):
+    def test_compression_keeps_the_neighbours(self, training, metric):
         compression = Compression.fit(training, metric, fewest=2, seed=0)
         rows = compression.project(training)
         assert rows.shape[1] < training.shape[1]

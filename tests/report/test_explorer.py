@@ -287,7 +287,7 @@ def test_it_ends_when_the_last_page_is_closed(explorer: Explorer, monkeypatch: p
         assert not thread.is_alive()
 
 
-def test_a_start_is_one_of_the_fit(assemblies: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_given_start_is_one_of_the_starts_of_the_fit(assemblies: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assembly = dovetail.load(assemblies / "sdof.yaml")
     measured = dovetail.noisy_frf(assembly.simulate(TRUE), 1e-3, 0)
     taken: list[Any] = []

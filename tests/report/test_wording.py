@@ -15,7 +15,7 @@ MINUS, TIMES, DASH = "\N{MINUS SIGN}", "\N{MULTIPLICATION SIGN}", "\N{EN DASH}"
     ("unit", "shown"),
     [("m/(N s^2)", "m/(N·s²)"), ("N m s/rad", "N·m·s/rad"), ("1", ""), ("kg*m**2", "kg·m²"), ("Hz^-1", "Hz⁻¹")],
 )
-def test_units_are_set(unit: str, shown: str) -> None:
+def test_units_are_typeset(unit: str, shown: str) -> None:
     assert unit_text(unit) == shown
 
 

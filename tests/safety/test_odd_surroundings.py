@@ -59,7 +59,7 @@ def test_settings_of_matplotlib_in_the_current_folder_are_not_read(tmp_path: Pat
     assert pictures[0] == pictures[1]
 
 
-def test_another_locale(tmp_path: Path, assemblies: Path) -> None:
+def test_names_in_unicode_work_in_another_locale(tmp_path: Path, assemblies: Path) -> None:
     shutil.copy(assemblies / "sdof.yaml", tmp_path / "\u00e9\u4e2d.yaml")
     plain = {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"}
     done = dovetail_command(tmp_path, "check", "\u00e9\u4e2d.yaml", **plain)

@@ -230,7 +230,7 @@ def test_a_sound_one_works():
         ),
     ],
 )
-def test_a_failing_joint(model, fails, said):
+def test_a_failing_joint_is_named(model, fails, said):
     broken = assembly(model, fails)
     compute = broken.frf_jacobian if model == "frail" else broken.frf
     with pytest.raises(PluginError, match=said):
