@@ -23,6 +23,7 @@ from dovetail.identification.measured_lines import MeasuredLines
 from dovetail.identification.reconstruction import reconstruct
 from dovetail.interfaces import Progress, silent
 from dovetail.plain_text import display_unit
+from dovetail.problem.random_error import random_error_variance
 from dovetail.provenance import provenance
 from dovetail.report.content import VERDICT_MARKS, outside_sentence, verdict_on
 from dovetail.report.drawing import mode_shapes
@@ -64,7 +65,8 @@ class Explorer:
             raise ParameterError(Fault(assembly.name, "all parameters are known: there is nothing to explore."))
         self._lines = MeasuredLines.of(assembly, measured) if measured else None
         self._assembly = assembly if self._lines is None else self._lines.assembly
-        self._measured = () if self._lines is None else self._lines.problem.measured
+        measured_frfs = () if self._lines is None else self._lines.problem.measured
+        self._measured = tuple(replace(frf, variance=random_error_variance(frf)) for frf in measured_frfs)
         self._fits: dict[str, tuple[NDArray[np.float64], Identification]] = {}
         self._fit_numbers = count(1)
         self._computing = threading.Lock()  # an engine computes for one caller at a time
