@@ -259,6 +259,62 @@ def test_a_wrong_table_is_one_clear_error(case, tmp_path):
     assert said in str(caught.value)
 
 
+def with_column(path, name, cell):
+    lines = path.read_text(encoding="utf-8").splitlines()
+    path.write_text("\n".join([f"{lines[0]},{name}", *(f"{line},{cell}" for line in lines[1:])]), encoding="utf-8")
+
+
+@pytest.mark.parametrize("table", ["channels.csv", "impacts.csv"])
+@pytest.mark.parametrize(
+    ("name", "cell"),
+    [
+        ("Units", "g"), ("Einheit", "mm"), ("Faktor", "2"), ("Polarity", "-1"), ("Sign", "-"), ("Inverted", "yes"),
+        ("Delay", "0.001"), ("dB", "20"), ("Multiplier", "2"), ("Coordinates", "cm"), ("Axis", "X"), ("Frame", "local"),
+    ],
+)  # fmt: skip
+def test_a_column_that_is_not_understood_is_refused(table, name, cell, tmp_path):
+    section = measured(tmp_path)
+    with_column(tmp_path / table, name, cell)
+    with pytest.raises(dovetail.DescriptionError, match=f"the column '{name.lower()}' may change"):
+        joined(section, ("foot", "head"))
+
+
+@pytest.mark.parametrize(("name", "cell"), [("Serial", "a7"), ("Comment", "by hand"), ("", "3"), ("Unit", "")])
+def test_a_column_that_changes_nothing_is_read_over(name, cell, tmp_path):
+    section = measured(tmp_path)
+    with_column(tmp_path / "channels.csv", name, cell)
+    joined(section, ("foot", "head"))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("scale", 1000.0), ("gain", np.full(21, 9.81)), ("calibration", 9.81), ("delay", 1e-3), ("polarity", -1),
+        ("sensitivity", [2.0, 3.0]), ("inverted", True), ("window_decay", 5.0), ("df", 1.0), ("unit", "g/N"),
+        ("quantity", "mobility"), ("f_unit", "kHz"),
+    ],
+)  # fmt: skip
+def test_an_entry_of_the_archive_that_may_act_on_the_values_is_refused(name, value, tmp_path):
+    section = measured(tmp_path)
+    with np.load(tmp_path / "bar.npz") as archive:
+        arrays = dict(archive)
+    np.savez(tmp_path / "bar.npz", **arrays, **{name: value})
+    with pytest.raises(dovetail.DescriptionError, match=name):
+        joined(section, ("foot", "head"))
+
+
+@pytest.mark.parametrize(
+    ("written", "read", "doubted"), [("m", "m", 0), ("mm", "mm", 0), ("mm", "m", 4), ("m", "mm", 4)]
+)
+def test_positions_in_another_unit_than_the_points_are_doubted(written, read, doubted, tmp_path):
+    section = measured(tmp_path, **({"unit_of_length": "1 mm"} if written == "mm" else {}))
+    section = {**section, "unit_of_length": f"1 {read}"}
+    if (written, read) == ("m", "mm"):  # the point of the foot is at the origin, near to all of its sensors
+        section["points"] = {name: {"at": [0.0, 0.0, 0.0]} for name in ("foot", "head")}
+    found = find_doubts(joined(section, ("foot", "head")))
+    assert sum("Are the positions in the table in metres" in doubt for doubt in found) == doubted
+
+
 CHANGES = {
     "no impacts": ({"impacts": ""}, "virtual points need the tables 'channels' and 'impacts'"),
     "no points": ({"points": {}}, "is for virtual points: list them in 'points'"),

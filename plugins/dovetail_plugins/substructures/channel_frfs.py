@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail import DovetailError, Fault, Frf, read_frfs
+from dovetail import DovetailError, Fault, Frf, check_receptance_units, read_frfs
 from dovetail_plugins.substructures.channel_tables import ChannelTable
 from dovetail_plugins.substructures.matrix_files import read_archive
 
@@ -58,6 +58,8 @@ def _from_archive(
         remedy = "Convert the FRFs to SI, in the quantities of the channels' table, and remove the text."
         raise DovetailError(Fault(file, f"the archive has the text '{others[0]}', which is not read.", remedy=remedy))
     frequency, values = archive[str(keys[0])], archive[str(keys[1])]
+    numbers = {name: archive[name] for name in archive if name not in known}
+    check_receptance_units(file, {"frequency": frequency, "receptance": values, **numbers})
     shape = len(channels.names), len(impacts.names)
     if frequency.ndim != 1 or frequency.dtype.kind not in "fiu" or values.shape != (len(frequency), *shape):
         problem = f"'{keys[1]}' has the shape {values.shape}, '{keys[0]}' {frequency.shape}."

@@ -17,8 +17,8 @@ _DIRECTION = tuple(f"direction_{number}" for number in (1, 2, 3))
 _REQUIRED = ("name", "quantity", *_POSITION, *_DIRECTION)
 _OPTIONAL = ("grouping", "weight", "description")
 _EXAMPLE = "a first line 'Name,Quantity,Grouping,Position_1,Position_2,Position_3,Direction_1,Direction_2,Direction_3'"
-_CHANGING = ("unit", "scale", "sensitivity", "gain", "factor", "calibration", "orientation")
-"""Words in the name of a column by which numbers may have another meaning."""
+_HARMLESS = ("", "index", "no", "nr", "number", "id", "serial", "serial_number", "comment", "note", "remark", "color")
+"""Names of columns that do not change what the numbers mean; pandas writes its index as `Unnamed: 0`."""
 MOTIONS = {"displacement": 0, "velocity": 1, "acceleration": 2}
 """Quantities of channels, and how often they differentiate a displacement by time."""
 _LOADS = {"force": 0, "moment": 0}
@@ -81,10 +81,14 @@ def _read(file: str, sheet: str, beginning: str, known: Mapping[str, int], unit_
     for name in header:
         if header.count(name) > 1 and name:
             raise DovetailError(Fault(file, f"the column '{name}' is there twice."))
-        if name not in (*_REQUIRED, *_OPTIONAL) and any(word in name for word in _CHANGING):
-            remedy = "Write positions in m (or give 'unit_of_length') and FRFs in SI, and remove the column."
-            raise DovetailError(Fault(file, f"the column '{name}' may change what the numbers mean.", remedy=remedy))
     cells = {name: [row[at] if at < len(row) else "" for row in rows[1:]] for at, name in enumerate(header)}
+    for name, column in cells.items():
+        known_name = name in (*_REQUIRED, *_OPTIONAL, *_HARMLESS) or name.startswith("unnamed")
+        if not known_name and any(cell.strip() for cell in column):
+            remedy = "Write positions in m (or give 'unit_of_length') and FRFs in SI, and remove the column."
+            raise DovetailError(
+                Fault(file, f"the column '{name[:40]}' may change what the numbers mean.", remedy=remedy)
+            )
     names = cells["name"]
     for number, name in enumerate(names):
         if not name or name in names[:number]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -26,6 +26,8 @@ from dovetail_plugins.substructures.channel_frfs import read_channel_frfs
 from dovetail_plugins.substructures.channel_tables import ChannelTable, read_channels, read_impacts
 
 _Length = Annotated[float, InUnit("m")]
+_USUAL = (5e-4, 5.0)
+"""Distances [m] of the farthest channel or impact from its point that are usual: a sensor's size to a machine's."""
 _FAR = 1.0
 """Deviation of a channel from what the others say, over its size, from which there is a warning.
 
@@ -89,7 +91,7 @@ class MeasuredInterface:
         return ReceptanceMatrix(self.frequency, self.points.transformed(self.values), note)
 
     def doubts(self, frequency: float) -> Sequence[str]:
-        """Return the warning about the channel or impact that fits the others around its point worst, if it does not.
+        """Return warnings about unusual distances, and about the one that fits the others around its point worst.
 
         The deformation of the interface, noise, and a wrong position, direction or sign do that.
 
@@ -98,14 +100,28 @@ class MeasuredInterface:
         frequency : float
             Highest frequency that is looked at [Hz].
         """
+        distant = tuple(self._unusual_distances())
         deviations = self.points.suspects(self.values[self.frequency <= frequency])
         worst = max(deviations, key=lambda name: deviations[name], default="")
         if not worst or deviations[worst] < _FAR:
-            return ()
+            return distant
         return (
+            *distant,
             f"{worst} differs by {100 * deviations[worst]:.0f} % from what the others around its point say (median of "
             "the lines). Check its position, direction and sign, or add deformations with 'flexible'.",
         )
+
+    def _unusual_distances(self) -> Iterator[str]:
+        """Yield the doubt about positions that are probably in another unit than the points."""
+        for name, point in self.points.points.items():
+            sides = ("channels", self.points.channels, point.channels), ("impacts", self.points.impacts, point.impacts)
+            for noun, dofs, around in sides:
+                distance = float(np.linalg.norm(dofs.positions[list(around)] - np.asarray(point.point), axis=1).max())
+                if len(around) > 1 and not _USUAL[0] <= distance <= _USUAL[1]:
+                    yield (
+                        f"the {noun} around the point '{name}' are up to {1e3 * distance:.3g} mm from it. Are "
+                        "the positions in the table in metres, or as 'unit_of_length' says, and is the point there?"
+                    )
 
 
 def read_interface(
