@@ -174,8 +174,10 @@ def test_signals_pass_the_checks_of_sep_5(hits):
     [
         ({"unit_str": "kg"}, "the unit 'kg' of 'force 1' is not that of a force or a motion"),
         ({"fs": 100.0}, "sampled at 100, 2048 Hz"),
-        ({"unit_str": "m/s"}, "1 of force, 1 of mobility, 2 of accelerance"),
+        ({"unit_str": "m/s", "quantity": "v"}, "1 of force, 1 of mobility, 2 of accelerance"),
         ({"fs": None}, "has no 'fs', and no even 'time'"),
+        ({"quantity": "a"}, "has the unit 'N' and the quantity 'a'"),
+        ({"time": np.arange(1024) / 1024}, "sampled at 1024, 2048 Hz"),
     ],
 )
 def test_signals_that_do_not_fit_are_refused(hits, change, problem):
@@ -197,6 +199,45 @@ def test_frfs_by_the_tables_of_pyfbs():
     assert list(tables.df_imp.loc[1, ["Position_1", "Position_2", "Position_3"]]) == [0.1, 0.2, 0.3]
     for original, again in zip(frfs, dovetail.from_pyfbs(*tables), strict=True):
         assert_equal(original, again)
+
+
+@pytest.mark.parametrize("table", ["df_chn", "df_imp"])
+@pytest.mark.parametrize("column", ["Unit", "Sensitivity", "Polarity", "Delay", "dB", "Axis"])
+def test_a_column_that_may_act_on_the_values_is_refused(table, column):
+    pytest.importorskip("pandas")
+    tables = dovetail.to_pyfbs([frf(response="1+x", force="1+x")])
+    changed = tables._replace(**{table: getattr(tables, table).assign(**{column: "g"})})
+    with pytest.raises(dovetail.MeasurementError, match=f"the column '{column}' may change"):
+        dovetail.from_pyfbs(*changed)
+    without = tables._replace(**{table: getattr(tables, table).assign(**{column: None, "Unnamed: 0": 3})})
+    dovetail.from_pyfbs(*without)
+
+
+@pytest.mark.parametrize(("name", "way"), [("1+x", (-1, 0, 0)), ("1-x", (1, 0, 0)), ("1+y", (1, 0, 0))])
+def test_a_name_that_contradicts_its_direction_is_refused(name, way):
+    pytest.importorskip("pandas")
+    tables = dovetail.to_pyfbs([frf(response=name, force="1+x")])
+    turned = tables.df_chn.assign(**{f"Direction_{number}": part for number, part in enumerate(way, 1)})
+    with pytest.raises(dovetail.MeasurementError, match="the direction of"):
+        dovetail.from_pyfbs(tables.Y, tables.freq, turned, tables.df_imp)
+
+
+OTHER_UNITS = [
+    *((name, "frf", "units", unit) for name in FRFS for unit in ("g/N", "um/N")),
+    *((name, "frf", "long_name", "impedance") for name in FRFS),
+    *((name, "frequency", "units", "kHz") for name in FRFS),
+    ("measured", "coherence", "units", "%"),
+    ("known variance", "variance", "units", "(g/N)^2"),
+]
+
+
+@pytest.mark.parametrize(("name", "array", "attribute", "value"), OTHER_UNITS)
+def test_arrays_in_other_units_are_refused(name, array, attribute, value):
+    pytest.importorskip("xarray")
+    arrays = dovetail.to_xarray(frf(**FRFS[name]))
+    arrays[array].attrs[attribute] = value
+    with pytest.raises(dovetail.MeasurementError, match=f"'{attribute}' is"):
+        dovetail.from_xarray(arrays)
 
 
 def test_tables_that_do_not_fit_are_refused():

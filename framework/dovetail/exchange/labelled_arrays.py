@@ -12,8 +12,8 @@ import numpy as np
 
 from dovetail.assembly import load
 from dovetail.dataset import Dataset
-from dovetail.errors import DovetailError, Fault, require_package
-from dovetail.frf import Frf
+from dovetail.errors import DovetailError, Fault, MeasurementError, require_package
+from dovetail.frf import QUANTITIES, Frf, unit_of
 from dovetail.identification import Identification, ModelError, Modes, Posterior
 from dovetail.identification.result_file import result_from_json
 from dovetail.inference.posterior.evidence import Evidence
@@ -98,10 +98,31 @@ def _frf_arrays(frf: Frf) -> Any:
 
 
 def _frf_from(arrays: Any) -> Frf:
+    _check_units(arrays)
     given = {name: arrays.attrs[name] for name in _PLAIN if name in arrays.attrs}
     given |= {name: bool(given[name]) for name in ("has_phase", "rotation", "moment") if name in given}
     optional = {name: arrays[name].to_numpy() for name in ("coherence", "variance") if name in arrays}
     return Frf(arrays["frequency"].to_numpy(), arrays["frf"].to_numpy(), **given, **optional)
+
+
+def _check_units(arrays: Any) -> None:
+    """Refuse an FRF whose units or quantity are no longer those that `to_xarray` wrote."""
+    quantity = arrays.attrs.get("quantity")
+    moment = arrays.attrs.get("moment")
+    turns, by_moment = bool(arrays.attrs.get("rotation", False)), None if moment is None else bool(moment)
+    unit = unit_of(quantity, rotation=turns, moment=by_moment) if quantity in QUANTITIES else ""
+    written = {
+        ("frf", "units"): unit,
+        ("frf", "long_name"): quantity,
+        ("frequency", "units"): "Hz",
+        ("coherence", "units"): "1",
+        ("variance", "units"): f"({unit})^2",
+    }
+    for (name, attribute), expected in written.items():
+        found = arrays[name].attrs.get(attribute, expected) if name in arrays.variables else expected
+        if found != expected:
+            problem = f"its attribute '{attribute}' is '{found}', not '{expected}'."
+            raise MeasurementError(Fault(name, problem, remedy="Convert it to the units of 'to_xarray'."))
 
 
 @to_xarray.register

@@ -14,6 +14,9 @@ from dovetail.frf import Frf, Quantity
 
 _MOTIONS: dict[Quantity, str] = {"accelerance": "Acceleration", "mobility": "Velocity", "receptance": "Displacement"}
 _AXES = "xyz"
+_DOF = re.compile(r"(.*?)([+-]?)([xyzXYZ])")
+_INDEX = ("unnamed", "index", "level_0", "comment", "note", "serial")
+"""Columns that do not change what the numbers mean."""
 
 
 class PyfbsTables(NamedTuple):
@@ -88,12 +91,15 @@ def from_pyfbs(Y: ArrayLike, freq: ArrayLike, df_chn: Any, df_imp: Any) -> tuple
     Raises
     ------
     MeasurementError
-        The tables do not fit the matrix, or a channel is not of a motion, or an impact not of a force.
+        The tables do not fit the matrix, a channel is not of a motion, an impact not of a force, a name contradicts
+        its direction, or a column is not understood.
     """
     values, axis = np.asarray(Y, dtype=np.complex128), np.asarray(freq, dtype=np.float64)
     shape = (len(axis), len(df_chn), len(df_imp))
     if values.shape != shape:
         raise MeasurementError(Fault("Y", f"its shape is {values.shape}.", f"{shape}, by freq, df_chn and df_imp"))
+    for table, noun in ((df_chn, "df_chn"), (df_imp, "df_imp")):
+        _check_table(table, noun)
     of_word = {word.lower(): quantity for quantity, word in _MOTIONS.items()}
     kinds = [of_word.get(str(word).lower()) for word in df_chn["Quantity"]]
     if None in kinds or any(str(word).lower() != "force" for word in df_imp.get("Quantity", ())):
@@ -116,9 +122,28 @@ def from_pyfbs(Y: ArrayLike, freq: ArrayLike, df_chn: Any, df_imp: Any) -> tuple
     )
 
 
+def _check_table(table: Any, noun: str) -> None:
+    """Refuse columns that are not understood, and names of DOFs that contradict their directions."""
+    ways = [f"Direction_{number}" for number in (1, 2, 3)]
+    known = {"Name", "Description", "Quantity", "Grouping", "Weight", *ways, *(f"Position_{n}" for n in (1, 2, 3))}
+    for column in map(str, table.columns):
+        if column not in known and not column.lower().startswith(_INDEX) and table[column].notna().any():
+            problem = f"the column '{column[:40]}' may change what the numbers mean."
+            raise MeasurementError(Fault(noun, problem, remedy="Convert Y to SI, and remove the column."))
+    if not all(way in table.columns for way in ways):
+        return
+    for name, way in zip(map(str, table["Name"]), table[ways].to_numpy(dtype=np.float64), strict=True):
+        match = _DOF.fullmatch(name)
+        if match and match[2]:
+            along = float(way[_AXES.index(match[3].lower())]) * (-1.0 if match[2] == "-" else 1.0)
+            if along <= 0.0:
+                problem = f"the direction of '{name}' is ({', '.join(f'{part:g}' for part in way)})."
+                raise MeasurementError(Fault(noun, problem, remedy="Correct the name or the direction."))
+
+
 def _row(name: str, quantity: str, positions: Mapping[str, ArrayLike]) -> dict[str, Any]:
     """Return the row of a DOF in a table."""
-    match = re.fullmatch(r"(.*?)([+-]?)([xyzXYZ])", name)
+    match = _DOF.fullmatch(name)
     point, sign, axis = match.groups() if match else (name, "+", "x")
     position = np.asarray(positions.get(point.rstrip("+-"), (0.0, 0.0, 0.0)), dtype=np.float64)
     direction = np.zeros(3)

@@ -16,6 +16,7 @@ from dovetail.units import to_si
 
 _MOTIONS = {"accelerance": ("a", "m/s^2"), "mobility": ("v", "m/s"), "receptance": ("d", "m")}
 """SEP 5's letter and the SI unit of the response of each quantity."""
+_LETTERS = {"force": "f", **{quantity: letter for quantity, (letter, _) in _MOTIONS.items()}}
 
 
 def to_sdypy(frf: Frf) -> dict[str, Any]:
@@ -108,7 +109,7 @@ def from_sep005(signals: Sequence[Mapping[str, Any]], **options: Any) -> Estimat
         There are not as many responses as forces; sampling rates or lengths differ; a unit is not that of a force or a
         motion.
     """
-    rates = {round(_rate(signal), 9) for signal in signals}
+    rates = {rate for signal in signals for rate in _rates(signal)}
     found: dict[str, list[Any]] = {}
     for signal in signals:
         name, factor = _kind(signal)
@@ -124,13 +125,17 @@ def from_sep005(signals: Sequence[Mapping[str, Any]], **options: Any) -> Estimat
     return frf_from_signals(np.stack(forces), np.stack(responses), rates.pop(), quantity=quantity, **options)
 
 
-def _rate(signal: Mapping[str, Any]) -> float:
-    if signal.get("fs") is not None:
-        return float(signal["fs"])
+def _rates(signal: Mapping[str, Any]) -> set[float]:
+    """Return the sampling rates [Hz] by 'fs' and by 'time', to the digits that times have."""
+    given = signal.get("fs")
     time = np.asarray(signal.get("time", ()), dtype=np.float64)
+    if given is not None and len(time) < 2:
+        return {round(float(given), 9)}
     if len(time) < 2 or not np.allclose(np.diff(time), (time[-1] - time[0]) / (len(time) - 1), rtol=1e-3):
         raise MeasurementError(Fault("signals", f"'{signal.get('name', '')}' has no 'fs', and no even 'time'."))
-    return float((len(time) - 1) / (time[-1] - time[0]))
+    rate = float((len(time) - 1) / (time[-1] - time[0]))
+    same = given is not None and np.isclose(rate, float(given), rtol=1e-6)
+    return {round(float(given), 9)} if same else {round(each, 9) for each in (given, rate) if each is not None}
 
 
 def _kind(signal: Mapping[str, Any]) -> tuple[str, float]:
@@ -138,8 +143,14 @@ def _kind(signal: Mapping[str, Any]) -> tuple[str, float]:
     unit = str(signal.get("unit_str", "")).replace("²", "^2").replace("·", " ")
     for name, known in (("force", "N"), *((quantity, unit) for quantity, (_, unit) in _MOTIONS.items())):
         try:
-            return name, to_si(f"1 {unit}", known)
+            factor = to_si(f"1 {unit}", known)
         except UnitError:
             continue
+        letter = signal.get("quantity")
+        if letter in _LETTERS.values() and letter != _LETTERS[name]:
+            problem = f"'{signal.get('name', '')}' has the unit '{unit}' and the quantity '{letter}'."
+            accepted = ", ".join(f"'{one}' for {of}" for of, one in _LETTERS.items())
+            raise MeasurementError(Fault("signals", problem, accepted))
+        return name, factor
     problem = f"the unit '{unit}' of '{signal.get('name', '')}' is not that of a force or a motion."
     raise MeasurementError(Fault("signals", problem, "N, m/s^2, m/s, m, and their multiples"))
