@@ -13,4 +13,4 @@ def say_natural_frequencies(natural: list[float], damping: list[float], reason: 
         say(reason)
         return
     say(f"{', '.join(map(hertz, natural))} Hz")
-    say(f"damping ratio {', '.join(number(100.0 * ratio, 3, padded=False) for ratio in damping)} %")
+    say(f"damping ratio {', '.join(number(round(100.0 * ratio, 9) + 0.0, 3, padded=False) for ratio in damping)} %")

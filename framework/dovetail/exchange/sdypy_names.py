@@ -134,8 +134,10 @@ def _rates(signal: Mapping[str, Any]) -> set[float]:
     if len(time) < 2 or not np.allclose(np.diff(time), (time[-1] - time[0]) / (len(time) - 1), rtol=1e-3):
         raise MeasurementError(Fault("signals", f"'{signal.get('name', '')}' has no 'fs', and no even 'time'."))
     rate = float((len(time) - 1) / (time[-1] - time[0]))
-    same = given is not None and np.isclose(rate, float(given), rtol=1e-6)
-    return {round(float(given), 9)} if same else {round(each, 9) for each in (given, rate) if each is not None}
+    if given is None:
+        return {round(rate, 9)}
+    own = round(float(given), 9)
+    return {own} if np.isclose(rate, own, rtol=1e-6) else {own, round(rate, 9)}
 
 
 def _kind(signal: Mapping[str, Any]) -> tuple[str, float]:
