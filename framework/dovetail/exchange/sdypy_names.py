@@ -127,16 +127,16 @@ def from_sep005(signals: Sequence[Mapping[str, Any]], **options: Any) -> Estimat
 
 def _rates(signal: Mapping[str, Any]) -> set[float]:
     """Return the sampling rates [Hz] by 'fs' and by 'time', to the digits that times have."""
-    given = signal.get("fs")
+    fs = signal.get("fs")
     time = np.asarray(signal.get("time", ()), dtype=np.float64)
-    if given is not None and len(time) < 2:
-        return {round(float(given), 9)}
+    if fs is not None and len(time) < 2:
+        return {round(float(fs), 9)}
     if len(time) < 2 or not np.allclose(np.diff(time), (time[-1] - time[0]) / (len(time) - 1), rtol=1e-3):
         raise MeasurementError(Fault("signals", f"'{signal.get('name', '')}' has no 'fs', and no even 'time'."))
     rate = float((len(time) - 1) / (time[-1] - time[0]))
-    if given is None:
+    if fs is None:
         return {round(rate, 9)}
-    own = round(float(given), 9)
+    own = round(float(fs), 9)
     return {own} if np.isclose(rate, own, rtol=1e-6) else {own, round(rate, 9)}
 
 
