@@ -12,6 +12,7 @@ import dovetail.evaluation
 import dovetail.pages
 import dovetail_bench
 import dovetail_machining
+import dovetail_plugins.beams
 
 DOCS = Path(__file__).parent
 
@@ -45,6 +46,7 @@ PACKAGES = {
     dovetail.commands: "For plugin authors: commands",
     dovetail.pages: "For plugin authors: pages and figures",
     dovetail.evaluation: "For plugin authors: evaluations",
+    dovetail_plugins.beams: "For plugin authors: beam elements",
     dovetail_bench: "Evaluation: `dovetail_bench`",
     dovetail_machining: "Spindles: `dovetail_machining`",
 }

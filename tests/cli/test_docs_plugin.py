@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 import dovetail
 from dovetail.interfaces import KINDS
@@ -40,7 +41,8 @@ def example(name: str, folder: Path) -> Path:
 
 def test_every_plugin_of_the_page_is_run_here():
     names = re.findall(r'```python\n"""(\w+\.py): ', PAGE.read_text(encoding="utf-8"))
-    assert names == ["mount.py", "rail.py", "bands.py", "ridge.py", "blocks.py", "one_step.py", "peaks.py"]
+    wanted = ["mount", "rail", "shaft", "bands", "ridge", "blocks", "springs", "one_step", "peaks"]
+    assert names == [f"{name}.py" for name in wanted]
 
 
 def test_the_command_of_the_page_prints_the_resonance_peak_and_not_the_static_end(run, tmp_path):
@@ -53,7 +55,7 @@ def test_the_command_of_the_page_prints_the_resonance_peak_and_not_the_static_en
     assert printed == "200.0 Hz\n"
 
 
-@pytest.mark.parametrize("name", ["mount", "rail", "bands", "ridge", "blocks", "one_step"])
+@pytest.mark.parametrize("name", ["mount", "rail", "shaft", "bands", "ridge", "blocks", "springs", "one_step"])
 def test_every_plugin_of_the_page_passes_the_conformance_kit(run, tmp_path, name):
     printed = run("--plugin", example(f"{name}.py", tmp_path), "check-plugin", name).stdout
     assert "failed" not in printed.splitlines()[-1]
@@ -128,3 +130,31 @@ def test_the_method_of_the_page(run, tmp_path, assemblies):
     result = json.loads(run("--plugin", plugin, *words).stdout)
     assert result["method"] == "one_step"
     assert result["parameters"]["k"]["value"] == pytest.approx(3e6, rel=0.01)
+
+
+def test_the_shaft_of_the_page_is_the_one_of_shipped_parts(tmp_path):
+    """A third-party part of public beam elements, against the description of a shaft with discs in docs/space.md."""
+    page = PAGE.with_name("space.md").read_text(encoding="utf-8").partition("## Shafts with discs")[2]
+    (section,) = re.findall(r"```yaml\n(.*?)```", page.partition("\n## ")[0], flags=re.S)
+    described = yaml.safe_load(section)
+    shaft, disc = described["substructures"]["shaft"], described["substructures"]["disc"]
+    (part,) = shaft["sections"]
+    polar, diametral = disc["inertia"][1], disc["inertia"][0]
+    own = {"model": "shaft", "material": shaft["material"], "section": part}
+    own["discs"] = [{"node": 3, "mass": disc["mass"], "polar": polar, "diametral": diametral}]
+    foot = {"model": "bushing", "connect": {"a": {"to": "shaft", "at": "0 mm"}, "b": {"to": "base", "at": "0 mm"}}}
+    common = {"dovetail": 1, "name": "rotor", "frequency": {"start": "10 Hz", "stop": "2 kHz", "lines": 60}}
+    common["response"] = {"at": "shaft", "position": part["length"], "direction": [1, 1, 1], "quantity": "receptance"}
+    parts, base = described["substructures"], {"base": {"model": "ground"}}
+    shipped = {**common, "substructures": {**parts, **base}, "joints": {**described["joints"], "foot": foot}}
+    alone = {**common, "substructures": {"shaft": {**own, "place": shaft["place"]}, **base}, "joints": {"foot": foot}}
+    found = dovetail.load(alone, plugins=[example("shaft.py", tmp_path)]).frf()
+    expected = dovetail.load(shipped).frf()
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
+
+
+def test_the_reader_of_matrices_of_the_page_reads_a_file(tmp_path):
+    (tmp_path / "row.spr").write_text("# springs\nnode a 0 0.5\nnode b 0.1 0.5\nspring a b 1e6\n")
+    model = dovetail.read_matrices(tmp_path / "row.spr", plugins=example("springs.py", tmp_path))
+    assert model.table.nodes == ("a", "b")
+    np.testing.assert_array_equal(model.matrices["K"].values, [[1e6, -1e6], [-1e6, 1e6]])

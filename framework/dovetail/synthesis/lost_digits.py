@@ -15,6 +15,9 @@ _LEAST = 1e-7
 """Relative change of an FRF by rounding above which digits are lost: a tenth of the error of 1e-6 that is reported,
 since a few draws show a tenth of it or less. Chosen on uniform beams of 10 to 1000 elements."""
 _DRAWS = 3
+_UNRELATED = 1e-6
+"""Receptance over the largest one below which its rounding errors are not counted, as between directions that do not
+move each other."""
 
 
 def lost_digits(engine: Engine, theta: Theta) -> tuple[str, ...]:
@@ -29,6 +32,7 @@ def lost_digits(engine: Engine, theta: Theta) -> tuple[str, ...]:
     lines = np.unique([0, len(engine.frequency) // 2, len(engine.frequency) - 1])
     frequency, system = engine.frequency[lines], engine.system
     plain = engine.plan.pivoted.frfs(theta, lines)
+    size = np.maximum(np.abs(plain), _UNRELATED * np.abs(plain).max(axis=0))
 
     def change(disturbed: Collection[str]) -> tuple[float, float]:
         difference = np.zeros(len(lines))
@@ -36,7 +40,7 @@ def lost_digits(engine: Engine, theta: Theta) -> tuple[str, ...]:
             condensed = condense(engine.graph, frequency, system.points, dict.fromkeys(disturbed, draw))
             few = CoupledSystem(engine.graph, frequency, system.points, condensed, system.sparsity)
             frfs = PivotedSolver(few, {}, engine.pairs).frfs(theta, np.arange(len(lines)))
-            difference = np.maximum(difference, np.abs(frfs / plain - 1.0).max(axis=0))
+            difference = np.maximum(difference, (np.abs(frfs - plain) / size).max(axis=0))
         worst = int(np.argmax(difference))
         return float(difference[worst]), float(frequency[worst])
 
