@@ -48,6 +48,7 @@ def reading(*files: str) -> list[str | tuple[str, ...]]:
 DOORS: dict[str, list[str | tuple[str, ...]]] = {
     "hdf5": reading("measured.h5", "measured.mat"),
     "lvm": reading("measured.lvm"),
+    "ansys": ["dovetail.read_matrices('job.full')"],
     "impact": [
         ("frf", "signals.npz", "-o", "out.csv"),
         "dovetail.frf_from_signals(np.eye(2, 64), np.eye(2, 64), 1000.0)",
@@ -110,6 +111,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, assemblies: Path) -> Path:
         b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM" + bytes(384) + b"\x89HDF\r\n\x1a\n"
     )
     (folder / "measured.lvm").write_text(HEADER + SEGMENT, encoding="utf-8")
+    (folder / "job.full").write_bytes(b"d\0\0\0" + bytes(4) + b"\4\0\0\0" + bytes(400))
     pulse = np.zeros((3, 512))
     pulse[:, 5:9] = [1.0, 3.0, 3.0, 1.0]
     np.savez(
@@ -185,4 +187,4 @@ def test_a_notebook_without_ipywidgets_warns_once(without):
 def test_extras_that_install_several_are_complete():
     project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     (everything,) = project["optional-dependencies"]["all"]
-    assert set(re.findall(r"\w+", everything.partition("[")[2])) == set(EXTRAS) - {"notebook"}
+    assert set(re.findall(r"\w+", everything.partition("[")[2])) == set(EXTRAS) - {"ansys", "notebook"}

@@ -15,6 +15,8 @@ EXTRAS: dict[str, list[str]] = {
     if extra not in _TOOLS
 }
 """The packages of each extra that users install for a feature."""
+_IMPORTED = {"ansys-mapdl-reader": "ansys"}
+"""Names by which packages are imported that are not those of the packages."""
 
 _HIDE = """\
 import sys
@@ -64,7 +66,7 @@ print(json.dumps(answers))
 
 def import_names(extra: str) -> set[str]:
     """Return the names by which the packages of an extra are imported."""
-    return {name.replace("-", "_") for name in EXTRAS[extra]}
+    return {_IMPORTED.get(name, name.replace("-", "_")) for name in EXTRAS[extra]}
 
 
 def hide(names: set[str], folder: Path) -> dict[str, str]:
