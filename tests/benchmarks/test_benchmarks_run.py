@@ -184,6 +184,28 @@ def test_the_study_of_verdicts_counts_every_parameter_by_each_route(tmp_path):
     )
 
 
+@pytest.mark.slow
+def test_the_study_of_the_next_test_compares_predicted_and_achieved_intervals():
+    printed = run("next_test.py", "--cases", 1, "--samples", 60)
+    rows = cells(printed)
+    assert len(rows[2:]) == 12
+    assert all(float(row[4]) > 0.0 for row in rows[2:])
+    assert re.search(r"Achieved over predicted: mean \d\.\d+, from", printed)
+
+
+def test_the_study_of_the_choice_of_models_counts_each_comparison():
+    printed = run("model_choice.py", "--comparisons", 1, "--samples", 40)
+    different, coinciding = re.findall(r": (\{.*\})", printed)
+    assert sum(int(n) for n in re.findall(r"'(?:right|wrong|none)': (\d+)", different)) == 1
+    assert sum(int(n) for n in re.findall(r"'(?:right|wrong|none)': (\d+)", coinciding)) == 1
+
+
+@pytest.mark.slow
+def test_the_study_of_wrong_models_of_a_series_counts_shared_values_and_laws():
+    rows = cells(run("series_model_errors.py", "--series", 1, "--samples", 40))[2:]
+    assert [int(row[1]) for row in rows] == [3, 2, 4]
+
+
 def test_planning_anew_is_timed_and_right():
     rows = dict(cells(run("replanning.py", "--rounds", 1))[2:])
     assert {*rows} == {
