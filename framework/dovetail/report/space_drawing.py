@@ -137,11 +137,9 @@ def _draw_arrow(
 ) -> None:
     """Draw an arrow that ends at a node, for a force, or begins there, for a motion, with its label if it has one."""
     colour = INK if is_motion else _FORCE
-    vector = place.direction
-    if isinstance(vector, str):
-        axis = DIRECTIONS.index(vector) % 3
-        vector = tuple(float(axis == other) for other in range(3))  # type: ignore[assignment]
-    way = view.on_page(_ARROW * view.size * np.array([vector], dtype=np.float64))[0]
+    named = place.direction
+    direction = np.eye(3)[DIRECTIONS.index(named) % 3] if isinstance(named, str) else np.asarray(named, dtype=float)
+    way = view.on_page(_ARROW * view.size * direction[np.newaxis])[0]
     at = view.on_page(points[place.substructure][[place.node]])[0]
     tail, tip = (at, at + way) if is_motion else (at - way, at)
     shape = "-|>" if not place.rotation else "-|>,head_length=0.6"
