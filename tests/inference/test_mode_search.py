@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from dovetail.inference.posterior.mode_search import _SETTINGS, _are_different, _Race
+from dovetail.inference.fitting.fit import PACE_STEPS
+from dovetail.inference.posterior.mode_search import _are_different, _Race
 from dovetail.problem.least_squares import Minima
 
-PACE = _SETTINGS.pace
+PACE = PACE_STEPS
 
 
 def places(cost, position=None):

@@ -163,6 +163,10 @@ class Problem(IdentificationProblem):
         """Return residuals against the observations as functions of the parameters."""
         return FrfResiduals(self.model, residual)
 
+    def logarithms(self, variance: NDArray[np.float64]) -> FrfResiduals:
+        """Return the residuals of the amplitudes' logarithms, whose errors have a variance (n_lines,)."""
+        return self.residuals(self.observations.logarithms(variance))
+
     def weighted(self, variance: NDArray[np.float64], used: NDArray[np.bool_] | None = None) -> FrfResiduals:
         """Return the residuals over the standard deviation of each line (n_lines,), of the lines `used`."""
         used = np.ones(len(variance), dtype=np.bool_) if used is None else used

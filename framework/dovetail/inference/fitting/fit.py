@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
@@ -16,7 +16,7 @@ from dovetail.inference.fitting.whiteness import NOISE_ALARM, has_size_of_noise,
 from dovetail.interfaces import Estimate, Progress, silent
 from dovetail.problem import Problem
 from dovetail.problem.definition import bounds_reached
-from dovetail.problem.least_squares import minimise
+from dovetail.problem.least_squares import Minima, minimise
 from dovetail.problem.observations import Observations
 from dovetail.problem.random_error import ASSUMED_NOISE, FOURTH_DIFFERENCE
 
@@ -37,6 +37,8 @@ SEARCH_SHARE = 0.6
 """Part of a time limit after which no further search begins: a fit needs a judgement and intervals too."""
 _SAME_MINIMUM = 1e-3
 """Relative difference of sums of squares below which two searches ended in the same minimum."""
+PACE_STEPS = 10
+"""Steps by which the pace of searches is measured, and after which those of no interest end."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -270,6 +272,39 @@ def count_agreeing(costs: NDArray[np.float64]) -> int:
 def highest_agreeing(cost: float) -> float:
     """Return the highest sum of squares of a search that ended in the same minimum as one with the sum `cost`."""
     return cost * (1.0 + _SAME_MINIMUM) + 1.0
+
+
+@dataclass(eq=False)
+class Pace:
+    """Tells every ten steps which searches would not come near enough to the lowest one at their pace.
+
+    Parameters
+    ----------
+    highest : callable
+        Takes the lowest sum of squares to the highest one of interest.
+    """
+
+    highest: Callable[[float], float]
+    is_measured: bool = field(default=False, init=False)
+    """Whether the latest step was one after which searches end."""
+    _earlier: NDArray[np.float64] = field(default_factory=lambda: np.empty(0), init=False)
+    _steps: int = field(default=0, init=False)
+    _left: int = field(default=0, init=False)
+
+    def __call__(self, minima: Minima, steps_left: int) -> NDArray[np.bool_]:
+        """Return which searches (n,) end, from where all of them are; called after each step."""
+        if steps_left >= self._left:  # another group of searches begins
+            self._steps, self._earlier = 0, minima.cost.copy()
+        self._steps, self._left = self._steps + 1, steps_left
+        self.is_measured = self._steps % PACE_STEPS == 0
+        if not self.is_measured:
+            return np.zeros(len(minima.cost), dtype=np.bool_)
+        finite = np.isfinite(minima.cost)  # others have ended
+        lowest = float(minima.cost[finite].min())
+        above, before = np.where(finite, minima.cost - lowest, 0.0), self._earlier - lowest
+        self._earlier = minima.cost.copy()
+        pace = above / np.maximum(before, np.maximum(above, np.finfo(float).tiny))
+        return np.asarray(lowest + above * pace ** (steps_left / PACE_STEPS) > self.highest(lowest))
 
 
 def is_noise(problem: Problem, fit: Fit) -> bool:

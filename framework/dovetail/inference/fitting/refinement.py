@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from dovetail.inference.fitting.fit import SEARCH_SHARE, UNFINISHED, Fit, count_agreeing, highest_agreeing
+from dovetail.inference.fitting.fit import SEARCH_SHARE, UNFINISHED, Fit, Pace, count_agreeing, highest_agreeing
 from dovetail.inference.fitting.modal_fit import fit_to_modes
 from dovetail.inference.fitting.search_lines import SearchLines
 from dovetail.inference.fitting.whiteness import NOISE_ALARM, has_size_of_noise, is_of_few_lines, is_white
@@ -137,6 +137,7 @@ class _Refinement:
         self._used = np.ones(len(target.frequency), dtype=np.bool_)
         self._lines = SearchLines(target, self._variance)
         self._few, self._some = self._lines.few, self._lines.thinned(_SETTINGS.fit_lines)
+        self._on_fewest = self._on_lines(self._lines.fewest)
         self._on_few, self._on_some = self._on_lines(self._few), self._on_lines(self._some)
         self._steps = self._starts = self._searches = 0
         self._expected = options.first_starts + _SETTINGS.first_carried + 1
@@ -199,8 +200,7 @@ class _Refinement:
                 break
             along = self._along_axes(best.position[0])
             similar = self._most_similar(_SETTINGS.more_starts, _SETTINGS.more_candidates)
-            further = len(along) + len(similar) + _SETTINGS.carried
-            self._expected = self._searches + further + len(minima.cost) + 1
+            self._expected = self._searches + len(along) + len(similar) + _SETTINGS.carried + len(minima.cost) + 1
             ends = self._searched(np.concatenate([along, similar]))
             minima = self._extended(minima, ends[: _SETTINGS.carried])
             if batch >= first_profiled and profiled > highest_agreeing(minima.cost[0]):
@@ -224,7 +224,7 @@ class _Refinement:
     def _most_similar(self, count: int, candidates: int) -> NDArray[np.float64]:
         """Return the points whose FRFs are most similar to the measured ones, among many random ones."""
         points = self._hypercube.random(candidates)
-        squares = np.sum(self._search.residuals(points) ** 2, axis=1)
+        squares = np.sum(self._on_fewest.logarithms(self._variance[self._lines.fewest]).residuals(points) ** 2, axis=1)
         return np.asarray(points[np.argsort(squares, kind="stable")[:count]])
 
     def _along_axes(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -267,7 +267,7 @@ class _Refinement:
     @property
     def _search(self) -> FrfResiduals:
         """The problem of the first searches: logarithms of amplitudes on few lines."""
-        return self._on_few.residuals(self._on_few.observations.logarithms(self._variance[self._few]))
+        return self._on_few.logarithms(self._variance[self._few])
 
     def _searched(self, batch: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return where searches by logarithms of amplitudes ended, the most promising first."""
@@ -308,9 +308,11 @@ class _Refinement:
         return self._minimised(self._problem.weighted(self._variance + self._model_variance, self._used), start)
 
     def _minimised(self, misfit: FrfResiduals, start: NDArray[np.float64]) -> Minima:
-        with_prior = WithPrior(misfit, self._problem.parameters)
-        tolerance, most_steps = self._options.tolerance, self._options.steps
-        minima = minimise(with_prior, start, tolerance=tolerance, most_steps=most_steps, callback=self._report_search)
+        with_prior, pace = WithPrior(misfit, self._problem.parameters), Pace(highest_agreeing)
+        options, report = self._options, self._report_search
+        minima = minimise(
+            with_prior, start, tolerance=options.tolerance, most_steps=options.steps, superfluous=pace, callback=report
+        )
         self._steps += int(minima.steps.sum())
         return Minima.ranked(minima)
 
@@ -372,8 +374,7 @@ class _Refinement:
 
     def _residuals(self, best: Minima) -> NDArray[np.float64]:
         """Return the whitened residuals at the best fit."""
-        values = self._values(best)[np.newaxis]
-        return np.asarray(self._target.weighted(self._variance, self._used).of(values)[0])
+        return np.asarray(self._target.weighted(self._variance, self._used).of(self._values(best)[np.newaxis])[0])
 
     @property
     def _freedom(self) -> int:

@@ -21,6 +21,8 @@ class Settings:
 
     even: int = 300
     """Evenly spaced lines of each response."""
+    similar: int = 3
+    """Every so many of these lines show how similar an FRF is to the measured one."""
     prominence: float = 6.0
     """Prominence of a clear resonance or antiresonance in dB."""
     most_peaks: int = 30
@@ -54,16 +56,16 @@ class SearchLines:
 
     Attributes
     ----------
-    few : (n,) array
+    few, fewest : (n,) arrays
         Increasing indices of the concatenated lines of all responses.
     """
 
     def __init__(self, observations: Observations, variance: NDArray[np.float64]) -> None:
         self._observations = observations
         responses = zip(observations.firsts, observations.frfs, observations.split(variance), strict=True)
-        self.few: NDArray[np.intp] = np.concatenate(
-            [first + _search_lines(_level(frf.amplitude, of_response)) for first, frf, of_response in responses]
-        )
+        few = [first + _search_lines(_level(frf.amplitude, of_response)) for first, frf, of_response in responses]
+        self.few: NDArray[np.intp] = np.concatenate(few)
+        self.fewest: NDArray[np.intp] = np.concatenate([of_response[:: _SETTINGS.similar] for of_response in few])
 
     def thinned(self, most: int) -> NDArray[np.intp]:
         """Return every n-th line, about `most` of each response at most, and in addition the few lines."""

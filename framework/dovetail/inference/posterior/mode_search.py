@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
 from dovetail.inference.fitting import Fit
+from dovetail.inference.fitting.fit import Pace
 from dovetail.inference.posterior.likelihood import (
     Z_LIMIT,
     Likelihood,
@@ -63,8 +64,6 @@ class Settings:
     same: float = 1.0
     """Largest distance of two ends, in standard deviations by the curvature there, at which they are the same mode. A
     search comes within a third of that of a mode."""
-    pace: int = 10
-    """Steps by which the pace of searches is measured, and after which those of no interest end."""
     worth: float = 400.0
     """Chi-squared above the best one up to which a mode is of interest: twice as much as sampling accepts."""
     standard_errors: float = 5.0
@@ -238,21 +237,11 @@ class _Race:
     """
 
     def __init__(self, worth: float) -> None:
-        self._worth, self._earlier = worth, np.empty(0)
-        self._steps = self._left = 0
+        self._pace = Pace(lambda lowest: lowest + worth)
 
     def __call__(self, minima: Minima, steps_left: int) -> NDArray[np.bool_]:
-        if steps_left >= self._left:  # another group of searches begins
-            self._steps, self._earlier = 0, minima.cost.copy()
-        self._steps, self._left = self._steps + 1, steps_left
-        if self._steps % _SETTINGS.pace:
-            return np.zeros(len(minima.cost), dtype=np.bool_)
-        finite = np.isfinite(minima.cost)  # others have ended
-        lowest = minima.cost[finite].min()
-        above, before = np.where(finite, minima.cost - lowest, 0.0), self._earlier - lowest
-        self._earlier = minima.cost.copy()
-        pace = above / np.maximum(before, np.maximum(above, np.finfo(float).tiny))
-        return np.asarray((above * pace ** (steps_left / _SETTINGS.pace) > self._worth) | ~_are_different(minima))
+        slow = self._pace(minima, steps_left)
+        return slow | ~_are_different(minima) if self._pace.is_measured else slow
 
 
 def _are_different(minima: Minima) -> NDArray[np.bool_]:
