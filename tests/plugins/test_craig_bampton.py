@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from scipy.linalg import eigh
-from scipy.sparse import csc_array
+from scipy.sparse import csc_array, diags_array, eye_array
 
 import dovetail
 from dovetail_plugins.craig_bampton import reduce_part
@@ -119,3 +119,38 @@ def test_a_reduction_that_is_not_possible_is_one_clear_error(options, said, tmp_
 def test_structural_damping_is_reduced_with_the_stiffness(tmp_path, monkeypatch):
     part = load(tmp_path, monkeypatch, reduce={"interface": ENDS, "modes": 5}).description.substructures["part"]
     np.testing.assert_allclose(part.matrices().D, STEEL["loss_factor"] * part.matrices().K)
+
+
+@pytest.mark.parametrize("measure", [{"modes": 12}, {"up_to": 0.9}, {"modes": 0}])
+def test_a_long_chain_is_reduced_with_its_known_modes(measure):
+    """900 masses of 1 kg between springs of 1e5 N/m, held at both ends: frequencies by a formula."""
+    count, stiffness = 900, 1e5
+    ones = np.ones(count + 2)
+    K = diags_array([2.0 * ones, -ones[1:], -ones[1:]], offsets=[0, 1, -1]).tolil() * stiffness
+    K[0, 0] = K[-1, -1] = stiffness
+    order = [0, count + 1, *range(1, count + 1)]
+    K = K.tocsc()[order][:, order]
+    part = reduce_part(
+        {"K": K, "M": csc_array(eye_array(count + 2))}, 2, "chain", **{"modes": None, "up_to": None} | measure
+    )
+    known = np.sqrt(stiffness) / np.pi * np.sin(np.pi * np.arange(1, 40) / (2.0 * (count + 1)))
+    kept = len(part.natural_frequencies)
+    assert kept == measure.get("modes", np.count_nonzero(known < 0.9))
+    np.testing.assert_allclose(part.natural_frequencies, known[:kept], rtol=1e-8)
+    assert part.next_frequency == pytest.approx(known[kept], rel=1e-8)
+    np.testing.assert_allclose(
+        part.matrices["K"][:2, :2], stiffness / (count + 1) * np.array([[1, -1], [-1, 1]]), rtol=1e-6
+    )
+    assert np.linalg.eigvalsh(part.residual)[0] > -1e-9 * np.abs(part.residual).max()
+
+
+def test_a_long_chain_that_is_held_nowhere_is_refused():
+    count = 900
+    K = diags_array([2.0 * np.ones(count), -np.ones(count - 1), -np.ones(count - 1)], offsets=[0, 1, -1]).tolil()
+    K[0, 0] = K[-1, -1] = 1.0
+    M = csc_array(eye_array(count)).tolil()
+    M[0, 1] = M[1, 0] = 0.1
+    K[0, :] = K[:, 0] = 0.0
+    K[1, 1] = 1.0
+    with pytest.raises(dovetail.DovetailError, match="still moves without deformation"):
+        reduce_part({"K": K.tocsc(), "M": M.tocsc()}, 1, "chain", modes=4, up_to=None)

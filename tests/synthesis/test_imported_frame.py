@@ -1,7 +1,10 @@
 """A bent frame from files of NASTRAN, Abaqus and Ansys has the FRF of the same frame made of beams."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 
 import dovetail
 from support import fe_files
@@ -124,3 +127,16 @@ def test_directions_of_nodes_along_a_coordinate_system_are_turned(tmp_path, expe
     (tmp_path / "frame.op4").write_bytes(fe_files.op4([("KAA", model.K), ("MAA", model.M)]))
     part = {"model": "matrices", "file": "frame.op4", "dofs": "frame.bdf", "units": UNITS, "loss_factor": 0.01}
     assert largest_difference(dovetail.load(assembly(part)).frf(), expected) < 1e-8
+
+
+def test_a_full_file_of_ansys_has_the_natural_frequencies_that_its_library_documents():
+    """The clamped beam that ansys-mapdl-reader ships; only where this large package is installed."""
+    package = pytest.importorskip("ansys.mapdl.reader", reason="ansys-mapdl-reader is not installed")
+    model = dovetail.read_matrices(Path(package.__file__).parent / "examples" / "file.full")
+    K, M = (model.matrices[name].values.tocsc() for name in "KM")
+    filled = np.flatnonzero(abs(K).sum(axis=0))
+    squares = eigh(*(matrix[filled][:, filled].toarray() for matrix in (K, M)), eigvals_only=True)
+    expected = [1283.20036921, 1283.20036921, 5781.97486169, 6919.39887714]
+    np.testing.assert_allclose(np.sqrt(squares[:4]) / (2.0 * np.pi), expected, rtol=1e-8)
+    assert len(model.table.nodes) == len(model.table.rows) == K.shape[0]
+    assert set(model.table.directions) == {"UX", "UY", "UZ"}

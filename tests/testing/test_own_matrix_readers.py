@@ -9,7 +9,7 @@ from dovetail.testing import check_names
 from dovetail.testing.kit import each_check
 
 READERS = [offer.component for offer in installed_components().offers("matrix_reader")]
-GUARDED = ("matrix_archive", "matrix_market")
+GUARDED = ("matrix_archive", "matrix_market", "ansys_full")
 """Those that read some files in a process of their own, which takes time; `tests/fuzz` alters their files."""
 DAMAGE = "damaged_files_are_refused_or_read"
 
