@@ -311,6 +311,34 @@ def test_mode_shapes_in_space_turn_by_keys_and_by_hand(browser: Browser) -> None
             assert page.errors() == []
 
 
+@pytest.mark.parametrize("width", [390, 1440])
+def test_long_names_of_responses_in_space_do_not_widen_the_page(browser: Browser, width: int) -> None:
+    bar = {"length": 0.2, "width": 0.02, "height": 0.01, "elements": 2}
+    beam = {"model": "spatial_beam", "material": {"young": 210e9, "density": 7850.0}, "sections": [bar]}
+    force = {"position": 0.1, "direction": [1, 2, 3]}
+    assembly = {
+        "dovetail": 1,
+        "name": "beam",
+        "frequency": {"start": 10.0, "stop": 2000.0, "lines": 100},
+        "substructures": {"a_beam_with_a_very_long_name_indeed": {**beam, "place": {}}, "ground": {"model": "ground"}},
+        "joints": {"foot": {"model": "bushing", "connect": {}}},
+        "responses": [
+            {"at": "a_beam_with_a_very_long_name_indeed", "position": 0.2, "direction": each, "force": force}
+            for each in ("x", "z")
+        ],
+    }
+    ends = {"a": {"to": "a_beam_with_a_very_long_name_indeed", "at": 0.0}, "b": {"to": "ground", "at": 0.0}}
+    assembly["joints"]["foot"]["connect"] = ends
+    loaded = dovetail.load(assembly)
+    assert loaded.description.response_labels[0].startswith("a_beam_with_a_very_long_name_indeed, 200 mm, x, force at")
+    with PageServer(Explorer(loaded)) as serving:
+        threading.Thread(target=serving.serve_forever, daemon=True).start()
+        with browser.page(serving.address, width) as page:
+            page.wait_for(READY)
+            assert page.evaluate("document.documentElement.scrollWidth") <= width
+            assert page.errors() == []
+
+
 def test_fit_from_here_shows_intervals_and_keeps_what_is_locked(browser: Browser, server: PageServer) -> None:
     with browser.page(server.address) as page:
         page.wait_for(READY)

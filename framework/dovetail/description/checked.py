@@ -17,6 +17,7 @@ from dovetail.description.sections import AugmentationSection, CorrectionSection
 from dovetail.description.study_section import StudySection
 from dovetail.frf import Frf, Quantity
 from dovetail.interfaces import (
+    PLANAR,
     ROTATIONS,
     IdentificationMethod,
     NodeDofs,
@@ -285,7 +286,9 @@ class Description:
         return f"{self._place_label(response)}, force at {self._place_label(response.force)}"
 
     def _place_label(self, place: Place) -> str:
-        return f"{self.point_label(place)}{'' if place.direction == 'x' else f', {direction_text(place.direction)}'}"
+        is_planar = {*self.substructures[place.substructure].nodes[place.node].directions} <= {*PLANAR}
+        is_plain = is_planar and place.direction == "x"
+        return f"{self.point_label(place)}{'' if is_plain else f', {direction_text(place.direction)}'}"
 
     def point_label(self, place: Place) -> str:
         """Return the point of a DOF in words: ``"tool, 10 mm"``."""

@@ -86,11 +86,8 @@ def space_figure(assembly: Assembly, ax: Axes | None = None) -> Figure:
         _draw_part(axes, name, by_name[name], view.on_page(points[name]), _PARTS[number % len(_PARTS)])
     for name, entry in description.joints.items():
         _draw_joint(axes, name, description, entry.connection.attachments, points, view)
-    for response in description.responses:
-        called = f" ({response.name})" if len(description.responses) > 1 else ""
-        both = "" if response.force else "force and "
-        _draw_arrow(axes, response.force or response, f"force{called}" if response.force else "", points, view)
-        _draw_arrow(axes, response, f"{both}{response.quantity}{called}", points, view, is_motion=True)
+    for place, text, is_motion in _arrows(description):
+        _draw_arrow(axes, place, text, points, view, is_motion=is_motion)
     _draw_axes(axes, view.on_page(np.concatenate(list(points.values()))), view)
     axes.set_aspect("equal")
     axes.set_axis_off()
@@ -98,6 +95,25 @@ def space_figure(assembly: Assembly, ax: Axes | None = None) -> Figure:
     figure = figure_of(axes)
     set_title(figure if ax is None else ax, assembly.name, "Dots: nodes. Diamonds: joints. Triangles: held.")
     return figure
+
+
+def _arrows(description: Description) -> list[tuple[Place, str, bool]]:
+    """Return the place of each force and of each motion, its label, and whether it is a motion; forces come first.
+
+    Responses with the same force share its arrow.
+    """
+    several = len(description.responses) > 1
+    forces: dict[tuple[Any, ...], tuple[Place, list[str]]] = {}
+    motions: list[tuple[Place, str, bool]] = []
+    for response in description.responses:
+        called = f" ({response.name})" if several else ""
+        if response.force is not None:
+            key = response.force.substructure, response.force.node, response.force.direction
+            forces.setdefault(key, (response.force, []))[1].append(response.name)
+        both = "" if response.force else "force and "
+        motions.append((response, f"{both}{response.quantity}{called}", True))
+    pushed = [(place, f"force ({', '.join(names)})" if several else "force", False) for place, names in forces.values()]
+    return [*pushed, *motions]
 
 
 def _draw_part(axes: Axes, name: str, part: SubstructureModel, at: NDArray[np.float64], colour: str) -> None:
@@ -116,14 +132,25 @@ def _draw_joint(
     points: dict[str, NDArray[np.float64]],
     view: _View,
 ) -> None:
-    """Draw the nodes that a joint connects; a ground without points is where the part is that it holds."""
+    """Draw the nodes that a joint connects, and a line between those that lie apart, as of a strut.
+
+    A ground without points is where the part is that it holds.
+    """
     free = [end for end in attachments if not description.substructures[end.substructure].grounded]
     held = len(free) < len(attachments)
     for end in free:
         at = view.on_page(points[end.substructure][list(end.nodes)])
         axes.plot(*at.T, "^" if held else "D", color=_JOINT, markersize=7 if held else 5, zorder=3)
+    known = [end for end in attachments if end in free or _has_points(description.substructures[end.substructure])]
+    if len(known) == 2:
+        ends = view.on_page(np.array([points[end.substructure][end.nodes[0]] for end in known]))
+        axes.plot(*ends.T, color=_JOINT, linewidth=1.5, linestyle="--", zorder=3)
     if free:
         _write(axes, view.on_page(points[free[0].substructure][[free[0].nodes[0]]])[0], name, _JOINT, (-8, 8))
+
+
+def _has_points(part: SubstructureModel) -> bool:
+    return any(node.point is not None for node in part.nodes)
 
 
 def _draw_arrow(
@@ -148,8 +175,10 @@ def _draw_arrow(
     axes.plot(*np.array([tail, tip]).T, alpha=0.0)  # the arrow is part of what is shown
     about = "about" if place.rotation else "along"
     said = direction_text(place.direction).removeprefix("r")
-    if text:
-        _write(axes, tip if is_motion else tail, f"{text} {about} {said}", colour, (6, 6))
+    if text and is_motion:
+        _write(axes, tip, f"{text} {about} {said}", colour, (6, 6))
+    elif text:
+        _write(axes, tail, f"{text} {about} {said}", colour, (-6, 14), "right")
 
 
 def _draw_axes(axes: Axes, shown: NDArray[np.float64], view: _View) -> None:
@@ -161,13 +190,16 @@ def _draw_axes(axes: Axes, shown: NDArray[np.float64], view: _View) -> None:
         _write(axes, tip, name, MUTED, (2, 2))
 
 
-def _write(axes: Axes, at: NDArray[np.float64], text: str, colour: str, aside: tuple[int, int]) -> None:
+def _write(
+    axes: Axes, at: NDArray[np.float64], text: str, colour: str, aside: tuple[int, int], end: str = "left"
+) -> None:
     axes.annotate(
         terminal_text(text),
         (at[0], at[1]),
         aside,
         textcoords="offset points",
         color=colour,
+        ha=end,
         fontsize=9,
         zorder=5,
         parse_math=False,

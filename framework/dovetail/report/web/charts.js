@@ -383,9 +383,10 @@ var DovetailCharts = (function () {
         ctx.moveTo(x, top);
         ctx.lineTo(x, top + height);
         ctx.stroke();
-        if (!named || x - free < 58 * dots) continue;
-        ctx.fillText(`${number(frequency, 4)} Hz`, Math.min(Math.max(x, left + 24 * dots), left + width - 24 * dots), top - 6 * dots);
-        free = x;
+        const place = Math.min(Math.max(x, left + 24 * dots), left + width - 24 * dots);
+        if (!named || place - free < 58 * dots) continue;
+        ctx.fillText(`${number(frequency, 4)} Hz`, place, top - 6 * dots);
+        free = place;
       }
       ctx.restore();
     }
