@@ -17,7 +17,6 @@ from dovetail.description.sections import AugmentationSection, CorrectionSection
 from dovetail.description.study_section import StudySection
 from dovetail.frf import Frf, Quantity
 from dovetail.interfaces import (
-    PLANAR,
     ROTATIONS,
     IdentificationMethod,
     NodeDofs,
@@ -269,10 +268,7 @@ class Description:
 
     @property
     def identified_parameters(self) -> tuple[tuple[str, str], ...]:
-        """Owner and name there of each parameter to identify, in the order of ``Assembly.parameters``.
-
-        The owner is a joint, a substructure or a response.
-        """
+        """Owner (a joint, part or response) and name of each unknown, in the order of ``Assembly.parameters``."""
         return tuple((name, parameter.name) for name, entry in self.entries.items() for parameter in entry.identified)
 
     @property
@@ -286,8 +282,7 @@ class Description:
         return f"{self._place_label(response)}, force at {self._place_label(response.force)}"
 
     def _place_label(self, place: Place) -> str:
-        is_planar = {*self.substructures[place.substructure].nodes[place.node].directions} <= {*PLANAR}
-        is_plain = is_planar and place.direction == "x"
+        is_plain = place.direction == "x" and place.dofs.directions[place.node] in (("x",), ("x", "rz"))
         return f"{self.point_label(place)}{'' if is_plain else f', {direction_text(place.direction)}'}"
 
     def point_label(self, place: Place) -> str:
