@@ -25,7 +25,7 @@ from support.short_search import one_batch
 
 identify, in_batches = (import_module(f"dovetail.cli.{name}") for name in ("identify", "batch"))
 
-SEEDS = (0, 1, 4, 5, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 7, 9, 11)))
+SEEDS = (1, 4, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (0, 2, 5, 7, 9, 11)))
 BAND = {"start": 20.0, "stop": 420.0, "step": 1.0}
 
 
