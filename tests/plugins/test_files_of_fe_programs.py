@@ -182,6 +182,9 @@ FAULTS = {
     "node twice": ("ansys", repeated("frame.node", "      101"), {}, "is given twice"),
     "two tables": ("abaqus", table("row,node,direction\n1,101,2\n"), {"dofs": "t.csv"}, "row 1 is"),
     "two places": ("abaqus rows", table(OTHER_PLACE), {"dofs": "t.csv"}, "in one file, and at"),
+    "many points": ("op4", edited("frame.bdf", "$ nodes", "ASET1,123,1,THRU,900000000"), {}, "ASET1 names"),
+    "many scalars": ("op4", edited("frame.bdf", "$ nodes", "SPOINT,1,THRU,900000000"), {}, "SPOINT names"),
+    "many rows": ("abaqus rows", appended("K.mtx", "900000000 1 1.0\n"), {}, "matrices of up to 2000000 rows"),
     "suffix": ("ansys", lambda f: (f / "K.xyz").write_text("1"), {"stiffness": "K.xyz"}, "'.xyz' is not the suffix"),
 }
 

@@ -17,8 +17,11 @@ _FILE_NAME = re.compile(r"_(STIF|MASS|DMPV|DMPS)\d*$", re.IGNORECASE)
 """How Abaqus ends the name of a file of matrices: that of the job, the matrix, the number of the step."""
 _NUMBER = rb"[ \t]*[-+]?\d[\d.eEdD+-]*[ \t]*"
 _ENTRY = re.compile(
-    rb"(?:\A|\n)(?:[ \t]*\*\*[^\n]*\n)*(?:" + rb",".join([_NUMBER] * 5) + rb"|(?:[ \t]*[-+]?\d\S*){3}[ \t\r]*)[\r\n]"
+    rb"(?:\A|\n)(?:[ \t]*\*\*[^\n]*\n)*(?:"
+    + rb",".join([_NUMBER] * 5)
+    + rb"|[ \t]*[-+]?\d\S*(?:[ \t]+[-+]?\d\S*){2}[ \t\r]*)[\r\n]"
 )
+_MOST_DOFS = 2_000_000
 _HELD = 1e35
 """Diagonal entry above which Abaqus holds a DOF, by a stiffness of 1e36."""
 _NOT_GLOBAL = {
@@ -77,6 +80,8 @@ class AbaqusMatrixReader(MatrixReader):
         numbers = whole_numbers(lines[:, :2], "the number of a row or column")
         if numbers.min() < 1:
             raise ValueError(f"the number of a row or column is {numbers.min()}: they count from 1.")
+        if numbers.max() > _MOST_DOFS:
+            raise ValueError(f"there is a row {numbers.max()}; matrices of up to {_MOST_DOFS} rows are read.")
         labels = [f"row {row}" for row in range(1, int(numbers.max()) + 1)]
         matrix = matrix_of_entries(numbers[:, 0] - 1, numbers[:, 1] - 1, lines[:, 2], labels)
         recorded = RecordedMatrix(matrix, _meaning(path), is_half=True)

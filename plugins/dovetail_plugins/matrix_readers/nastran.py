@@ -12,7 +12,7 @@ import numpy as np
 from dovetail import DofTable, MatrixMeaning, MatrixReader, RecordedMatrix, RecordedModel
 from dovetail_plugins.matrix_readers.bulk_data import Card, cards, real, whole
 from dovetail_plugins.matrix_readers.entries import DIRECTIONS_1_TO_6, matrix_of_entries
-from dovetail_plugins.matrix_readers.nastran_grids import Dof, Grids
+from dovetail_plugins.matrix_readers.nastran_grids import MOST_POINTS, Dof, Grids
 
 _SETS = "GG|PP|AA|FF|LL|NN|TT|XX|HH|RR|SS|DD"
 _NAME = re.compile(rf"^(K4|K|M|B)2?(?:{_SETS})X?\d*$")
@@ -127,13 +127,22 @@ def _add_dmig(matrices: dict[str, _Dmig], card: Card) -> None:
 
 
 def _chosen_dofs(card: Card) -> list[Dof]:
-    """Return the DOFs that ASET, ASET1 or EXTRN names."""
+    """Return the DOFs that ASET, ASET1 or EXTRN names.
+
+    Raises
+    ------
+    ValueError
+        It names more points than a model can have.
+    """
     if card.name != "ASET1":
         pairs = [(card[at], card[at + 1]) for at in range(0, len(card.fields), 2) if card[at]]
         return [dof for point, components in pairs for dof in _dofs(whole(point, card), components)]
     points = [each for each in card.fields[1:] if each]
     if len(points) == 3 and points[1].upper() == "THRU":
-        points = [str(each) for each in range(whole(points[0], card), whole(points[2], card) + 1)]
+        first, last = whole(points[0], card), whole(points[2], card)
+        if last - first > MOST_POINTS:
+            raise ValueError(f"line {card.line}: ASET1 names {last - first} points.")
+        points = [str(each) for each in range(first, last + 1)]
     return [dof for point in points for dof in _dofs(whole(point, card), card[0])]
 
 

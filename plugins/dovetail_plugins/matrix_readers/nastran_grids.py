@@ -11,7 +11,7 @@ from dovetail_plugins.matrix_readers.bulk_data import Card, real, whole
 
 Dof = tuple[int, int]
 """A grid point and one of its components 1 to 6, or a scalar point and 0."""
-_MOST_SCALARS = 1_000_000
+MOST_POINTS = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +122,7 @@ class Grids:
 def _scalar_points(card: Card) -> list[int]:
     if len(card.fields) > 2 and card[1].upper() == "THRU":
         first, last = whole(card[0], card), whole(card[2], card)
-        if last - first > _MOST_SCALARS:
+        if last - first > MOST_POINTS:
             raise ValueError(f"line {card.line}: SPOINT names {last - first} points.")
         return [*range(first, last + 1)]
     return [whole(each, card) for each in card.fields if each]

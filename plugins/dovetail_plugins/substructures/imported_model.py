@@ -225,6 +225,8 @@ def _along_axes(
     from scipy.sparse import eye_array
 
     frames = {node: axes for model in sources for node, axes in model.frames.items()}
+    if not frames:
+        return matrices, table
     words = next((model.axes for model in sources if model.axes), {})
     row_of = dict(zip(zip(table.nodes, table.directions, strict=True), map(int, table.rows), strict=True))
     turn = eye_array(next(iter(matrices.values())).shape[0], format="lil")
@@ -236,8 +238,6 @@ def _along_axes(
             elif rows and not np.allclose(frames[node], np.eye(3), atol=1e-9):
                 problem = f"node '{node}' has directions of its own, and only some of {', '.join(triple)}."
                 raise DovetailError(Fault(table.where, problem, "all three, or directions along the axes of the model"))
-    if not frames:
-        return matrices, table
     columns = turn.tocsc()
     return {name: (columns.T @ matrix @ columns).tocsc() for name, matrix in matrices.items()}, table
 
