@@ -106,7 +106,7 @@ class Bearing(JointModel):
             joint.add_contact_layer([pair_of[tilting]], values["kr"], values["cr"])
             joint.M[:, pair_of[tilting][0], pair_of[tilting][0]] = values["J"]
             if self.config.inclined:
-                coupling = sign * values["r"] * np.sqrt(values["k"] * values["kr"])
+                coupling = sign * values["r"] * np.sqrt(np.abs(values["k"] * values["kr"]))
                 _couple(joint.K, pair_of[radial], pair_of[tilting], coupling)
         for direction in ("x", "y", "z"):
             if direction in pair_of:

@@ -86,11 +86,11 @@ class InterferenceFit(JointModel):
         nodes: Annotated[int, Field(ge=2, le=1000)] = 3
         pressure: Literal["uniform", "linear"] = "uniform"
         motion: Literal["plane", "space"] = "plane"
-        diameter: Annotated[float | None, Field(gt=0), InUnit("m")] = None
+        diameter: Annotated[float, Field(ge=0), InUnit("m")] = 0.0
 
         @model_validator(mode="after")
         def _diameter_in_space(self) -> InterferenceFit.Config:
-            if (self.motion == "space") != (self.diameter is not None):
+            if (self.motion == "space") != (self.diameter > 0.0):
                 raise ValueError("give 'diameter' with 'motion: space', and only then")
             return self
 
@@ -167,7 +167,7 @@ class InterferenceFit(JointModel):
         """
         if direction in ("x", "z"):
             return True, 1.0
-        if self.config.diameter is None or direction == "y":
+        if self.config.motion == "plane" or direction == "y":
             return False, 1.0
         return False, float((self.config.diameter / 2.0) ** 2 * (1.0 if direction == "ry" else 0.5))
 

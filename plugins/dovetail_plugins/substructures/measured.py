@@ -127,11 +127,12 @@ class Measured(SubstructureModel):
                 for node in (frf.response, frf.force):
                     if node not in self.nodes:
                         raise ValueError(f"set {frf.set} is at '{node}', which is not among the nodes")
-            virtual = {"channels", "impacts", "channel_sheet", "impact_sheet", "unit_of_length", "tolerance"}
+            virtual = ("channels", "impacts", "channel_sheet", "impact_sheet", "unit_of_length", "tolerance")
+            changed = [name for name in virtual if getattr(self, name) != type(self).model_fields[name].default]
             if self.points and not (self.channels and self.impacts):
                 raise ValueError("virtual points need the tables 'channels' and 'impacts'")
-            if not self.points and (given := virtual & self.model_fields_set):
-                raise ValueError(f"'{min(given)}' is for virtual points: list them in 'points'")
+            if not self.points and changed:
+                raise ValueError(f"'{changed[0]}' is for virtual points: list them in 'points'")
             if self.points and self.frfs:
                 raise ValueError("give either 'points', or 'nodes' and 'frfs'")
             return self
