@@ -221,7 +221,8 @@ class NoConfig:
         (
             ComponentConfig,
             "<class 'dovetail.interfaces.component.ComponentConfig'> is not a component class "
-            "(a subclass of SubstructureModel, JointModel, Reducer, Regressor, FrfReader, IdentificationMethod, Law).",
+            "(a subclass of SubstructureModel, JointModel, Reducer, Regressor, FrfReader, MatrixReader, "
+            "IdentificationMethod, Law).",
         ),
     ],
 )
