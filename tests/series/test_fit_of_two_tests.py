@@ -8,6 +8,11 @@ from typer.testing import CliRunner
 
 import dovetail
 from dovetail.cli.app import app
+from dovetail.registry import installed_components
+from dovetail.series.description import Covariate, Role, SeriesDescription, SeriesTest
+from dovetail.series.fitted_tests import fit_test
+from dovetail.series.fitting import fit_series
+from dovetail.series.unknowns import SeriesUnknowns
 
 ASSEMBLY = Path(__file__).parents[2] / "assemblies" / "sdof.yaml"
 
@@ -50,3 +55,22 @@ def test_tests_that_contradict_a_shared_stiffness_make_the_exit_code_3(tmp_path)
     done = CliRunner().invoke(app, ["identify-series", str(series), "--method", "refined"])
     assert done.exit_code == 3, done.output
     assert "The tests contradict the relations between them" in " ".join(done.output.split())
+
+
+def test_a_collet_at_five_torques_is_fitted_as_well_as_each_test_alone():
+    """The starts near the fits to each test alone all end in local minima, 60 times the sum of squares."""
+    model = dovetail.load(ASSEMBLY.parent / "campaign" / "h0_t0.yaml").on(np.linspace(100.0, 9000.0, 600))
+    law = Role("law", installed_components().create("law", "linear"), "torque")
+    torques = (20.0, 40.0, 60.0, 80.0, 100.0)
+    tests = tuple(SeriesTest(f"T{torque:.0f}", model, (), {"torque": torque}) for torque in torques)
+    stiffnesses = dict.fromkeys(("kt_tc", "kr_tc", "kt_hc", "kr_hc"), law)
+    covariates = {"torque": Covariate("torque", "N m")}
+    unknowns = SeriesUnknowns(SeriesDescription("collet", tests, covariates, stiffnesses, Role("shared")))
+    random, fitted = np.random.default_rng([1, 0, 55]), []
+    z = random.uniform(-1.0, 1.0, (1, unknowns.count))
+    for index, test in enumerate(tests):
+        theta = model.from_unit(unknowns.maps[index].fractions(unknowns.of_test(index, z)))[0]
+        fitted.append(fit_test(test, [dovetail.noisy_frf(model.simulate(theta), 0.01, random)], 0, 0.0))
+    fit = fit_series(unknowns, fitted)
+    assert fit.contradiction > 1e-3
+    assert fit.squares.sum() < 1.1 * fit.squares_alone.sum()

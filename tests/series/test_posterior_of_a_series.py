@@ -151,3 +151,22 @@ def test_the_likelihood_of_an_exact_model_is_the_density_of_the_measured_values(
     difference = np.abs(frf.values - likelihood.frf(fraction)[0]) ** 2
     density = -np.sum(difference / frf.variance + np.log(np.pi * frf.variance))
     assert likelihood.log(fraction)[0] + likelihood.log_constant == pytest.approx(density)
+
+
+def test_samples_follow_even_if_no_search_converges(monkeypatch):
+    """They are moved from the normal approximation at the mode."""
+    from dovetail.series.tangent_map import ArrowTangentMap
+
+    searched = ArrowTangentMap.solve
+
+    def none_converged(self, *arguments, **options):
+        ends, converged = searched(self, *arguments, **options)
+        return ends, np.zeros_like(converged)
+
+    monkeypatch.setattr(ArrowTangentMap, "solve", none_converged)
+    truths = [{"k": 1.0001e6, "c": 20.02}, {"k": 1.0001e6, "c": 20.02}]
+    unknowns, posterior = sampled(*(found := series(mount(NORMAL, LINES), truths, LINEAR["shared"], 0.02)))
+    mean, covariance, _ = gaussian(unknowns, found[1], np.zeros(unknowns.count))
+    spread = np.sqrt(np.diagonal(covariance))
+    assert posterior.weight @ posterior.z == pytest.approx(mean, abs=0.3 * spread.max())
+    assert posterior.z.std(axis=0) == pytest.approx(spread, rel=0.2)

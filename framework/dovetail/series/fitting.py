@@ -13,7 +13,7 @@ from dovetail.inference.posterior.likelihood import Z_LIMIT, normal_from_unit, s
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints
 from dovetail.interfaces import Progress, silent
 from dovetail.series.arrow import ArrowMatrix
-from dovetail.series.fitted_tests import FittedTest
+from dovetail.series.fitted_tests import FittedTest, logarithms
 from dovetail.series.residuals import QuadraticMisfit, SeriesResiduals
 from dovetail.series.unknowns import SeriesUnknowns
 
@@ -42,6 +42,8 @@ class Settings:
     """Distance of starts from the ends of the ranges."""
     scatter_rounds: int = 30
     """Largest number of updates of the standard deviations from test to test."""
+    rise: float = 1.5
+    """Sum of squares over that of the fits to each test alone above which searches by logarithms follow."""
     settled: float = 1e-3
     """Relative change of a standard deviation at which the updates end."""
 
@@ -92,13 +94,18 @@ def fit_series(unknowns: SeriesUnknowns, tests: Sequence[FittedTest], *, progres
     residuals = SeriesResiduals(unknowns, [test.misfit() for test in tests])
     prior, scatter = _prior_weights(unknowns), unknowns.scatter_columns
     progress("fit", 0, 1)
-    ends = minimise(residuals, _starts(unknowns, tests), prior, scatter)
+    pairs = zip(residuals.misfits, tests, strict=True)
+    alone = [float(np.sum(misfit.residuals(test.fraction[np.newaxis]) ** 2)) for misfit, test in pairs]
+    starts = _starts(unknowns, tests)
+    ends = minimise(residuals, starts, prior, scatter)
+    if _cost(residuals, ends, prior).min() > _SETTINGS.rise * sum(alone):  # perhaps a local minimum
+        rough = SeriesResiduals(unknowns, [logarithms(test) for test in tests])
+        further = minimise(residuals, minimise(rough, starts, prior, scatter).z, prior, scatter)
+        ends = LinearisedPoints.joined([ends, further])
     points = ends.at_rows(np.argmin(_cost(residuals, ends, prior), keepdims=True))
     if scatter:
         points = _with_scatter(residuals, points, prior)
     matrix, _ = normal_equations(residuals, points, prior)
-    pairs = zip(residuals.misfits, tests, strict=True)
-    alone = [float(np.sum(misfit.residuals(test.fraction[np.newaxis]) ** 2)) for misfit, test in pairs]
     used = sum(len(test.problem.parameters) for test in tests)
     free = unknowns.count - len(scatter)
     squares = np.array([float(np.sum(part**2)) for part in residuals.of_tests(points.residuals)])

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from dovetail.inference.posterior import ModelError, Posterior
 from dovetail.inference.posterior.evidence import Evidence, least_log_evidence
-from dovetail.inference.posterior.likelihood import ReducedResiduals, squared_norms, unit_from_normal
+from dovetail.inference.posterior.likelihood import Z_LIMIT, ReducedResiduals, squared_norms, unit_from_normal
 from dovetail.inference.posterior.metropolis import Chains, decorrelate
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints
 from dovetail.inference.posterior.tangent_steps import Density
@@ -210,6 +210,8 @@ class _Sampler:
         """Add the FRFs at pilots to those of each test; return the largest error of a reduced chi-squared too."""
         worst, extended, on_few = 0.0, [], self.residuals.of_tests(pilots.residuals)
         for index, fractions in enumerate(self._exact.fractions(pilots.z)):
+            if not len(fractions):  # no search converged
+                return frfs, np.inf
             likelihood, values = self._likelihoods[index], self._likelihoods[index].frf(fractions)
             squares = likelihood.marginalised.squares(likelihood.residual.of(values))
             near = squares <= squares.min() + _SETTINGS.region
@@ -246,7 +248,17 @@ class _Sampler:
             batches.append(ends)
             weights.append(self._log_posterior(ends.z) - log_density)
         self._progress("samples", count, count)
+        if not any(len(ends.z) for ends in batches):
+            return self._about_the_mode(count)
         return LinearisedPoints.joined(batches), np.concatenate(weights)
+
+    def _about_the_mode(self, count: int) -> tuple[LinearisedPoints, Array]:
+        """Return samples of the normal approximation at the mode, and the logarithms of their weights."""
+        matrix, _ = normal_equations(self.residuals, self._mode)
+        root, normal = matrix.root(), self._random.standard_normal((count, self._unknowns.count))
+        ends = self.residuals.linearise(np.clip(self._mode.z + matrix.solve(root.times(normal)), -Z_LIMIT, Z_LIMIT))
+        log_density = root.log_determinant() - squared_norms(normal) / 2.0
+        return ends, self._log_posterior(ends.z) - log_density
 
     def move(self, points: LinearisedPoints, log_weight: Array, count: int) -> tuple[Chains, Array, float]:
         """Move samples drawn by weight by Metropolis steps.
