@@ -60,6 +60,11 @@ def test_a_joint_at_another_point_than_the_file_gives_is_refused(form, tmp_path)
         dovetail.load(description)
 
 
+def test_a_number_that_is_a_label_is_refused_with_how_to_write_it(tmp_path):
+    with pytest.raises(dovetail.DovetailError, match="for the node with this label write 'node 33'"):
+        dovetail.load(assembly(imported(tmp_path, "op4"), tip=("part", 33)))
+
+
 def test_a_part_in_metres_and_one_in_millimetres_have_the_same_frf(tmp_path, expected):
     """With other units of the model (m, kg, s) the same files of numbers are another part."""
     model = fe_files.frame()

@@ -293,6 +293,8 @@ def find_node(
         remedy = _nearest(nodes, position)
         if any(_is_at(node.position, scale * position) for node in nodes if position for scale in (1e-3, 1e3)):
             remedy = f"{remedy} A number without a unit is in metres."
+        if any(node.label == f"{position:g}" for node in nodes):
+            remedy = f"A number is a position; for the node with this label write 'node {position:g}'."
         positions = listing(format_quantity(node.position, "m") for node in nodes)
         faults.add(path, f"substructure '{name}' has no node at {text}.", positions, remedy)
     return None
