@@ -21,7 +21,7 @@ from dovetail.inference.posterior.evidence import Evidence
 _KIND = "dovetail"
 """Attribute that says what an array was made from."""
 _PLAIN = ("quantity", "label", "note", "response", "force", "origin", "averages", "has_phase", "rotation", "moment")
-_SCALARS = ("searches", "lines", "seconds", "form", "warning")
+_SCALARS = ("searches", "lines", "seconds", "form", "warning", "least_log_evidence")
 _JSON = "json"
 _SI = "SI, by the coordinate 'unit'"
 
