@@ -207,7 +207,7 @@ class Registry:
         if offers := tuple(self.find(kind, name) for kind in self.kinds_of(name)):
             return offers
         known = sorted({known for kind in KINDS for known in self.names(kind)})
-        raise PluginError(self._fault_of_name(name, f"there is no model '{name}'.", known, 40))
+        raise PluginError(self._fault_of_name(name, f"there is no model '{name}'.", known, 100))
 
     def kinds_of(self, name: str) -> tuple[Kind, ...]:
         """Return the kinds that have a model of this name."""
