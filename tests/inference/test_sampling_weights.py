@@ -24,8 +24,10 @@ from dovetail.problem.least_squares import Linearisation
 from support.noisy_measurements import noisy
 
 
-@pytest.mark.parametrize(("effective", "moved"), [(36, True), (44, False)])
-def test_samples_are_moved_where_fewer_than_four_tenths_of_them_count(sdof, monkeypatch, effective, moved):
+@pytest.mark.parametrize(("effective", "complete", "moved"), [(36, True, True), (44, True, False), (44, False, True)])
+def test_samples_are_moved_where_few_of_them_count_or_a_part_may_be_missing(
+    sdof, monkeypatch, effective, complete, moved
+):
     """Of 100 samples so many have weight 1, and the others next to none."""
     z, calls = np.random.default_rng(0).standard_normal((100, 2)), []
 
@@ -39,10 +41,14 @@ def test_samples_are_moved_where_fewer_than_four_tenths_of_them_count(sdof, monk
         def _search(self, _):
             log_density = np.where(np.arange(100) < effective, 0.0, 50.0)
             return SimpleNamespace(
-                ends=SimpleNamespace(z=z), log_density=log_density, log_weight=-log_density, begun=100
+                ends=SimpleNamespace(z=z),
+                log_density=log_density,
+                log_weight=-log_density,
+                begun=100,
+                is_complete=complete,
             )
 
-        def _move(self, points, log_weight, count):
+        def _move(self, points, log_weight, count, _):
             calls.append(count)
             return SimpleNamespace(z=z, log_posterior=np.zeros(100), correlation=0.0)
 
@@ -74,7 +80,7 @@ def test_weights_are_cut_where_fewer_than_a_tenth_of_the_samples_count(monkeypat
     )
     log_weight = np.where(np.arange(1000) < 20, 0.0, -light)
     z = np.arange(1000.0)[:, np.newaxis]
-    sampling._Sampler._move(sampler, z, log_weight, 1000)
+    sampling._Sampler._move(sampler, z, log_weight, 1000, 0.25)
     share = np.mean(chosen[0][:, 0] < 20)
     weight = np.exp(log_weight)
     assert share == pytest.approx(weight[:20].sum() / weight.sum() if kept else 0.02, abs=0.002)

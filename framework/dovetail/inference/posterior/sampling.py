@@ -36,6 +36,7 @@ from dovetail.inference.posterior.tangent_mixture import TangentMixture
 from dovetail.inference.posterior.tangent_steps import Density
 from dovetail.inference.posterior.unknown_chain import UnknownChain
 from dovetail.inference.posterior.weights import (
+    INDEPENDENT,
     are_counted,
     are_even,
     clipped,
@@ -288,11 +289,12 @@ class _Sampler:
         on_all_lines = log_likelihood - squared_norms(z) / 2.0 - log_density
         evidence = Evidence.of_weights(on_all_lines, mixture.begun)
         least = least_log_evidence(on_all_lines, mixture.begun)
-        even = are_even(log_weight, min(mixture.begun, count))
+        even = mixture.is_complete and are_even(log_weight, min(mixture.begun, count))
         if not even and self._limit.is_over:
             self._limit.leave_out("steps that make the weights of samples even")
         elif not even:
-            points = self._move(z, log_weight, count)
+            enough = enough_correlation(log_weight, count) if mixture.is_complete else INDEPENDENT
+            points = self._move(z, log_weight, count, enough)
             effective = effective_after_moves(clipped(log_weight), count, points.correlation)
             z, log_density = points.z, points.log_posterior
             log_likelihood = self._log_likelihood(z)
@@ -321,13 +323,12 @@ class _Sampler:
         modes = separate_modes(ends.at_rows(np.flatnonzero(steps < _SETTINGS.still)))
         return modes if len(modes.z) > 1 else LinearisedPoints.at(self._posterior, self._mode)
 
-    def _move(self, z: NDArray[np.float64], log_weight: NDArray[np.float64], count: int) -> Chains:
+    def _move(self, z: NDArray[np.float64], log_weight: NDArray[np.float64], count: int, enough: float) -> Chains:
         """Return samples drawn by weight and moved by Metropolis steps."""
         if not len(z):
             z, log_weight = self._mode, np.zeros(1)
         chosen = drawn_by_weight(from_logarithms(clipped(log_weight)), count, self._random)
         start = LinearisedPoints.at(self._posterior, z[chosen])
-        enough = enough_correlation(log_weight, count)
         return decorrelate(Density.of(self._posterior), start, self._random, self._progress, self._limit, enough)
 
     def _log_likelihood(self, z: NDArray[np.float64]) -> NDArray[np.float64]:

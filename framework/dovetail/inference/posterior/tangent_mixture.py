@@ -46,6 +46,10 @@ class Settings:
     """Searches about several modes that end there if the modes are separate."""
     least_ended: float = 0.9
     """Searches that must end somewhere, or else further anchors are drawn."""
+    complete: float = 0.7
+    """Searches that must end somewhere, or else the samples may lack a part of the posterior. In 200 cases of the
+    collet (`calibrate --seed 3`) 80 % of the intervals held the truth where fewer than half did, 89 to 93 % from here
+    on."""
     wanted: float = 0.5
     """Effective samples over their number at which searches end."""
     most_searches: int = 3
@@ -200,6 +204,11 @@ class TangentMixture:
     def misses_a_part(self) -> bool:
         """Whether many searches find no end: beyond the places where maps fold over, there may be more."""
         return len(self.ends.z) < _SETTINGS.least_ended * self.begun
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether so many searches end that the samples hardly lack a part of the posterior."""
+        return len(self.ends.z) >= _SETTINGS.complete * self.begun
 
     def next_anchors(self) -> LinearisedPoints:
         """Draw anchors by weight: ends of searches or, while there are few, other points that are known."""
