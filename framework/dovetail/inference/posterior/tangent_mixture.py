@@ -48,8 +48,8 @@ class Settings:
     """Searches that must end somewhere, or else further anchors are drawn."""
     complete: float = 0.7
     """Searches that must end somewhere, or else the samples may lack a part of the posterior. In 200 cases of the
-    collet (`calibrate --seed 3`) 80 % of the intervals held the truth where fewer than half did, 89 to 93 % from here
-    on."""
+    collet (seed 3 of a calibration) 80 % of the intervals held the truth where fewer than half did, 89 to 93 % from
+    here on."""
     wanted: float = 0.5
     """Effective samples over their number at which searches end."""
     most_searches: int = 3
