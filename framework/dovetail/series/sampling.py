@@ -15,7 +15,7 @@ from dovetail.inference.posterior import ModelError, Posterior
 from dovetail.inference.posterior.evidence import Evidence, least_log_evidence
 from dovetail.inference.posterior.likelihood import Z_LIMIT, ReducedResiduals, squared_norms, unit_from_normal
 from dovetail.inference.posterior.metropolis import Chains, decorrelate
-from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints
+from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, nearest_rows
 from dovetail.inference.posterior.tangent_steps import Density
 from dovetail.inference.posterior.weights import drawn_by_weight, effective_after_moves, effective_sample_size
 from dovetail.interfaces import Progress, logged, silent
@@ -231,9 +231,7 @@ class _Sampler:
         else:
             tangent_map = ArrowTangentMap(self.residuals, self._mode)
             pool = self.residuals.linearise(self._pool)
-            components = tangent_map.components(pool.residuals)
-            distance = squared_norms(components) - 2.0 * target @ components.T
-            start = pool.at_rows(np.argmin(distance, axis=1))
+            start = pool.at_rows(nearest_rows(tangent_map.components(pool.residuals), target))
         ends, converged = tangent_map.solve(target, start, _SETTINGS.iterations)
         rows = np.flatnonzero(converged)
         ends, tangent_map = ends.at_rows(rows), tangent_map.at_rows(rows)

@@ -94,6 +94,11 @@ class LinearisedPoints:
         self.z[rows], self.residuals[rows], self.jacobian[rows] = others.z, others.residuals, others.jacobian
 
 
+def nearest_rows(components: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return for each target (k, d) the row of the components (n, d) that is nearest to it."""
+    return np.asarray(np.argmin(squared_norms(components) - 2.0 * target @ components.T, axis=1))
+
+
 class TangentMap:
     """The map from z to the components of the residuals along their tangent space at an anchor.
 

@@ -30,7 +30,7 @@ from dovetail.inference.posterior.likelihood import (
 from dovetail.inference.posterior.metropolis import Chains, decorrelate
 from dovetail.inference.posterior.mode_search import likelihood_at_mode, maximise_posterior, search_modes
 from dovetail.inference.posterior.model_error import TYPICAL, ModelError
-from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap
+from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, nearest_rows
 from dovetail.inference.posterior.separate_modes import separate_modes
 from dovetail.inference.posterior.tangent_mixture import TangentMixture
 from dovetail.inference.posterior.tangent_steps import Density
@@ -274,8 +274,7 @@ class _Sampler:
         """Return randomly drawn components (n, p), and for each the point whose components are the nearest."""
         target = self._random.standard_normal((count, self._mode.shape[1]))
         components = tangent_map.components(self._posterior.residuals(points))
-        squares = squared_norms(components) - 2.0 * target @ components.T
-        return target, LinearisedPoints.at(self._posterior, points[np.argmin(squares, axis=1)])
+        return target, LinearisedPoints.at(self._posterior, points[nearest_rows(components, target)])
 
     def draw(self, count: int) -> DrawnSamples:
         """Return samples with their weights and log-likelihoods by all lines.

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.inference.posterior.likelihood import PosteriorResiduals, squared_norms
-from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap
+from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, nearest_rows
 from dovetail.inference.posterior.separate_modes import nearest_modes
 from dovetail.inference.posterior.weights import (
     are_even,
@@ -237,11 +237,8 @@ class TangentMixture:
         """Return for each target (n, d) the known point about the anchor's mode whose components are nearest."""
         z, residuals = self._known
         components, modes = maps.maps.all_components(residuals), nearest_modes(self._modes, z)
-        squares = np.einsum("nkd,nkd->kn", components, components)
-        squares[maps.modes[:, np.newaxis] != modes] = np.inf
         starts = np.empty_like(target)
-        for number in range(len(squares)):
-            rows = of_anchor == number
-            distance = squares[number] - 2.0 * target[rows] @ components[:, number].T
-            starts[rows] = z[np.argmin(distance, axis=1)]
+        for number, mode in enumerate(maps.modes):
+            known, searches = np.flatnonzero(modes == mode), of_anchor == number
+            starts[searches] = z[known[nearest_rows(components[known, number], target[searches])]]
         return starts
