@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
@@ -274,22 +274,23 @@ def highest_agreeing(cost: float) -> float:
     return cost * (1.0 + _SAME_MINIMUM) + 1.0
 
 
-@dataclass(eq=False)
 class Pace:
-    """Tells every ten steps which searches would not come near enough to the lowest one at their pace.
+    """Decides every ten steps which searches would not come near enough to the lowest one at their pace.
 
     Parameters
     ----------
     highest : callable
         Takes the lowest sum of squares to the highest one of interest.
+
+    Attributes
+    ----------
+    is_measured : bool
+        Whether the latest step was one after which searches end.
     """
 
-    highest: Callable[[float], float]
-    is_measured: bool = field(default=False, init=False)
-    """Whether the latest step was one after which searches end."""
-    _earlier: NDArray[np.float64] = field(default_factory=lambda: np.empty(0), init=False)
-    _steps: int = field(default=0, init=False)
-    _left: int = field(default=0, init=False)
+    def __init__(self, highest: Callable[[float], float]) -> None:
+        self._highest, self._earlier, self.is_measured = highest, np.empty(0), False
+        self._steps = self._left = 0
 
     def __call__(self, minima: Minima, steps_left: int) -> NDArray[np.bool_]:
         """Return which searches (n,) end, from where all of them are; called after each step."""
@@ -304,7 +305,7 @@ class Pace:
         above, before = np.where(finite, minima.cost - lowest, 0.0), self._earlier - lowest
         self._earlier = minima.cost.copy()
         pace = above / np.maximum(before, np.maximum(above, np.finfo(float).tiny))
-        return np.asarray(lowest + above * pace ** (steps_left / PACE_STEPS) > self.highest(lowest))
+        return np.asarray(lowest + above * pace ** (steps_left / PACE_STEPS) > self._highest(lowest))
 
 
 def is_noise(problem: Problem, fit: Fit) -> bool:

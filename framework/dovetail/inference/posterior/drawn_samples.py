@@ -15,7 +15,6 @@ from dovetail.inference.posterior.separate_modes import separate_modes
 from dovetail.inference.posterior.tangent_mixture import TangentMixture
 from dovetail.inference.posterior.tangent_steps import Density
 from dovetail.inference.posterior.weights import (
-    INDEPENDENT,
     are_even,
     clipped,
     drawn_by_weight,
@@ -79,7 +78,7 @@ def draw_about_modes(posterior: PosteriorResiduals, modes: NDArray[np.float64], 
     if mixture.is_complete and are_even(log_weight, count):
         return DrawnSamples(points.z, log_weight, None, evidence, mixture.begun, converged, np.inf, least)
     chosen = drawn_by_weight(from_logarithms(clipped(log_weight)), count, random)
-    enough = enough_correlation(log_weight, count) if mixture.is_complete else INDEPENDENT
+    enough = enough_correlation(log_weight, count, complete=mixture.is_complete)
     moved = decorrelate(Density.of(posterior), points.at_rows(chosen), random, correlation=enough)
     effective = effective_after_moves(clipped(log_weight), count, moved.correlation)
     return DrawnSamples(moved.z, np.zeros(count), None, evidence, mixture.begun, converged, effective, least)

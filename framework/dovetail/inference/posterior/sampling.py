@@ -36,7 +36,6 @@ from dovetail.inference.posterior.tangent_mixture import TangentMixture
 from dovetail.inference.posterior.tangent_steps import Density
 from dovetail.inference.posterior.unknown_chain import UnknownChain
 from dovetail.inference.posterior.weights import (
-    INDEPENDENT,
     are_counted,
     are_even,
     clipped,
@@ -292,7 +291,7 @@ class _Sampler:
         if not even and self._limit.is_over:
             self._limit.leave_out("steps that make the weights of samples even")
         elif not even:
-            enough = enough_correlation(log_weight, count) if mixture.is_complete else INDEPENDENT
+            enough = enough_correlation(log_weight, count, complete=mixture.is_complete)
             points = self._move(z, log_weight, count, enough)
             effective = effective_after_moves(clipped(log_weight), count, points.correlation)
             z, log_density = points.z, points.log_posterior

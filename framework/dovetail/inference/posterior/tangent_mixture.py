@@ -42,20 +42,18 @@ class Settings:
     iterations: int = 30
     """Largest number of iterations of a search: of eight random structures (seeds 31, 99 and 4242 of the benchmark of
     genuine measurements), 0.4 % of the searches that end need more. Most others never end, since the map folds over."""
-    ends_about_modes: float = 0.7
-    """Searches about several modes that end there if the modes are separate."""
     least_ended: float = 0.9
     """Searches that must end somewhere, or else further anchors are drawn."""
     complete: float = 0.7
-    """Searches that must end somewhere, or else the samples may lack a part of the posterior. In 200 cases of the
-    collet (seed 3 of a calibration) 80 % of the intervals held the truth where fewer than half did, 89 to 93 % from
-    here on."""
+    """Searches that must end, each about its own mode, or else the samples may lack a part of the posterior. In 200
+    cases of the collet (seed 3 of a calibration) 80 % of the intervals held the truth where fewer than half did, 89 to
+    93 % from here on."""
     wanted: float = 0.5
     """Effective samples over their number at which searches end."""
     most_searches: int = 3
     """Largest number of searches over that of samples."""
     negligible: float = 12.0
-    """Difference of log densities, without determinants, by which a map does not count beside the best one."""
+    """Difference of log densities, without determinants, below that of the best map from which a map does not count."""
 
 
 _SETTINGS = Settings()
@@ -198,7 +196,7 @@ class TangentMixture:
     @property
     def is_one_valley(self) -> bool:
         """Whether searches about several modes mostly end about others, since the modes lie along one valley."""
-        return len(self._modes.z) > 1 and len(self.ends.z) < _SETTINGS.ends_about_modes * self.begun
+        return len(self._modes.z) > 1 and not self.is_complete
 
     @property
     def misses_a_part(self) -> bool:

@@ -61,15 +61,17 @@ def effective_after_moves(log_weight: NDArray[np.float64], count: int, correlati
     return float(1.0 / (correlation**2 / before + (1.0 - correlation**2) / count))
 
 
-def enough_correlation(log_weight: NDArray[np.float64], count: int) -> float:
+def enough_correlation(log_weight: NDArray[np.float64], count: int, *, complete: bool = True) -> float:
     """Return the correlation with their starts to which moved samples may come, so that they count as even weights do.
 
     Parameters
     ----------
     log_weight, count
         As in `effective_after_moves`.
+    complete : bool
+        Whether the starts are all over the posterior, as far as their weights are.
     """
-    if a_few_dominate(log_weight):
+    if not complete or a_few_dominate(log_weight):
         return INDEPENDENT
     before, wanted = max(effective_sample_size(log_weight), 1.0), _SETTINGS.even * count
     if before >= wanted:
