@@ -7,7 +7,7 @@ import time
 import numpy as np
 import pytest
 
-from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints
+from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap
 from dovetail.inference.posterior.tangent_mixture import TangentMixture
 from dovetail.inference.posterior.weights import are_counted, effective_sample_size, enough_correlation, tempered
 from dovetail.interfaces import TimeLimit
@@ -69,6 +69,35 @@ def test_no_search_ends_where_its_map_has_folded_over():
     mixture.search(LinearisedPoints.at(Parabola(), np.array([[1.99]])), 200)
     assert len(mixture.ends.z) > 190
     assert (mixture.ends.z > 0.5).all()
+
+
+def test_an_end_that_lies_behind_a_fold_is_no_sample(monkeypatch):
+    """The components at z = -1 are those at z = 2, but no path leads there."""
+    mixture, behind = mixture_in(Parabola(), [2.0]), LinearisedPoints.at(Parabola(), np.full((50, 1), -1.0))
+    monkeypatch.setattr(TangentMap, "solve", lambda *_: (behind, np.ones(50, dtype=np.bool_)))
+    mixture.search(LinearisedPoints.at(Parabola(), np.array([[2.0]])), 50)
+    assert (mixture.begun, len(mixture.ends.z)) == (50, 0)
+
+
+class Wave:
+    """sin 3z is measured as 0: maps of every second mode have the same components and the same sign."""
+
+    def residuals(self, z):
+        return np.concatenate([z, np.sin(3.0 * z) / 0.05], axis=1)
+
+    def linearise(self, z):
+        return Linearisation(self.residuals(z), np.stack([np.ones_like(z), 3.0 * np.cos(3.0 * z) / 0.05], axis=2))
+
+
+def test_the_map_of_a_mode_has_no_density_about_another_with_the_same_components():
+    places = np.arange(-2, 3) * np.pi / 3.0
+    modes = LinearisedPoints.at(Wave(), places[:, np.newaxis])
+    mixture = TangentMixture(Wave(), modes, modes.z, np.random.default_rng(2))
+    mixture.sample(2000, 500)
+    nearest = np.abs(mixture.ends.z - places).argmin(axis=1)
+    share = np.bincount(nearest, np.exp(mixture.log_weight), minlength=5)
+    expected = np.exp(-(places**2) / 2.0)
+    np.testing.assert_allclose(share / share.sum(), expected / expected.sum(), atol=0.01)
 
 
 def test_a_batch_that_the_time_limit_ends_is_no_part_of_the_samples():
