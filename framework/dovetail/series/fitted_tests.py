@@ -66,12 +66,6 @@ class FittedTest:
         return self.likelihood().marginalised
 
 
-def logarithms(test: FittedTest) -> SumOfSquares:
-    """Return the residuals of logarithms of amplitudes, which have few local minima, as functions of the fractions."""
-    problem = test.problem
-    return problem.residuals(problem.observations.logarithms(test.judged.fit.variance))
-
-
 def fit_tests(
     series: SeriesDescription,
     *,

@@ -13,7 +13,7 @@ from dovetail.inference.posterior.likelihood import Z_LIMIT, normal_from_unit, s
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints
 from dovetail.interfaces import Progress, silent
 from dovetail.series.arrow import ArrowMatrix
-from dovetail.series.fitted_tests import FittedTest, logarithms
+from dovetail.series.fitted_tests import FittedTest
 from dovetail.series.residuals import QuadraticMisfit, SeriesResiduals
 from dovetail.series.unknowns import SeriesUnknowns
 
@@ -99,7 +99,7 @@ def fit_series(unknowns: SeriesUnknowns, tests: Sequence[FittedTest], *, progres
     starts = _starts(unknowns, tests)
     ends = minimise(residuals, starts, prior, scatter)
     if _cost(residuals, ends, prior).min() > _SETTINGS.rise * sum(alone):  # perhaps a local minimum
-        rough = SeriesResiduals(unknowns, [logarithms(test) for test in tests])
+        rough = SeriesResiduals(unknowns, [test.problem.logarithms(test.judged.fit.variance) for test in tests])
         further = minimise(residuals, minimise(rough, starts, prior, scatter).z, prior, scatter)
         ends = LinearisedPoints.joined([ends, further])
     points = ends.at_rows(np.argmin(_cost(residuals, ends, prior), keepdims=True))

@@ -178,9 +178,7 @@ class _Sampler:
         self._exact = SeriesResiduals(unknowns, [one.marginalised for one in self._likelihoods])
         self.log_constant = sum(one.log_constant for one in self._likelihoods)
         mode = minimise(self._exact, fit.z[np.newaxis])
-        root = normal_equations(self._exact, mode)[0]
-        normal = random.standard_normal((_SETTINGS.pilots, unknowns.count))
-        self._pool = np.concatenate([mode.z, mode.z + root.solve(root.root().times(normal))])
+        self._pool = np.concatenate([mode.z, _drawn_about(self._exact, mode, _SETTINGS.pilots, random)[0]])
         self._explore(mode.z)
 
     def _explore(self, mode: Array) -> None:
@@ -252,10 +250,8 @@ class _Sampler:
 
     def _about_the_mode(self, count: int) -> tuple[LinearisedPoints, Array]:
         """Return samples of the normal approximation at the mode, and the logarithms of their weights."""
-        matrix, _ = normal_equations(self.residuals, self._mode)
-        root, normal = matrix.root(), self._random.standard_normal((count, self._unknowns.count))
-        ends = self.residuals.linearise(np.clip(self._mode.z + matrix.solve(root.times(normal)), -Z_LIMIT, Z_LIMIT))
-        log_density = root.log_determinant() - squared_norms(normal) / 2.0
+        z, log_density = _drawn_about(self.residuals, self._mode, count, self._random)
+        ends = self.residuals.linearise(np.clip(z, -Z_LIMIT, Z_LIMIT))
         return ends, self._log_posterior(ends.z) - log_density
 
     def move(self, points: LinearisedPoints, log_weight: Array, count: int) -> tuple[Chains, Array, float]:
@@ -311,3 +307,12 @@ class _Sampler:
             )
         )
         return shared, tests
+
+
+def _drawn_about(
+    residuals: SeriesResiduals, mode: LinearisedPoints, count: int, random: np.random.Generator
+) -> tuple[Array, Array]:
+    """Return draws (n, d) of the normal approximation at a mode, and the logarithms of their density."""
+    matrix, _ = normal_equations(residuals, mode)
+    root, normal = matrix.root(), random.standard_normal((count, mode.z.shape[1]))
+    return mode.z + matrix.solve(root.times(normal)), root.log_determinant() - squared_norms(normal) / 2.0
