@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from dovetail import PLANAR, ComponentConfig, JointModel, Parameter, Port, StructuralMatrices
+from dovetail_plugins.joints.bushing import add_cross_stiffness
 
 _RING = (
     Parameter("k", "N/m", 1e6, 1e10, "log", "radial stiffness"),
@@ -107,21 +108,10 @@ class Bearing(JointModel):
             joint.M[:, pair_of[tilting][0], pair_of[tilting][0]] = values["J"]
             if self.config.inclined:
                 coupling = sign * values["r"] * np.sqrt(np.abs(values["k"] * values["kr"]))
-                _couple(joint.K, pair_of[radial], pair_of[tilting], coupling)
+                add_cross_stiffness(joint, pair_of[radial], pair_of[tilting], coupling)
         for direction in ("x", "y", "z"):
             if direction in pair_of:
                 joint.M[:, pair_of[direction][0], pair_of[direction][0]] = values["m"]
         if "y" in pair_of:
             joint.add_contact_layer([pair_of["y"]], values["ka"], values["ca"])
         return joint
-
-
-def _couple(
-    K: NDArray[np.float64], radial: tuple[int, int], tilting: tuple[int, int], stiffness: NDArray[np.float64]
-) -> None:
-    """Add a stiffness between two relative motions, in place."""
-    for side, one in enumerate(radial):
-        for other_side, other in enumerate(tilting):
-            value = stiffness if side == other_side else -stiffness
-            K[:, one, other] += value
-            K[:, other, one] += value

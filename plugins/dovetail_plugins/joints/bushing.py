@@ -164,8 +164,22 @@ class Bushing(JointModel):
 
     def _add_stiffness(self, joint: StructuralMatrices, pair: _Pair, value: NDArray[np.float64] | float) -> None:
         """Add a stiffness between the deformations in two directions, or in one."""
-        count = len(self.config.directions)
-        first, second = map(self.config.directions.index, pair)
-        for row, column in {(first, second), (second, first)}:
-            for sign, a, b in ((1.0, 0, 0), (1.0, count, count), (-1.0, 0, count), (-1.0, count, 0)):
-                joint.K[..., row + a, column + b] += sign * value
+        first, second = (self.contact_dofs[self.config.directions.index(direction)] for direction in pair)
+        if first == second:
+            joint.add_contact_layer([first], value)
+        else:
+            add_cross_stiffness(joint, first, second, value)
+
+
+def add_cross_stiffness(
+    joint: StructuralMatrices,
+    first: tuple[int, int],
+    second: tuple[int, int],
+    stiffness: NDArray[np.float64] | float,
+) -> None:
+    """Add a stiffness between two relative motions, each given by the DOFs of both sides, in place."""
+    for side, one in enumerate(first):
+        for other_side, other in enumerate(second):
+            value = stiffness if side == other_side else -stiffness
+            joint.K[..., one, other] += value
+            joint.K[..., other, one] += value
