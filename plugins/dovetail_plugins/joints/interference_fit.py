@@ -154,22 +154,20 @@ class InterferenceFit(JointModel):
             length = self.config.length / (nodes - 1) * (0.5 if node in (0, nodes - 1) else 1.0)
             along = 2.0 * node / (nodes - 1) - 1.0
             stiffness = length * (1.0 + along * theta[:, 4]) if self.config.pressure == "linear" else length
-            radial, arm = self._acts(direction)
-            share, damping = (k, c) if radial else (arm * second, arm * second_c)
+            arm = self._arm(direction)
+            share, damping = (k, c) if direction in ("x", "z") else (arm * second, arm * second_c)
             joint.add_contact_layer([(shaft, hub)], stiffness * share, length * damping)
         return joint
 
-    def _acts(self, direction: str) -> tuple[bool, float]:
-        """Return whether the radial springs act in a direction, or else the factor of those against tilting or sliding.
+    def _arm(self, direction: str) -> float:
+        """Return the factor of the springs against tilting or sliding in a direction.
 
         Springs ks along and around the axis at a distance r from it: the mean of (r cos)^2 over the circumference
         resists tilting, r^2 twist.
         """
-        if direction in ("x", "z"):
-            return True, 1.0
         if self.config.motion == "plane" or direction == "y":
-            return False, 1.0
-        return False, float((self.config.diameter / 2.0) ** 2 * (1.0 if direction == "ry" else 0.5))
+            return 1.0
+        return float((self.config.diameter / 2.0) ** 2 * (1.0 if direction == "ry" else 0.5))
 
 
 def _stiffnesses(theta: NDArray[np.float64]) -> NDArray[np.float64]:
