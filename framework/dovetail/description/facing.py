@@ -70,8 +70,8 @@ class Side:
 
     @property
     def has_points(self) -> bool:
-        """Whether the coordinates are known: not those of a ground that only says how its points lie on a line."""
-        return not self.model.grounded or any(node.point is not None for node in self.model.nodes)
+        """Whether the coordinates of the part are known."""
+        return has_points(self.model)
 
     @property
     def reversed(self) -> bool:
@@ -114,6 +114,11 @@ def sides_of(
         for port, at in pairs
         for name in (at.substructure,)
     }
+
+
+def has_points(part: SubstructureModel) -> bool:
+    """Return whether coordinates are known: not those of a ground that only says how its points lie on a line."""
+    return not part.grounded or any(node.point is not None for node in part.nodes)
 
 
 def has_positions(part: SubstructureModel) -> bool:

@@ -104,9 +104,7 @@ def _along_nodes(
         assert part is not None
         node = part.nodes[attachment.nodes[0]]
         if part.grounded and node.point is None:
-            problem = (
-                f"{model.label} acts along the line between its nodes, and '{attachment.substructure}' is everywhere."
-            )
+            problem = f"{model.label} {_ALONG}, and '{attachment.substructure}' is everywhere."
             remedy = "Say where its points are: 'points: [[0 mm, 0 mm, 0 mm]]' instead of positions."
             faults.add((*path, "connect"), problem, remedy=remedy)
             return None
@@ -114,9 +112,7 @@ def _along_nodes(
     line = ends[1] - ends[0]
     length = float(np.linalg.norm(line))
     if length < 1e-9:
-        problem = (
-            f"{model.label} acts along the line between its nodes, and both are at {format_point(tuple(ends[0]))}."
-        )
+        problem = f"{model.label} {_ALONG}, and both are at {format_point(tuple(ends[0]))}."
         faults.add((*path, "connect"), problem, remedy="Attach it to nodes at two points, or use a bushing.")
         return None
     section = AxesSection(x=tuple((line / length).tolist()))

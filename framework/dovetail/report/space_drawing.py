@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly, VibrationMode
 from dovetail.description import Description, Place
+from dovetail.description.facing import has_points
 from dovetail.description.placed_parts import direction_text
 from dovetail.interfaces import DIRECTIONS, PLANAR, SubstructureModel
 from dovetail.plain_text import terminal_text
@@ -141,16 +142,12 @@ def _draw_joint(
     for end in free:
         at = view.on_page(points[end.substructure][list(end.nodes)])
         axes.plot(*at.T, "^" if held else "D", color=_JOINT, markersize=7 if held else 5, zorder=3)
-    known = [end for end in attachments if end in free or _has_points(description.substructures[end.substructure])]
+    known = [end for end in attachments if has_points(description.substructures[end.substructure])]
     if len(known) == 2:
         ends = view.on_page(np.array([points[end.substructure][end.nodes[0]] for end in known]))
         axes.plot(*ends.T, color=_JOINT, linewidth=1.5, linestyle="--", zorder=3)
     if free:
         _write(axes, view.on_page(points[free[0].substructure][[free[0].nodes[0]]])[0], name, _JOINT, (-8, 8))
-
-
-def _has_points(part: SubstructureModel) -> bool:
-    return any(node.point is not None for node in part.nodes)
 
 
 def _draw_arrow(
