@@ -259,8 +259,13 @@ class Matrices(SubstructureModel):
         """Return the directions of a node: in space those that the table has."""
         if self._is_planar:
             return PLANAR
-        pairs = {*zip(self._table.nodes, self._table.directions, strict=True)}
-        return tuple(direction for direction, word in self._words.items() if (label, word.lstrip("-")) in pairs)
+        named = self._named_dofs
+        return tuple(direction for direction, word in self._words.items() if (label, word.lstrip("-")) in named)
+
+    @cached_property
+    def _named_dofs(self) -> set[tuple[str, str]]:
+        """Node and direction of each DOF in the table."""
+        return {*zip(self._table.nodes, self._table.directions, strict=True)}
 
     @property
     def condensation_tolerance(self) -> float:
@@ -312,9 +317,9 @@ class Matrices(SubstructureModel):
     def _reached(self, size: int) -> tuple[list[int], int]:
         """Return the rows of the nodes' DOFs, and the largest number of rigid-body motions of all DOFs."""
         used = {word.lstrip("-") for word in self._words.values()}
-        table = self._table
+        table, labels = self._table, set(self._labels)
         rows = zip(table.nodes, table.directions, table.rows, strict=True)
-        reached = [int(row) for node, direction, row in rows if direction in used and node in self._labels]
+        reached = [int(row) for node, direction, row in rows if direction in used and node in labels]
         directions = set(table.directions)
         if not self._is_planar or len(table.rows) < size or len(directions) > _PLANE:
             return reached, min(size, _IN_SPACE)
@@ -332,12 +337,12 @@ class Matrices(SubstructureModel):
                 problem = f"no DOF has the direction '{word}'{use}, see '{option}'."
                 raise DovetailError(Fault(table.where, problem, ", ".join(list(directions)[:12])))
         reached = [n for n, d in zip(table.nodes, table.directions, strict=True) if d in wanted.values()]
-        labels = tuple(dict.fromkeys(reached))
+        labels = dict.fromkeys(reached)
         given = self.config.reduce.interface if self.config.reduce else self.config.nodes
-        chosen = tuple(str(node) for node in given) or labels
+        chosen = tuple(str(node) for node in given) or tuple(labels)
         for label in chosen:
             if label not in labels:
-                some = ", ".join(labels[:12]) + (f", and {len(labels) - 12} more" if len(labels) > 12 else "")
+                some = ", ".join(list(labels)[:12]) + (f", and {len(labels) - 12} more" if len(labels) > 12 else "")
                 raise DovetailError(Fault(table.where, f"there is no node '{label}' with these directions.", some))
         return tuple(dict.fromkeys(chosen))
 
