@@ -63,8 +63,9 @@ class NastranBulkReader(MatrixReader):
         nodes, directions = zip(*((str(node), str(component)) for node, component in dofs), strict=True)
         table = DofTable(nodes, directions, np.arange(len(dofs)), None, str(path))
         recorded = {name: matrix.recorded(name, dofs) for name, matrix in square.items()}
-        places = {str(node): point for node, point in grids.coordinates().items()}
-        frames = {str(node): axes for node, axes in grids.frames().items()}
+        points = grids.coordinates()
+        places = {str(node): point for node, point in points.items()}
+        frames = {str(node): axes for node, axes in grids.frames(points).items()}
         return RecordedModel(recorded, table, places, frames, DIRECTIONS_1_TO_6, has_units=False)
 
     def samples(self, folder: Path) -> Sequence[Path]:

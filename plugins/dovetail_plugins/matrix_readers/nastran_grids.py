@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,6 +51,7 @@ class Grids:
         self._grids: dict[int, tuple[Card, tuple[str, ...]]] = {}
         self._scalars: set[int] = set()
         self._systems: dict[int, Card] = {}
+        self._known = {0: _BASIC}
 
     def add(self, card: Card) -> None:
         """Take note of an entry, if it is about points.
@@ -84,9 +86,9 @@ class Grids:
             points[number] = (x, y, z)
         return points
 
-    def frames(self) -> dict[int, NDArray[np.float64]]:
-        """Return the directions of the points whose components are not along the basic system."""
-        points, frames = self.coordinates(), {}
+    def frames(self, points: Mapping[int, tuple[float, float, float]]) -> dict[int, NDArray[np.float64]]:
+        """Return the directions of the points, given in the basic system, whose components are not along it."""
+        frames = {}
         for number, (card, fields) in self._grids.items():
             if (system := whole(fields[4], card, 0)) > 0:
                 frames[number] = self._system(system, card, set()).axes_at(np.array(points[number]))
@@ -100,8 +102,8 @@ class Grids:
         ValueError
             It is missing, of another kind, or defined by itself.
         """
-        if number == 0:
-            return _BASIC
+        if number in self._known:
+            return self._known[number]
         card = self._systems.get(number)
         if card is None or number in above:
             raise ValueError(
@@ -116,7 +118,8 @@ class Grids:
         if not np.linalg.norm(z) or not np.linalg.norm(across):
             raise ValueError(f"line {card.line}: the points of the coordinate system {number} are on one line.")
         z, y = z / np.linalg.norm(z), across / np.linalg.norm(across)
-        return _System(a, np.stack([np.cross(y, z), y, z]), card.name == "CORD2C")
+        self._known[number] = _System(a, np.stack([np.cross(y, z), y, z]), card.name == "CORD2C")
+        return self._known[number]
 
 
 def _scalar_points(card: Card) -> list[int]:
