@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,9 @@ _LOOSE = 1e-12
 one, below which the part moves without deformation; a beam of 1,000 elements that is held has 4e-11."""
 _MASSLESS = 1e-12
 """Ratio of an eigenvalue of the mass to the largest one below which a motion of the interface has no mass."""
+
+_Solve: TypeAlias = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+"""From loads to displacements, in columns."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,15 +69,11 @@ class ReducedPart:
         return max(self._shift_at(float(omega)) for omega in omegas)
 
     def _shift_at(self, omega: float) -> float:
-        from scipy.linalg import solve
-
-        size = len(self.residual)
-        M, K = self.matrices["M"], self.matrices["K"]
-        Z = K - omega**2 * M
-        motion = np.eye(len(M))[:, :size]
-        if len(M) > size:
-            motion[size:] = -solve(Z[size:, size:], Z[size:, :size], assume_a="sym")
-        mass = motion.T @ M @ motion
+        size, M = len(self.residual), self.matrices["M"]
+        squares = (2.0 * np.pi * self.natural_frequencies) ** 2
+        motion = (omega**2 / (squares - omega**2))[:, None] * M[size:, :size]  # of the modes, with the interface
+        cross = M[:size, size:] @ motion
+        mass = M[:size, :size] + cross + cross.T + motion.T @ motion
         scale = 1.0 / np.sqrt(np.maximum(np.diag(mass), np.finfo(float).tiny))
         values, vectors = np.linalg.eigh(scale[:, None] * mass * scale)
         kept = values > _MASSLESS * values[-1]
@@ -109,13 +109,14 @@ def reduce_part(
     inner, boundary = kept[kept >= interface], np.arange(interface)
     M, K = matrices["M"].tocsc(), matrices["K"].tocsc()
     M_ii, K_ii = M[inner][:, inner], K[inner][:, inner]
-    squares, shapes = _modes(M_ii, K_ii, modes, up_to, where) if len(inner) else (np.zeros(0), np.zeros((0, 0)))
+    solve = _solver(K_ii, where)
+    squares, shapes = _modes(M_ii, K_ii, solve, modes, up_to, where) if len(inner) else (np.zeros(0), np.zeros((0, 0)))
     count = len(squares) if modes is None else min(modes, len(squares))
     count = int(np.searchsorted(squares, (2.0 * np.pi * up_to) ** 2)) if up_to is not None else count
-    static = -_solve(K_ii, K[inner][:, boundary].toarray(), where)
+    static = -solve(K[inner][:, boundary].toarray())
     load = M_ii @ static + M[inner][:, boundary].toarray()
     shares = load.T @ shapes[:, :count]
-    residual = load.T @ _solve(K_ii, load, where) - (shares / squares[:count]) @ shares.T
+    residual = load.T @ solve(load) - (shares / squares[:count]) @ shares.T
     basis = np.zeros((len(kept), interface + count))
     basis[:interface, :interface] = np.eye(interface)
     basis[interface:, :interface], basis[interface:, interface:] = static, shapes[:, :count]
@@ -139,8 +140,8 @@ def _connected(matrices: dict[str, Any], interface: int) -> NDArray[np.intp]:
     return np.flatnonzero(inside)
 
 
-def _solve(K: Any, loads: NDArray[np.float64], where: str) -> NDArray[np.float64]:
-    """Return the displacements of the inner DOFs under loads.
+def _solver(K: Any, where: str) -> _Solve:
+    """Return a function from loads on the inner DOFs to their displacements.
 
     Raises
     ------
@@ -150,11 +151,12 @@ def _solve(K: Any, loads: NDArray[np.float64], where: str) -> NDArray[np.float64
     from scipy.sparse.linalg import splu
 
     if not K.shape[0]:
-        return loads
+        return lambda loads: loads
     try:
-        return np.asarray(splu(K).solve(loads))
+        solve: _Solve = splu(K).solve
     except RuntimeError:
         raise _loose(where) from None
+    return solve
 
 
 def _loose(where: str) -> DovetailError:
@@ -163,11 +165,11 @@ def _loose(where: str) -> DovetailError:
 
 
 def _modes(
-    M: Any, K: Any, modes: int | None, up_to: float | None, where: str
+    M: Any, K: Any, solve: _Solve, modes: int | None, up_to: float | None, where: str
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return squares of angular frequencies in their order, and mass-normalised shapes, including the next mode."""
     from scipy.linalg import eigh
-    from scipy.sparse.linalg import ArpackError, eigsh
+    from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
     size = K.shape[0]
     if size <= _FEW:
@@ -179,13 +181,12 @@ def _modes(
         moving = np.flatnonzero(inverse > _MASSLESS * inverse[-1])[::-1]
         squares = 1.0 / inverse[moving]
         return squares, shapes[:, moving] * np.sqrt(squares)
+    inverse_stiffness = LinearOperator(K.shape, solve, dtype=np.float64)
     count = min((modes + 1) if modes is not None else 20, size - 2)
     while True:
         try:
-            squares, shapes = eigsh(K, count, M, sigma=0.0, which="LM")
+            squares, shapes = eigsh(K, count, M, sigma=0.0, which="LM", OPinv=inverse_stiffness)
         except (ArpackError, RuntimeError) as error:
-            if "singular" in str(error):
-                raise _loose(where) from None
             raise DovetailError(Fault(where, f"the modes with the interface held are not found: {error}")) from None
         order = np.argsort(squares)
         squares, shapes = squares[order], shapes[:, order]
