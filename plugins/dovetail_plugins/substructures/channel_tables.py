@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail import DovetailError, Fault, MeasuredDofs
-from dovetail_plugins.substructures.spreadsheets import read_rows
+from dovetail_plugins.substructures.spreadsheets import plain_number, read_rows
 
 _POSITION = tuple(f"position_{number}" for number in (1, 2, 3))
 _DIRECTION = tuple(f"direction_{number}" for number in (1, 2, 3))
@@ -128,7 +128,7 @@ def _numbers(cells: Mapping[str, Sequence[str]], columns: Sequence[str], file: s
         column = []
         for number, cell in enumerate(cells[name]):
             try:
-                value = float(cell if cell.isascii() and "_" not in cell else "not a number")
+                value = plain_number(cell)
             except ValueError:
                 value = np.nan
             if not np.isfinite(value):

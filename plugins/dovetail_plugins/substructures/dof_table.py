@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail import DofTable, DovetailError, Fault, read_bounded
+from dovetail_plugins.substructures.spreadsheets import csv_rows, plain_number
 
 TABLE_ARRAYS = {"nodes": "node", "directions": "direction", "positions": "position", "rows": "row"}
 """Arrays of a table in an archive, and the corresponding columns of a CSV file."""
@@ -40,8 +40,7 @@ def read_dof_table(path: Path, size: int) -> DofTable:
     """
     content = read_bounded(path, _LARGEST_FILE)
     try:
-        stream = io.StringIO(content.decode("utf-8-sig"), newline="")
-        lines = [[cell.strip() for cell in line] for line in csv.reader(stream) if any(map(str.strip, line))]
+        lines = csv_rows(content)
     except (UnicodeDecodeError, csv.Error) as error:
         raise DovetailError(Fault(str(path), f"this is not a table of DOFs: {error}.", _EXAMPLE)) from None
     header = [cell.lower() for cell in lines[0]] if lines else []
@@ -108,7 +107,7 @@ def _numbers(cells: Sequence[str], name: str, where: str) -> NDArray[np.float64]
     numbers = []
     for index, cell in enumerate(cells):
         try:
-            numbers.append(float(cell if cell.isascii() and "_" not in cell else "not a number"))
+            numbers.append(plain_number(cell))
         except ValueError:
             raise DovetailError(
                 Fault(f"{where}  DOF {index + 1}", f"the {name} '{cell[:40]}' is not a number.")

@@ -94,12 +94,13 @@ def import_model(files: SourceFiles) -> ImportedModel:
     others = [read(file) for file in (files.dofs, files.coordinates) if file and not _is_table(file)]
     sources = [*dict.fromkeys([*models.values(), *others])]
     table = _table(files, joined, matrices["K"].shape[0], read, where["K"])
-    turned, table = _along_axes(matrices, table, sources)
+    axes = next((model.axes for model in sources if model.axes), {})
+    turned = _along_axes(matrices, table, sources, axes)
     return ImportedModel(
         turned,
         where,
-        _with_points(table, sources, files),
-        next((model.axes for model in sources if model.axes), {}),
+        _with_points(table, sources, files, axes),
+        axes,
         all(model.has_units for model in sources),
         [text for model in sources for text in model.texts],
     )
@@ -213,8 +214,8 @@ def _check_equal(table: DofTable, other: DofTable) -> None:
 
 
 def _along_axes(
-    matrices: Mapping[str, Any], table: DofTable, sources: Sequence[RecordedModel]
-) -> tuple[Mapping[str, Any], DofTable]:
+    matrices: Mapping[str, Any], table: DofTable, sources: Sequence[RecordedModel], words: Mapping[Direction, str]
+) -> Mapping[str, Any]:
     """Return matrices whose DOFs are along the axes of the coordinates at every node.
 
     Raises
@@ -226,8 +227,7 @@ def _along_axes(
 
     frames = {node: axes for model in sources for node, axes in model.frames.items()}
     if not frames:
-        return matrices, table
-    words = next((model.axes for model in sources if model.axes), {})
+        return matrices
     row_of = dict(zip(zip(table.nodes, table.directions, strict=True), map(int, table.rows), strict=True))
     turn = eye_array(next(iter(matrices.values())).shape[0], format="lil")
     for node in dict.fromkeys(each for each in table.nodes if each in frames):
@@ -239,10 +239,12 @@ def _along_axes(
                 problem = f"node '{node}' has directions of its own, and only some of {', '.join(triple)}."
                 raise DovetailError(Fault(table.where, problem, "all three, or directions along the axes of the model"))
     columns = turn.tocsc()
-    return {name: (columns.T @ matrix @ columns).tocsc() for name, matrix in matrices.items()}, table
+    return {name: (columns.T @ matrix @ columns).tocsc() for name, matrix in matrices.items()}
 
 
-def _with_points(table: DofTable, sources: Sequence[RecordedModel], files: SourceFiles) -> DofTable:
+def _with_points(
+    table: DofTable, sources: Sequence[RecordedModel], files: SourceFiles, axes: Mapping[Direction, str]
+) -> DofTable:
     """Return the table with the coordinates of its nodes.
 
     Raises
@@ -264,7 +266,6 @@ def _with_points(table: DofTable, sources: Sequence[RecordedModel], files: Sourc
         return table
     kept = [index for index, node in enumerate(table.nodes) if node in points]
     lost = dict.fromkeys(node for node in table.nodes if node not in points)
-    axes = next((model.axes for model in sources if model.axes), {})
     placed = {node for node, one in zip(table.nodes, table.directions, strict=True) if one in axes.values()}
     if missing := [node for node in lost if node in placed and not node.startswith("-")]:
         place = files.coordinates or table.where

@@ -41,11 +41,33 @@ def read_rows(path: Path, sheet: str, beginning: str) -> list[list[str]]:
     if path.suffix.lower() != ".csv":
         raise DovetailError(Fault(str(path), f"'{path.suffix}' is not the ending of a table.", _FORMATS))
     try:
-        stream = io.StringIO(content.decode("utf-8-sig"), newline="")
-        rows = [[cell.strip() for cell in row] for row in csv.reader(stream)]
+        return csv_rows(content)
     except (UnicodeDecodeError, csv.Error) as error:
         raise DovetailError(Fault(str(path), f"this is not a table: {error}.", _FORMATS)) from None
+
+
+def csv_rows(content: bytes) -> list[list[str]]:
+    """Return the cells of a table in CSV, without empty rows.
+
+    Raises
+    ------
+    UnicodeDecodeError, csv.Error
+        It is not such a table.
+    """
+    stream = io.StringIO(content.decode("utf-8-sig"), newline="")
+    rows = [[cell.strip() for cell in row] for row in csv.reader(stream)]
     return [row for row in rows if any(row)]
+
+
+def plain_number(cell: str) -> float:
+    """Return the number in a cell.
+
+    Raises
+    ------
+    ValueError
+        It is not a number, or has digits of another script or underscores, which Python would read.
+    """
+    return float(cell if cell.isascii() and "_" not in cell else "not a number")
 
 
 def _workbook_rows(path: Path, content: bytes, sheet: str, beginning: str) -> list[list[str]]:
