@@ -24,6 +24,7 @@ SECTIONS = {
     "frf": "Frequency response functions",
     "coupling": "Measured parts",
     "matrix_files": "For plugin authors: imported matrices",
+    "half_matrices": "For plugin authors: imported matrices",
     "dataset": "Datasets",
     "identification": "Identification",
     "exchange": "Data of other packages",

@@ -54,6 +54,7 @@ from .exchange import to_xarray as to_xarray
 from .frf import Frf as Frf
 from .frf import coherence_spectrum as coherence_spectrum
 from .guarded_process import call_guarded as call_guarded
+from .half_matrices import mirror_half as mirror_half
 from .identification import Adequacy as Adequacy
 from .identification import AtPoint as AtPoint
 from .identification import Batch as Batch
@@ -143,7 +144,6 @@ from .interfaces import carried as carried
 from .interfaces import is_rotation as is_rotation
 from .interfaces import silent as silent
 from .interfaces import spread_normal as spread_normal
-from .matrix_files import mirror_half as mirror_half
 from .matrix_files import read_matrices as read_matrices
 from .measurement import EstimatedFrf as EstimatedFrf
 from .measurement import ModalParameters as ModalParameters
