@@ -10,7 +10,10 @@ from types import SimpleNamespace
 import pytest
 
 pytest.importorskip("myst_parser")
-notebook_pages = SimpleNamespace(**runpy.run_path(str(Path(__file__).parents[2] / "docs" / "notebook_pages.py")))
+DOCS = Path(__file__).parents[2] / "docs"
+notebook_pages, run_notebook = (
+    SimpleNamespace(**runpy.run_path(str(DOCS / name))) for name in ("notebook_pages.py", "run_notebook.py")
+)
 
 
 def notebook(folder: Path, *cells: str) -> Path:
@@ -39,10 +42,10 @@ def test_a_page_shows_code_with_what_it_prints_returns_and_draws(tmp_path):
 
 
 def test_a_cell_may_write_a_file_that_the_next_one_imports(tmp_path):
-    outputs = notebook_pages.outputs_of(notebook(tmp_path, "%%writefile half.py\nHALF = 0.5", "import half\nhalf.HALF"))
+    outputs = run_notebook.outputs_of(notebook(tmp_path, "%%writefile half.py\nHALF = 0.5", "import half\nhalf.HALF"))
     assert outputs == [[["text", "Writing half.py"]], [["text", "0.5"]]]
 
 
 def test_a_cell_that_fails_stops_the_build_with_its_traceback(tmp_path):
     with pytest.raises(RuntimeError, match=r"some.ipynb:(?s:.*)ZeroDivisionError"):
-        notebook_pages.outputs_of(notebook(tmp_path, "1 / 0"))
+        run_notebook.outputs_of(notebook(tmp_path, "1 / 0"))
