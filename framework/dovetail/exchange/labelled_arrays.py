@@ -84,16 +84,16 @@ def _xarray() -> Any:
 
 @to_xarray.register
 def _frf_arrays(frf: Frf) -> Any:
-    dims, unit = ("frequency",), frf.unit
-    variables: dict[str, Any] = {"frf": (dims, np.array(frf.values), {"units": unit, "long_name": frf.quantity})}
-    if frf.coherence is not None:
-        variables["coherence"] = dims, np.array(frf.coherence), {"units": "1"}
-    if frf.variance is not None:
-        variables["variance"] = dims, np.array(frf.variance), {"units": f"({unit})^2"}
+    dims, units = ("frequency",), _units(frf.unit)
+    named = {"units": units["frf"], "long_name": frf.quantity}
+    variables: dict[str, Any] = {"frf": (dims, np.array(frf.values), named)}
+    for name in ("coherence", "variance"):
+        if (values := getattr(frf, name)) is not None:
+            variables[name] = dims, np.array(values), {"units": units[name]}
     given = {name: getattr(frf, name) for name in _PLAIN}
     attributes = {name: int(value) if isinstance(value, bool) else value for name, value in given.items()}
     attributes = {name: value for name, value in attributes.items() if value is not None}
-    axis = {"frequency": (dims, np.array(frf.frequency), {"units": "Hz"})}
+    axis = {"frequency": (dims, np.array(frf.frequency), {"units": units["frequency"]})}
     return _xarray().Dataset(variables, axis, {_KIND: "Frf", **attributes})
 
 
@@ -105,19 +105,19 @@ def _frf_from(arrays: Any) -> Frf:
     return Frf(arrays["frequency"].to_numpy(), arrays["frf"].to_numpy(), **given, **optional)
 
 
+def _units(unit: str) -> dict[str, str]:
+    """Return the units of each array of an FRF."""
+    return {"frf": unit, "frequency": "Hz", "coherence": "1", "variance": f"({unit})^2"}
+
+
 def _check_units(arrays: Any) -> None:
     """Refuse an FRF whose units or quantity are no longer those that `to_xarray` wrote."""
     quantity = arrays.attrs.get("quantity")
     moment = arrays.attrs.get("moment")
     turns, by_moment = bool(arrays.attrs.get("rotation", False)), None if moment is None else bool(moment)
     unit = unit_of(quantity, rotation=turns, moment=by_moment) if quantity in QUANTITIES else ""
-    written = {
-        ("frf", "units"): unit,
-        ("frf", "long_name"): quantity,
-        ("frequency", "units"): "Hz",
-        ("coherence", "units"): "1",
-        ("variance", "units"): f"({unit})^2",
-    }
+    written = {("frf", "units"): unit, ("frf", "long_name"): quantity}
+    written |= {(name, "units"): each for name, each in _units(unit).items()}
     for (name, attribute), expected in written.items():
         found = arrays[name].attrs.get(attribute, expected) if name in arrays.variables else expected
         if found != expected:
