@@ -17,7 +17,7 @@ from dovetail_plugins.joints.bolted import Bolted
 from dovetail_plugins.joints.bushing import Bushing
 from dovetail_plugins.joints.collet import Collet
 from dovetail_plugins.joints.interference_fit import InterferenceFit
-from dovetail_plugins.joints.rigid import BallJoint, Hinge, Rigid
+from dovetail_plugins.joints.rigid import BallJoint, Hinge, Rigid, RigidLink
 from dovetail_plugins.joints.spring_damper import SpringDamper
 from dovetail_plugins.joints.strut import Strut
 from dovetail_plugins.substructures.ground import Ground
@@ -316,6 +316,11 @@ def draw_hinge(hinge: Hinge) -> Sheet:
     return draw_facing(hinge, "Hinge", ("the nodes share", "all but rz"), "rigid")
 
 
+def draw_rigid_link(link: RigidLink) -> Sheet:
+    """Draw two distant nodes that move as points of one rigid body."""
+    return draw_facing(link, "Rigid link", ("a rigid arm", "leads from a to b"), "rigid")
+
+
 def draw_beam(beam: TimoshenkoBeam | SpatialBeam) -> Sheet:
     """Draw a stepped, hollow and tapered beam with its elements and nodes."""
     in_space = isinstance(beam, SpatialBeam)
@@ -464,6 +469,7 @@ CAPTIONS = {
     "rotation.",
     "bushing": "In each of its `directions` a spring and a damper; they may be along `axes` of the joint's own.",
     "strut": "Its nodes lie apart in space.",
+    "rigid_link": "Its nodes lie apart in space. With `direction: [x, y, z]` b is free to turn.",
     "ball_joint": "All rotations are free.",
     "hinge": "About z, or the `axis` of its section.",
     "spatial_beam": "Positions run along -y, or where `place` says. The DOFs of a node are x, y, z, rx, ry and rz.",
@@ -496,6 +502,7 @@ def examples() -> dict[str, JointModel | SubstructureModel]:
         "spring_damper": _example(SpringDamper),
         "bushing": _example(Bushing),
         "strut": _example(Strut),
+        "rigid_link": _example(RigidLink),
         "rigid": _example(Rigid),
         "ball_joint": _example(BallJoint),
         "hinge": _example(Hinge),
@@ -523,6 +530,7 @@ def drawings() -> dict[str, str]:
         ("spring_damper", draw_spring_damper),
         ("bushing", draw_bushing),
         ("strut", draw_strut),
+        ("rigid_link", draw_rigid_link),
         ("rigid", draw_rigid),
         ("ball_joint", draw_ball_joint),
         ("hinge", draw_hinge),

@@ -16,7 +16,7 @@ def dovetail_components() -> list[type[dovetail.Component]]:
     from dovetail_plugins.joints.bushing import Bushing
     from dovetail_plugins.joints.collet import Collet
     from dovetail_plugins.joints.interference_fit import InterferenceFit
-    from dovetail_plugins.joints.rigid import BallJoint, Hinge, Rigid
+    from dovetail_plugins.joints.rigid import BallJoint, Hinge, Rigid, RigidLink
     from dovetail_plugins.joints.spring_damper import SpringDamper
     from dovetail_plugins.joints.strut import Strut
     from dovetail_plugins.laws import LAWS
@@ -57,6 +57,7 @@ def dovetail_components() -> list[type[dovetail.Component]]:
         Rigid,
         BallJoint,
         Hinge,
+        RigidLink,
         UMAP,
         PCA,
         NoReducer,

@@ -241,7 +241,6 @@ PLACED = {
         {"model": "bearing", "motion": "space", "at": ("100 mm", "300 mm"), "names": ("shaft", "housing")},
         "it is 100 mm away",
     ),
-    "a hinge about a skew axis": ({"model": "hinge", "axes": {"z": [1, 1, 0], "x": "z"}}, ""),
     "a fit in space without a diameter": (
         {"model": "interference_fit", "length": 0.2, "motion": "space"},
         "'diameter'",

@@ -67,13 +67,13 @@ class CarriedJoint(JointInCoordinates):
 
     @property
     def merged_dofs(self) -> tuple[tuple[int, int], ...]:
-        """None: a description in which a joint would hold a carried node is refused."""
+        """None: not DOFs are the same, but functions of them (see `pair_functions`)."""
         return ()
 
     @property
     def contact_dofs(self) -> tuple[tuple[int, int], ...]:
-        """Undefined: not a pair of DOFs, but sums of them would be equal."""
-        raise NotImplementedError(f"joint model '{self.name}' cannot be rigid at nodes that a rigid body carries.")
+        """None, for the same reason."""
+        return ()
 
 
 class CarriedLaw(LawInCoordinates, CarriedJoint):

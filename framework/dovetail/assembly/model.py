@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dovetail.assembly.frf_model import FrfModel
 from dovetail.assembly.parameters import AffineMap, ParameterSpace, ResponseFrfs
-from dovetail.assembly.structure import ResponsePairs, entries_at_response, graph_between, graph_of
+from dovetail.assembly.structure import PointReceptances, ResponsePairs, entries_at_response, graph_between, graph_of
 from dovetail.assembly.theta import Theta
 from dovetail.assembly.vibration_modes import SeenPoles, VibrationMode, natural_frequencies
 from dovetail.description.checked import Description, Response
@@ -124,7 +124,7 @@ class Assembly:
 
     def _frfs_at(self, responses: Sequence[Response]) -> ResponseFrfs:
         """Return the FRFs of responses that see the same structure as the first, at its frequencies."""
-        pairs = ResponsePairs.of_responses(responses)
+        pairs = ResponsePairs.of_responses(responses, self.graph)
         engine = self.engine_of(pairs.points, pairs.pairs)
         source: FrfSource = engine
         if self._interpolation is not None:
@@ -285,9 +285,9 @@ class Assembly:
             m or rad per N or N m.
         """
         vector = self.vector(theta)
-        rows, columns = [self.point(*p) for p in outputs], [self.point(*p) for p in inputs]
-        engine = self.engine_of(list(dict.fromkeys([*rows, *columns])))
-        return engine.receptance(self.by_joint(vector[None]), rows, columns)
+        ends = [self.point(*p) for p in outputs], [self.point(*p) for p in inputs]
+        between = PointReceptances(self.graph, *ends)
+        return between.at(self.engine_of(between.points), self.by_joint(vector[None]))
 
     def point(self, substructure: str, position: float, direction: str = "x") -> Point:
         """Return the DOF of a substructure at a node's position.

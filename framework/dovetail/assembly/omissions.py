@@ -88,7 +88,7 @@ def _size(assembly: Assembly, connection: Connection, omission: Omission) -> str
     added = _Added(connection.model.ports, omission.stiffness)
     graph = assembly.graph
     name = "omitted stiffness"
-    whole = replace(graph, connections={**graph.connections, name: replace(connection, model=added, rigid=False)})
+    whole = graph.with_connection(name, replace(connection, model=added, rigid=False))
     theta = assembly.by_joint(assembly.vector(None)[np.newaxis])
     try:
         before = lowest_frequencies(graph, theta, _MODES)

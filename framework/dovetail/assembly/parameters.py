@@ -326,7 +326,7 @@ class ResponseFrfs:
         self._map = parameter_map
         self._chains = [index for index, response in enumerate(responses) if response.name in calibrations]
         self._calibrations = calibrations
-        self._responses, self._pairs = responses, pairs or ResponsePairs.of_responses(responses)
+        self._responses, self._pairs = responses, pairs or ResponsePairs.of_responses(responses, engine.graph)
         to_quantity = [conversion(engine.frequency, "receptance", response.quantity) for response in responses]
         to_accelerance = [conversion(engine.frequency, "receptance", "accelerance")] * len(responses)
         self._in_quantity, self._in_accelerance = np.stack(to_quantity), np.stack(to_accelerance)

@@ -15,14 +15,15 @@ from numpy.typing import NDArray
 
 from dovetail.assembly.carried_joints import at_carriers
 from dovetail.assembly.changed_joints import structurally_damped
+from dovetail.assembly.constraints import ConstrainedGraph, constrained
 from dovetail.description.calibration import MASS, WINDOW
 from dovetail.description.changed_joint import ChangedJoint
 from dovetail.description.checked import SHARED, Description, JointEntry, Place, Response, Tie
 from dovetail.description.unknown_parts import UnknownPart, UnknownReceptance
 from dovetail.errors import Fault, ParameterError
 from dovetail.interfaces import JointModel, Node, Parameter, Port, StructuralMatrices, SubstructureModel, is_rotation
-from dovetail.synthesis import Attachment, Connection, Graph, Point
-from dovetail.synthesis.joint_evaluation import depends_on_frequency
+from dovetail.synthesis import Attachment, Connection, Engine, Graph, Point
+from dovetail.synthesis.joint_evaluation import Theta, depends_on_frequency
 
 
 class _SensorMass(JointModel):
@@ -164,7 +165,7 @@ def graph_of(description: Description, entries: Mapping[str, JointEntry], *, rig
     parts |= {name: _NodesAlone(parts[name]) for name in alone}
     if any(node.carrier is not None for part in parts.values() for node in part.nodes):
         connections = {name: at_carriers(connection, parts) for name, connection in connections.items()}
-    return Graph(parts, connections)
+    return constrained(Graph(parts, connections))
 
 
 def graph_between(graph: Graph, points: Sequence[tuple[str, int]]) -> Graph:
@@ -176,15 +177,16 @@ def graph_between(graph: Graph, points: Sequence[tuple[str, int]]) -> Graph:
     points : sequence of (str, int)
         Substructure and DOF of each force and response.
     """
-    connections = dict(graph.connections)
-    for name, connection in graph.connections.items():
+    plain = graph.plain if isinstance(graph, ConstrainedGraph) else graph
+    connections = dict(plain.connections)
+    for name, connection in plain.connections.items():
         if isinstance(connection.model, UnknownReceptance):
             owner = connection.attachments[0].substructure
-            attached = [port for other in graph.connections if other != name for port in graph.attached_dofs(other)]
+            attached = [port for other in plain.connections if other != name for port in plain.attached_dofs(other)]
             used = {dof for part, dofs in attached if part == owner for dof in dofs}
             used |= {dof for part, dof in points if part == owner}
             connections[name] = replace(connection, model=connection.model.between(sorted(used)))
-    return Graph(graph.substructures, connections)
+    return constrained(Graph(plain.substructures, connections))
 
 
 def _is_windowed(model: JointModel) -> bool:
@@ -220,10 +222,14 @@ class ResponsePairs:
     weights: NDArray[np.float64] | None
 
     @staticmethod
-    def of_responses(responses: Sequence[Response]) -> ResponsePairs:
-        """Return the pairs of some responses; a pair and its reciprocal one are the same in a sum."""
+    def of_responses(responses: Sequence[Response], graph: Graph) -> ResponsePairs:
+        """Return the pairs of some responses in a graph; a pair and its reciprocal one are the same in a sum."""
         ends = [
-            [(a * b, output, force) for a, output in response.terms for b, force in response.force_terms]
+            [
+                (a * b, output, force)
+                for a, output in graph.terms(response.terms)
+                for b, force in graph.terms(response.force_terms)
+            ]
             for response in responses
         ]
         points = list(dict.fromkeys(point for some in ends for _, *pair in some for point in pair))
@@ -250,3 +256,43 @@ class ResponsePairs:
             return values
         sums = np.moveaxis(np.tensordot(values, self.weights, axes=(1, 1)), -1, 1)
         return np.asarray(sums * factors.reshape(*factors.shape, *[1] * (values.ndim - 3)))
+
+
+class PointReceptances:
+    """Receptances between DOFs, some of which may move by others.
+
+    Parameters
+    ----------
+    graph : Graph
+    outputs, inputs : sequences of Point
+    """
+
+    def __init__(self, graph: Graph, outputs: Sequence[Point], inputs: Sequence[Point]) -> None:
+        self._outputs, self._inputs = ([graph.terms([(1.0, point)]) for point in some] for some in (outputs, inputs))
+        self.points = list(dict.fromkeys(point for some in (*self._outputs, *self._inputs) for _, point in some))
+
+    def at(self, engine: Engine, theta: Theta) -> NDArray[np.complex128]:
+        """Return the receptances (n_freq, n_out, n_in) for one parameter vector from an engine of `points`."""
+        outputs, weights = _weighted(self._outputs)
+        inputs, shares = _weighted(self._inputs)
+        receptance = engine.receptance(theta, outputs, inputs)
+        return receptance if weights is None and shares is None else _product(weights, receptance, shares)
+
+
+def _weighted(sums: Sequence[Sequence[tuple[float, Point]]]) -> tuple[list[Point], NDArray[np.float64] | None]:
+    """Return the points of sums, and their weights (n_sums, n_points); None if each sum is one point."""
+    if all(len(terms) == 1 and terms[0][0] == 1.0 for terms in sums):
+        return [point for ((_, point),) in sums], None
+    points = list(dict.fromkeys(point for terms in sums for _, point in terms))
+    weights = np.zeros((len(sums), len(points)))
+    for row, terms in enumerate(sums):
+        for weight, point in terms:
+            weights[row, points.index(point)] += weight
+    return points, weights
+
+
+def _product(
+    weights: NDArray[np.float64] | None, receptance: NDArray[np.complex128], shares: NDArray[np.float64] | None
+) -> NDArray[np.complex128]:
+    moved = receptance if weights is None else weights @ receptance
+    return moved if shares is None else np.asarray(moved @ shares.T)

@@ -12,6 +12,7 @@ from dovetail.assembly.model import Assembly
 from dovetail.description import ParameterEntry, Place, Response, has_dampers, with_damping
 from dovetail.interfaces import Parameter
 from dovetail.synthesis import Point
+from dovetail.synthesis.graph import HELD
 
 Node = tuple[str, int]
 """Substructure and number of a node."""
@@ -56,7 +57,7 @@ def _can_move(assembly: Assembly, node: Node) -> bool:
     if there.carrier is not None or description.response.direction not in there.directions:
         return False
     substructure, dof = motion_at(assembly, node)
-    return bool(assembly.graph.substructure_dofs(substructure)[dof] >= 0)
+    return bool(assembly.graph.substructure_dofs(substructure)[dof] != HELD)
 
 
 def repetitions(assembly: Assembly) -> NDArray[np.intp]:

@@ -83,11 +83,13 @@ class SeenPoles:
     def modes(self, theta: Theta, count: int) -> tuple[VibrationMode, ...]:
         """Return the `count` lowest modes for one parameter vector, by joint."""
         (poles,) = self.at(theta, 1, count)
-        numbers = {name: self._graph.substructure_dofs(name) for name in self._graph.substructures}
+        every = {name: range(part.node_dofs.size) for name, part in self._graph.substructures.items()}
+        motions = [(name, *self._graph.motion(name, dofs)) for name, dofs in every.items()]
         modes = []
         for s, shape in zip(poles.values.tolist(), poles.shapes, strict=True):
             moved = np.append(shape, 0.0)  # what is held has the number -1
-            shapes = {name: moved[dofs].reshape(self._rows[name], -1) for name, dofs in numbers.items()}
+            parts = {name: moved[dofs] if L is None else L @ moved[dofs] for name, dofs, L in motions}
+            shapes = {name: part.reshape(self._rows[name], -1) for name, part in parts.items()}
             modes.append(VibrationMode(abs(s) / (2.0 * np.pi), -s.real / abs(s), shapes))
         return tuple(modes)
 

@@ -34,7 +34,7 @@ class ChangedJoint(JointModel):
         super().__init__()
         self.name, self.summary = model.name, model.summary  # type: ignore[misc]  # for messages
         self.spans_a_distance, self.nodes_along = model.spans_a_distance, model.nodes_along
-        self.acts_along_its_nodes = model.acts_along_its_nodes
+        self.acts_along_its_nodes, self.carries_its_nodes = model.acts_along_its_nodes, model.carries_its_nodes
         self.Config, self.config = model.Config, model.config  # those of the description
         self.model = model
 
@@ -73,6 +73,10 @@ class ChangedJoint(JointModel):
         """Those of the model."""
         return self.model.contact_dofs
 
+    def pair_functions(self, *, contacts: bool = False) -> NDArray[np.float64]:
+        """Return the linear functions (k, d) of the DOFs that are zero: those of the model."""
+        return pair_functions(self.model, contacts=contacts)
+
 
 class MappedJoint(ChangedJoint):
     """A joint whose matrices are a linear map of those of its model."""
@@ -103,6 +107,24 @@ class MappedJoint(ChangedJoint):
     def matrices_jacobian(self, theta: NDArray[np.float64]) -> Sequence[StructuralMatrices]:
         """Return their derivatives by each parameter, per unit of it."""
         return [self.mapped(derivative) for derivative in self.model.matrices_jacobian(theta)]
+
+
+def pair_functions(model: JointModel, *, contacts: bool = False) -> NDArray[np.float64]:
+    """Return the linear functions (k, d) of a joint's DOFs that are zero: differences of pairs of its model's DOFs.
+
+    Parameters
+    ----------
+    model : JointModel
+    contacts : bool
+        Whether its contacts are rigid too.
+    """
+    if isinstance(model, ChangedJoint):
+        return model.pair_functions(contacts=contacts)
+    pairs = [*model.merged_dofs, *(model.contact_dofs if contacts else ())]
+    functions = np.zeros((len(pairs), model.size))
+    for row, (first, second) in enumerate(pairs):
+        functions[row, first], functions[row, second] = 1.0, -1.0
+    return functions
 
 
 def axes_of(model: JointModel) -> NDArray[np.float64]:

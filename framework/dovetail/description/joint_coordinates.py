@@ -10,7 +10,7 @@ from typing import overload
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.description.changed_joint import MappedJoint
+from dovetail.description.changed_joint import MappedJoint, pair_functions
 from dovetail.interfaces import Coordinates, SparseMatrices, StructuralMatrices
 
 
@@ -26,6 +26,11 @@ class JointInCoordinates(MappedJoint):
     def coordinates(self) -> Coordinates:
         """The model's DOFs at its ports by those of this joint."""
         return Coordinates.node_by_node(self.blocks)
+
+    def pair_functions(self, *, contacts: bool = False) -> NDArray[np.float64]:
+        """Return the linear functions (k, d) of the DOFs that are zero."""
+        functions, count = pair_functions(self.model, contacts=contacts), len(self.coordinates.L)
+        return np.concatenate([functions[:, :count] @ self.coordinates.L, functions[:, count:]], axis=1)
 
     @overload
     def mapped(self, matrices: StructuralMatrices) -> StructuralMatrices: ...

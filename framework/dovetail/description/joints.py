@@ -9,17 +9,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from dovetail.description.carrying_joints import carrying
 from dovetail.description.checked import JointEntry, ParameterEntry, Response
 from dovetail.description.component_sections import LabelledComponent, build_component
 from dovetail.description.damping import DampingSection, has_dampers
 from dovetail.description.oriented_joints import AxesSection, oriented
 from dovetail.description.parameter_sections import check_ranges, ends_of, read_parameters
+from dovetail.description.placed_parts import PlacedPart
 from dovetail.description.sections import AttachmentSection, NodePosition
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.tree import Path, format_path, format_value
 from dovetail.documents.validation import validate
-from dovetail.errors import Fault, ParameterError, PluginError, did_you_mean, listing
+from dovetail.errors import Fault, ParameterError, did_you_mean, listing
 from dovetail.interfaces import JointModel, Node, Port, SubstructureModel, joint_faults, source_file
 from dovetail.registry import Registry
 from dovetail.synthesis import Attachment, Connection
@@ -29,6 +32,7 @@ _KEYS = ("connect", "parameters", "structural_damping", "axes")
 """Keys of a joint in addition to the options of its model."""
 
 _ALONG = "acts along the line between its nodes"
+_ACROSS = "leads from one node to another"
 
 Substructures = Mapping[str, SubstructureModel | None]
 """Substructures by name; None instead of one with faults."""
@@ -55,10 +59,9 @@ def read_joint(name: str, substructures: Substructures, faults: FaultList, regis
     if len(faults) > before or None in attachments:
         return None
     complete = tuple(attachment for attachment in attachments if attachment is not None)
-    if model.component.acts_along_its_nodes:
-        model = _along_nodes(model, path, complete, substructures, faults)
-        if model is None:
-            return None
+    model = _at_points(model, path, complete, substructures, faults)
+    if model is None:
+        return None
     joint = JointEntry(connection=Connection(model.component, complete), **described.entry)
     return _with_damping(joint, model, path, faults)
 
@@ -81,42 +84,65 @@ def _with_axes(model: LabelledComponent, path: Path, faults: FaultList) -> Label
             problem = f"{model.label} acts in {', '.join(sorted(others))} too, so two axes are needed."
             faults.add(place, problem, "two of x, y, z")
             return None
-    joint = oriented(component, section.rotation)
-    try:
-        joint.merged_dofs  # noqa: B018  # refuses what cannot be turned so
-    except PluginError as error:
-        faults.add(place, error.faults[0].problem, "axes along those of the assembly")
-        return None
-    return replace(model, component=joint)
+    return replace(model, component=oriented(component, section.rotation))
 
 
-def _along_nodes(
+def _at_points(
     model: LabelledComponent,
     path: Path,
     attachments: Sequence[Attachment],
     substructures: Substructures,
     faults: FaultList,
 ) -> LabelledComponent | None:
-    """Return the joint's model along the line between its first two nodes; None if there is no line."""
-    ends = []
-    for attachment in attachments[:2]:
-        part = substructures[attachment.substructure]
-        assert part is not None
-        node = part.nodes[attachment.nodes[0]]
-        if part.grounded and node.point is None:
-            problem = f"{model.label} {_ALONG}, and '{attachment.substructure}' is everywhere."
-            remedy = "Say where its points are: 'points: [[0 mm, 0 mm, 0 mm]]' instead of positions."
-            faults.add((*path, "connect"), problem, remedy=remedy)
-            return None
-        ends.append(np.asarray(node.coordinates))
-    line = ends[1] - ends[0]
+    """Return the joint's model along the line between its nodes, or across their distance, if it acts so.
+
+    None if the points of the nodes are not known, or there is no line between them.
+    """
+    component: JointModel = model.component
+    if not (component.acts_along_its_nodes or component.carries_its_nodes):
+        return model
+    points = _points(model, path, attachments, substructures, faults)
+    if points is None:
+        return None
+    if component.carries_its_nodes:
+        return replace(model, component=carrying(component, points))
+    line = points[1] - points[0]
     length = float(np.linalg.norm(line))
     if length < 1e-9:
-        problem = f"{model.label} {_ALONG}, and both are at {format_point(tuple(ends[0]))}."
+        problem = f"{model.label} {_ALONG}, and both are at {format_point(tuple(points[0]))}."
         faults.add((*path, "connect"), problem, remedy="Attach it to nodes at two points, or use a bushing.")
         return None
     section = AxesSection(x=tuple((line / length).tolist()))
-    return replace(model, component=oriented(model.component, section.rotation))
+    return replace(model, component=oriented(component, section.rotation))
+
+
+def _points(
+    model: LabelledComponent,
+    path: Path,
+    attachments: Sequence[Attachment],
+    substructures: Substructures,
+    faults: FaultList,
+) -> list[NDArray[np.float64]] | None:
+    """Return where the first nodes of a joint's ports are in the assembly [m]; None, with a fault, if unknown."""
+    parts = {at.substructure: substructures[at.substructure] for at in attachments}
+    how, points = _ALONG if model.component.acts_along_its_nodes else _ACROSS, []
+    for attachment in attachments:
+        part = parts[attachment.substructure]
+        assert part is not None
+        node = part.nodes[attachment.nodes[0]]
+        if part.grounded and node.point is None:
+            problem = f"{model.label} {how}, and '{attachment.substructure}' is everywhere."
+            remedy = "Say where its points are: 'points: [[0 mm, 0 mm, 0 mm]]' instead of positions."
+            faults.add((*path, "connect"), problem, remedy=remedy)
+            return None
+        points.append(np.asarray(node.coordinates))
+    moving = [name for name, part in parts.items() if part is not None and not part.grounded]
+    if len(moving) > 1 and not any(isinstance(part, PlacedPart) and part.in_space for part in substructures.values()):
+        names = " and ".join(f"'{name}'" for name in moving)
+        problem = f"{model.label} {how}, and nothing says how {names} lie in space."
+        faults.add((*path, "connect"), problem, remedy="Give the parts a 'place', one of them at least.")
+        return None
+    return points
 
 
 def _with_damping(joint: JointEntry, model: LabelledComponent, path: Path, faults: FaultList) -> JointEntry | None:
@@ -215,15 +241,6 @@ class _Connect:
                     f"not move in {', '.join(lacking)}."
                 )
                 self._faults.add((*path, "at", index), problem, f"a node with {', '.join(port.directions)}")
-                return None
-            carrier = substructure.nodes[node].carrier
-            if carrier is not None and self._model.component.merged_dofs:
-                label = substructure.nodes[carrier].label
-                problem = (
-                    f"{self._model.label} cannot hold this node, since it moves with node '{label}' of '{section.to}'."
-                )
-                remedy = f"Attach it to node '{label}', or to a node that comes first in its section; or use a bushing."
-                self._faults.add((*path, "at", index), problem, remedy=remedy)
                 return None
         return Attachment(section.to, complete)
 

@@ -11,7 +11,6 @@ from pydantic import model_validator
 
 from dovetail.description.joint_coordinates import JointInCoordinates, LawInCoordinates
 from dovetail.description.placed_parts import TurnSection, Vector, turned
-from dovetail.errors import PluginError
 from dovetail.interfaces import (
     DIRECTIONS,
     ComponentConfig,
@@ -118,37 +117,29 @@ class OrientedJoint(JointInCoordinates):
 
     @property
     def merged_dofs(self) -> tuple[tuple[int, int], ...]:
-        """Those of the model, along the assembly's axes.
-
-        Raises
-        ------
-        PluginError
-            They are not along the assembly's axes, all together.
-        """
+        """Those of the model along the assembly's axes; none if some are not along them (see `pair_functions`)."""
         return self._pairs(self.model.merged_dofs)
 
     @property
     def contact_dofs(self) -> tuple[tuple[int, int], ...]:
-        """Those of the model, along the assembly's axes."""
+        """Those of the model along the assembly's axes; none if some are not along them."""
         return self._pairs(self.model.contact_dofs)
 
     def _pairs(self, pairs: Iterable[tuple[int, int]]) -> tuple[tuple[int, int], ...]:
-        """Return pairs of DOFs that are the same as those of the model, between the same nodes."""
-        between: dict[tuple[int, ...], list[tuple[int, int]]] = {}
-        dofs, first_inner = self.model.node_dofs, self.model.node_dofs.size
-        for pair in pairs:
-            nodes = tuple(dofs[dof][0] if dof < first_inner else -1 - dof for dof in pair)
-            between.setdefault(nodes, []).append(pair)
-        return tuple(found for nodes, some in between.items() for found in self._between(nodes, some))
+        """Return pairs of DOFs that are the same as those of the model; none if these are not all along axes."""
+        between: dict[tuple[int, int], list[tuple[int, int]]] = {}
+        dofs = self.model.node_dofs
+        for first, second in pairs:
+            if max(first, second) >= dofs.size:
+                return ()  # an inner DOF, along an axis of the joint
+            between.setdefault((dofs[first][0], dofs[second][0]), []).append((first, second))
+        found = [self._between(nodes, some) for nodes, some in between.items()]
+        return tuple(pair for some in found for pair in some) if all(found) else ()
 
-    def _between(self, nodes: tuple[int, ...], pairs: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
-        directions = [self.model.node_dofs[pair[0]][1] if pair[0] < self.model.node_dofs.size else "" for pair in pairs]
-        if min(nodes) < 0 or "" in directions:
-            raise PluginError(f"joint model '{self.name}' cannot have axes of its own, since it merges inner DOFs.")
-        acts = np.flatnonzero(self._along(directions).any(axis=0))
+    def _between(self, nodes: tuple[int, int], pairs: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
+        acts = np.flatnonzero(self._along([self.model.node_dofs[first][1] for first, _ in pairs]).any(axis=0))
         if len(acts) != len(pairs):
-            words = ", ".join(directions)
-            raise PluginError(f"joint model '{self.name}' holds {words}, which so turned are not axes of the assembly.")
+            return []
         return [
             (
                 self.node_dofs.among([nodes[0]], [DIRECTIONS[axis]])[0],

@@ -250,6 +250,11 @@ class PlacedPart(SubstructureModel):
         self._part, self._placement = part, placement
 
     @property
+    def in_space(self) -> bool:
+        """Whether its place in the assembly is known."""
+        return self._placement.in_space
+
+    @property
     def held(self) -> bool:
         """That of the part."""
         return self._part.held

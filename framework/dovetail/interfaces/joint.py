@@ -166,11 +166,12 @@ class JointModel(Component):
 
     Its local DOFs are those of its ports' nodes (`node_dofs`), each in the order of its port's directions, by default x
     then rz, and its internal DOFs. The nodes of a layer lie along some axes of the joint (`nodes_along`); facing ones
-    may be apart along x if it `spans_a_distance`, and x leads from node to node if it `acts_along_its_nodes`.
+    may be apart along x if it `spans_a_distance`, and x leads from node to node if it `acts_along_its_nodes`. If it
+    `carries_its_nodes`, it acts at the last port's node, to which a rigid arm leads from each other node.
     """
 
     kind: ClassVar[Kind] = "joint"
-    spans_a_distance, acts_along_its_nodes = False, False
+    spans_a_distance, acts_along_its_nodes, carries_its_nodes = False, False, False
     nodes_along: tuple[str, ...] = ()
 
     @property

@@ -1,10 +1,9 @@
 """Frequency-domain substructure synthesis (FDSS)."""
 
-from dovetail.synthesis.coupled_system import Point
 from dovetail.synthesis.damped_modes import DampedModes, Poles
 from dovetail.synthesis.engine import Engine
 from dovetail.synthesis.frf_source import FrfSource
-from dovetail.synthesis.graph import Attachment, Connection, Graph
+from dovetail.synthesis.graph import Attachment, Connection, Graph, Point
 from dovetail.synthesis.interpolation import InterpolatedFrfs
 from dovetail.synthesis.reference import LiteralSynthesis, assembly_matrices, direct_receptance
 

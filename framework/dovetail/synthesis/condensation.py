@@ -67,6 +67,11 @@ class BoundaryStiffness:
         entry = np.where(filled, np.cumsum(filled).reshape(filled.shape) - 1, -1)
         return BoundaryStiffness(np.arange(len(entry)), entry, np.ascontiguousarray(Z[:, filled].T))
 
+    def moved_by(self, motion: NDArray[np.float64]) -> BoundaryStiffness:
+        """Return the stiffness of other coordinates (m,), by which the boundary moves as `motion` (n, m)."""
+        Z = motion.T @ self.dense(slice(None)) @ motion
+        return BoundaryStiffness.from_dense((Z + np.swapaxes(Z, 1, 2)) / 2.0)
+
     def numbered(self, numbers: NDArray[np.intp]) -> BoundaryStiffness:
         """Return the same boundary with global numbers (n,), without the DOFs that are held: those below 0."""
         moving = np.flatnonzero(numbers >= 0)

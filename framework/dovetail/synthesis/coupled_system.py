@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from dovetail.errors import DovetailError
 from dovetail.interfaces import SubstructureModel, plugin_errors
 from dovetail.synthesis.condensation import BoundaryStiffness, boundary_stiffness
-from dovetail.synthesis.graph import Graph
+from dovetail.synthesis.graph import Graph, Point
 from dovetail.synthesis.joint_evaluation import (
     Sparsity,
     Theta,
@@ -24,9 +24,6 @@ from dovetail.synthesis.joint_evaluation import (
     joint_stiffness,
 )
 from dovetail.synthesis.relative_coordinates import in_coordinates, relative_coordinates, stiff_springs
-
-Point = tuple[str, int]
-"""A DOF: the name of a substructure, and the index of its DOF."""
 
 _MOST_KEPT = 16e6
 """Bytes of a condensed stiffness that is kept with its substructure."""
@@ -63,10 +60,11 @@ def condense(
     for name, substructure in graph.substructures.items():
         dofs = sorted(needed[name])
         if dofs and not substructure.grounded:
-            numbers = graph.substructure_dofs(name)[dofs]
+            numbers, motion = graph.motion(name, dofs)
             with plugin_errors(substructure, f"substructure '{name}' ({substructure.name})"):
                 draw = None if disturbed is None else disturbed.get(name)
-                condensed[name] = _latest_stiffness(substructure, dofs, frequency, draw).numbered(numbers)
+                boundary = _latest_stiffness(substructure, dofs, frequency, draw)
+            condensed[name] = (boundary if motion is None else boundary.moved_by(motion.toarray())).numbered(numbers)
     return condensed
 
 

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from dovetail.parallel import cores, threads
 from dovetail.synthesis.codegen.compiler import MachineKernel, aligned_empty
 from dovetail.synthesis.codegen.vector_ir import WIDTH
-from dovetail.synthesis.coupled_system import CoupledSystem, Point, condense
+from dovetail.synthesis.coupled_system import CoupledSystem, condense
 from dovetail.synthesis.elimination import Program
-from dovetail.synthesis.graph import Graph
+from dovetail.synthesis.graph import Graph, Point
 from dovetail.synthesis.joint_evaluation import (
     JointSparsity,
     Theta,

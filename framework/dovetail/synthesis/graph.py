@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,9 @@ from dovetail.interfaces import JointModel, NodeDofs, SubstructureModel
 
 HELD = -1
 """Global number of a DOF that does not move."""
+
+Point = tuple[str, int]
+"""A DOF: the name of a substructure, and the index of its DOF."""
 
 
 @dataclass(frozen=True)
@@ -133,6 +137,25 @@ class Graph:
         return tuple(
             (at.substructure, self._dofs[at.substructure].among(at.nodes, port.directions)) for port, at in pairs
         )
+
+    def with_connection(self, name: str, connection: Connection) -> Graph:
+        """Return the graph with one more joint, or another one of this name."""
+        return Graph(self.substructures, {**self.connections, name: connection})
+
+    def terms(self, motion: Sequence[tuple[float, Point]]) -> Sequence[tuple[float, Point]]:
+        """Return a weighted sum of DOFs as one of DOFs that have global numbers."""
+        return motion
+
+    def motion(self, name: str, dofs: Sequence[int]) -> tuple[NDArray[np.intp], Any]:
+        """Return the global DOFs by which some DOFs of a substructure move, and their motion by these.
+
+        Returns
+        -------
+        numbers : (m,) int array
+        motion : (n_dofs, m) sparse array or None
+            None if each DOF has a global number, or `HELD`.
+        """
+        return self.substructure_dofs(name)[list(dofs)], None
 
     def substructure_dofs(self, name: str) -> NDArray[np.intp]:
         """Return the global number of each DOF of a substructure; `HELD` where it does not move."""

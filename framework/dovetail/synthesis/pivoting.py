@@ -10,7 +10,8 @@ import scipy  # loads a part of it when that is first used
 from numpy.typing import NDArray
 
 from dovetail.errors import DovetailError
-from dovetail.synthesis.coupled_system import CoupledSystem, Point
+from dovetail.synthesis.coupled_system import CoupledSystem
+from dovetail.synthesis.graph import Point
 from dovetail.synthesis.joint_evaluation import Theta, joint_stiffness, joint_stiffness_jacobian
 from dovetail.synthesis.relative_coordinates import in_coordinates, rounded, warn_of_lost_digits
 

@@ -67,13 +67,22 @@ def _substructures(graph: Graph) -> tuple[list[_Component], int]:
             matrices = substructure_matrices(substructure)
         if matrices is None:
             raise DovetailError(f"substructure '{name}' has no matrices, so the assembly has none either.")
-        outer = graph.substructure_dofs(name)
-        inner = np.full(matrices.size - len(outer), HELD, dtype=np.intp)
+        dofs = substructure.node_dofs.size
+        outer, motion = graph.motion(name, range(dofs))
+        inner = np.full(matrices.size - dofs, HELD, dtype=np.intp)
         if not substructure.grounded:
             inner = np.arange(count, count + len(inner))
             count += len(inner)
-        components.append((matrices, np.concatenate([outer, inner])))
+        moved = matrices if motion is None else _moved_by(matrices, motion)
+        components.append((moved, np.concatenate([outer, inner])))
     return components, count
+
+
+def _moved_by(matrices: StructuralMatrices | SparseMatrices, motion: Any) -> StructuralMatrices | SparseMatrices:
+    """Return the matrices for coordinates by which the nodes' DOFs move as `motion`, a sparse array (n, m)."""
+    L = scipy.sparse.block_diag([motion, scipy.sparse.eye_array(matrices.size - motion.shape[0])], "csr")
+    products = (L.T @ getattr(matrices, name) @ L for name in "MKCD")
+    return type(matrices)(*((product + product.T) / 2.0 for product in products))
 
 
 def _sum(name: str, components: Sequence[_Component], count: int) -> Any:

@@ -1,4 +1,4 @@
-"""Rigid connections: the nodes of two parts become one, in all directions or in those of a ball joint or a hinge."""
+"""Rigid connections: two nodes move as one, in all directions, as a ball joint, as a hinge, or across a distance."""
 
 from __future__ import annotations
 
@@ -129,3 +129,40 @@ class Hinge(BallJoint):
     @property
     def _directions(self) -> tuple[str, ...]:
         return tuple(direction for direction in DIRECTIONS if direction != f"r{self.config.axis}")
+
+
+class RigidLink(Rigid):
+    """Two nodes that lie apart move as points of one rigid body, as if a rigid arm without mass led from a to b.
+
+    u_b = u_a + theta_a x r with the way r from a to b, and theta_b = theta_a. Large rotations are not modelled.
+    """
+
+    name = "rigid_link"
+    summary = "Rigid link in space: two nodes that lie apart move as points of one rigid body"
+    carries_its_nodes = True
+
+    class Config(ComponentConfig):
+        """What it holds at its end.
+
+        Attributes
+        ----------
+        direction : 'all', or a sequence of directions
+            Motions of b that follow those of the arm's end; [x, y, z] leaves b free to turn, as a ball joint does.
+        """
+
+        direction: Literal["all"] | Annotated[tuple[Direction, ...], Field(min_length=1)] = "all"
+
+    @classmethod
+    def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
+        """Return a link that holds all motions, and one with a ball joint at its end."""
+        return {}, {"direction": ["x", "y", "z"]}
+
+    @property
+    def ports(self) -> tuple[Port, ...]:
+        """The node a, in all directions, and b."""
+        return Port("a", 1, directions=DIRECTIONS), Port("b", 1, directions=self._directions)
+
+    @property
+    def merged_dofs(self) -> tuple[tuple[int, int], ...]:
+        """The directions of b, with those of the arm's end."""
+        return tuple((DIRECTIONS.index(each), len(DIRECTIONS) + dof) for dof, each in enumerate(self._directions))

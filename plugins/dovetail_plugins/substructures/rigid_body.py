@@ -28,8 +28,7 @@ def _at_origin() -> dict[str, tuple[float, float, float]]:
 class RigidBody(SubstructureModel):
     """A body that does not deform, with nodes at any of its points.
 
-    Its motion is that of its first node, which carries the others: joints, forces and sensors may be at all of them. A
-    `rigid` joint can hold it at the first node only.
+    Its motion is that of its first node, which carries the others: joints, forces and sensors may be at all of them.
     """
 
     name = "rigid_body"

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from dovetail.assembly import Assembly
+from dovetail.assembly.structure import PointReceptances
 from dovetail.assembly.variants import (
     Node,
     measured_at,
@@ -152,13 +153,14 @@ def _distances(
     lines = np.unique(np.linspace(0, len(amplitude) - 1, _SETTINGS.lines).round().astype(np.intp))
     few = assembly.on(assembly.frequency[lines])
     points, force = [motion_at(few, place) for place in places], few.description.response.force_point
-    engine = few.engine_of([*dict.fromkeys([*points, force])])
+    between = PointReceptances(few.graph, points, [force, *points])
+    engine = few.engine_of(between.points)
     measured = np.log(np.maximum(amplitude[lines], np.finfo(float).tiny))
     power = np.log(np.abs(conversion(few.frequency, "receptance", few.description.response.quantity)))
     transfer: list[NDArray[np.float64]] = []
     driven: list[NDArray[np.float64]] = []
     for vector in joints:
-        receptance = engine.receptance(few.by_joint(vector[np.newaxis]), points, [force, *points])
+        receptance = between.at(engine, few.by_joint(vector[np.newaxis]))
         for receptances, distances in (
             (receptance[:, :, 0], transfer),
             (np.einsum("fpp->fp", receptance[:, :, 1:]), driven),
