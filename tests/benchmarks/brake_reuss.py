@@ -13,7 +13,9 @@ from __future__ import annotations
 import argparse
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import scipy.io
@@ -32,12 +34,17 @@ ASSEMBLY = Path(__file__).with_name("measured_series") / "brake_reuss.yaml"
 LAWS = ("free", "shared", "linear", "power", "exponential_approach", "monotone_spline")
 
 
-def levels(clone: Path) -> list[tuple[float, dovetail.Frf]]:
-    """Return the median amplitude [m/s^2] and the FRF of each level."""
+def sweeps(clone: Path, held: str) -> Sequence[Any]:
+    """Return the sweeps in which "ResponseControl" or "ForceControl" held the amplitude or the force."""
     file = clone / "ForcedFrequencyResponses.mat"
     data = scipy.io.loadmat(file, struct_as_record=False, squeeze_me=True)["FRdata"]
+    return np.atleast_1d(getattr(data, held))
+
+
+def levels(clone: Path) -> list[tuple[float, dovetail.Frf]]:
+    """Return the median amplitude [m/s^2] and the FRF of each level."""
     found = []
-    for test in data.ResponseControl:
+    for test in sweeps(clone, "ResponseControl"):
         # 0 below the resonance, -pi above: the accelerometer faces the force
         accelerance = -test.amplitude / test.force * np.exp(1j * test.phase)
         found.append((float(np.median(test.amplitude)), dovetail.Frf(test.frequency, accelerance, "accelerance")))

@@ -5,10 +5,12 @@
     python tests/benchmarks/gallery.py frame --data FOLDER
     python tests/benchmarks/gallery.py beam --data FOLDER
     python tests/benchmarks/gallery.py collet --data FOLDER
+    python tests/benchmarks/gallery.py brake_reuss --data FOLDER
 
 prints the tables of a page of docs/gallery, and writes them to docs/gallery/tables (or the folder of `--to`). The
 FRFs of oscillator and hammer are part of this repository; those of the others are not. Those of frame and beam are read
-from the folder that measured_structures.py made with `--convert`, those of the collet from their repository's folder.
+from the folder that measured_structures.py made with `--convert`, those of collet and Brake-Reuss beam from their
+repositories' folders.
 
 An FRF that is predicted is compared with the measured one by the FRAC, |<a, b>|^2 / (<a, a> <b, b>) over the band: 1 if
 they differ by a factor only. It is blind to gains, and the highest peaks dominate it. The magnitude error next to it,
@@ -25,6 +27,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from gallery_brake_reuss import brake_reuss_page
 from gallery_collet import collet
 from gallery_tables import (
     interval_of_band,
@@ -289,6 +292,7 @@ PAGES: Mapping[str, Callable[[Path], dict[str, str]]] = {
     "beam": beam,
     "hammer": hammer,
     "collet": collet,
+    "brake_reuss": brake_reuss_page,
 }
 
 

@@ -6,10 +6,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import gallery
+import gallery_brake_reuss
 import gallery_collet
 import gallery_tables
 import numpy as np
 import pytest
+import scipy.io
 
 import dovetail
 
@@ -127,3 +129,50 @@ def test_the_page_of_the_collet_is_made_from_five_files(tmp_path, monkeypatch):
         "collet_modes": 6,
     }
     assert "| H14 | predicted | " in tables["collet"]
+
+
+def test_the_level_under_a_force_has_the_damping_of_this_level():
+    def law(level):
+        return gallery_brake_reuss.Mode(1.9 * (2.0 * np.pi * 80.0) ** 2, 3.0 + 0.1 * level, 1.9)
+
+    level = gallery_brake_reuss.level_under(0.5, 80.0, law)
+    assert level == pytest.approx(0.5 * 2.0 * np.pi * 80.0 / (3.0 + 0.1 * level), rel=1e-9)
+
+
+def test_the_shift_of_a_natural_frequency_is_found():
+    mode, frequency = gallery_brake_reuss.Mode(4.8e5, 5.0, 1.9), np.arange(79.0, 81.0, 0.05)
+    moved = mode._replace(k=4.8e5 * 1.004)
+    shift, left = gallery_brake_reuss.best_shift(
+        mode, dovetail.Frf(frequency, moved.accelerance(frequency), "accelerance")
+    )
+    assert shift == pytest.approx(moved.natural_frequency - mode.natural_frequency, rel=1e-3)
+    assert left < 1e-3
+
+
+@pytest.mark.slow
+def test_the_page_of_the_brake_reuss_beam_is_made_from_one_file(tmp_path, monkeypatch):
+    """A mode whose damping rises with the level, which the four levels that are not fitted show too."""
+    mass, frequency = 1.9, np.arange(79.0, 81.0, 0.1)
+
+    def sweep(level, force=None):
+        s, c = 2j * np.pi * frequency, 3.0 * np.exp(0.018 * level)
+        accelerance = s**2 / (mass * s**2 + c * s + mass * (2.0 * np.pi * 80.0) ** 2)
+        noise = np.random.default_rng(int(level)).normal(1.0, 0.01, len(frequency))
+        force = level / np.abs(accelerance) * noise if force is None else np.full(len(frequency), force)
+        return frequency, force, force * np.abs(accelerance), np.angle(-accelerance)
+
+    types = [(name, object) for name in ("frequency", "force", "amplitude", "phase")]
+    held = np.array([sweep(level) for level in (5.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0)], dtype=types)
+    pushed = np.array([sweep(20.0, force=0.3)], dtype=types)
+    data = {"FRdata": {"ResponseControl": held, "ForceControl": pushed}}
+    scipy.io.savemat(tmp_path / "ForcedFrequencyResponses.mat", data)
+    monkeypatch.setattr(gallery_brake_reuss, "STIFFNESS", ("shared",))
+    monkeypatch.setattr(gallery_brake_reuss, "DAMPING", ("shared", "linear"))
+    monkeypatch.setattr(gallery_brake_reuss, "SAMPLES", 100)
+    tables = gallery.PAGES["brake_reuss"](tmp_path)
+    cells = [[cell.strip() for cell in line.split("|")[1:-1]] for line in tables["brake_reuss"].splitlines()[2:]]
+    assert [line[1] for line in cells] == ["fitted", "predicted"] * 4
+    for line in cells:
+        assert float(line[2]) > 0.99
+        low, high = (float(end) for end in line[7].split("(")[1].rstrip(")").split(" to "))
+        assert 0.9 * low < 3.0 * np.exp(0.018 * float(line[0])) < 1.1 * high
