@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import dovetail
+from dovetail_plugins.matrix_readers.abaqus import AbaqusMatrixReader
 from support import fe_files
 from support.fe_files import UNITS, WRITERS, assembly, frame
 
@@ -213,3 +214,17 @@ def test_a_planar_part_may_be_taken_from_a_model_in_space(tmp_path, monkeypatch)
         "response": {"at": "part", "position": "node 33", "quantity": "receptance"},
     })  # fmt: skip
     assert {node.directions for node in model.description.substructures["part"].nodes} == {("x", "rz")}
+
+
+def test_lines_as_abaqus_writes_them_are_read(tmp_path):
+    """Of a square element of plane stress, as users print them: labels and entries in columns, one half."""
+    entries = {(101, 101): 9.890109890109926e01, (102, 101): -6.043956043956079e01, (102, 102): 9.890109890109926e01}
+    lines = [f"{row:6d},{1:5d},{column:6d},{1:5d}, {value: .15e}" for (row, column), value in entries.items()]
+    file = tmp_path / "job_STIF1.mtx"
+    file.write_text("\n".join(lines) + "\n")
+    reader = AbaqusMatrixReader()
+    assert reader.sniff(file.read_bytes())
+    model = reader.read(file, file.read_bytes())
+    (matrix,) = model.matrices.values()
+    assert model.table.nodes == ("101", "102")
+    assert matrix.values.toarray()[1, 0] == entries[102, 101]
