@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+import textwrap
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -202,4 +203,5 @@ def verdict(result: SeriesIdentification) -> str:
         for fitted in result.tests
     ]
     series = result.warning or "The levels do not contradict the law."
-    return "\n".join([*said, f"- series: {series}"]) + "\n"
+    lines = [*said, f"- series: {series}"]
+    return "".join(textwrap.fill(line, 118, subsequent_indent="  ") + "\n" for line in lines)

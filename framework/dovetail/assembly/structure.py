@@ -165,7 +165,7 @@ def graph_of(description: Description, entries: Mapping[str, JointEntry], *, rig
     parts |= {name: _NodesAlone(parts[name]) for name in alone}
     if any(node.carrier is not None for part in parts.values() for node in part.nodes):
         connections = {name: at_carriers(connection, parts) for name, connection in connections.items()}
-    return constrained(Graph(parts, connections))
+    return _with_constraints(Graph(parts, connections))
 
 
 def graph_between(graph: Graph, points: Sequence[tuple[str, int]]) -> Graph:
@@ -186,7 +186,13 @@ def graph_between(graph: Graph, points: Sequence[tuple[str, int]]) -> Graph:
             used = {dof for part, dofs in attached if part == owner for dof in dofs}
             used |= {dof for part, dof in points if part == owner}
             connections[name] = replace(connection, model=connection.model.between(sorted(used)))
-    return constrained(Graph(plain.substructures, connections))
+    return _with_constraints(Graph(plain.substructures, connections))
+
+
+def _with_constraints(graph: Graph) -> Graph:
+    """Return a graph with what its joints hold; itself if all act as their models do."""
+    changed = any(isinstance(connection.model, ChangedJoint) for connection in graph.connections.values())
+    return constrained(graph) if changed else graph
 
 
 def _is_windowed(model: JointModel) -> bool:

@@ -83,7 +83,7 @@ class SeenPoles:
     def modes(self, theta: Theta, count: int) -> tuple[VibrationMode, ...]:
         """Return the `count` lowest modes for one parameter vector, by joint."""
         (poles,) = self.at(theta, 1, count)
-        every = {name: range(part.node_dofs.size) for name, part in self._graph.substructures.items()}
+        every = {name: range(len(self._graph.substructure_dofs(name))) for name in self._graph.substructures}
         motions = [(name, *self._graph.motion(name, dofs)) for name, dofs in every.items()]
         modes = []
         for s, shape in zip(poles.values.tolist(), poles.shapes, strict=True):

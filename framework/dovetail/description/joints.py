@@ -124,22 +124,21 @@ def _points(
     faults: FaultList,
 ) -> list[NDArray[np.float64]] | None:
     """Return where the first nodes of a joint's ports are in the assembly [m]; None, with a fault, if unknown."""
-    parts = {at.substructure: substructures[at.substructure] for at in attachments}
-    how, points = _ALONG if model.component.acts_along_its_nodes else _ACROSS, []
+    how, points, moving = _ALONG if model.component.acts_along_its_nodes else _ACROSS, [], dict[str, None]()
     for attachment in attachments:
-        part = parts[attachment.substructure]
+        name = attachment.substructure
+        part = substructures[name]
         assert part is not None
         node = part.nodes[attachment.nodes[0]]
         if part.grounded and node.point is None:
-            problem = f"{model.label} {how}, and '{attachment.substructure}' is everywhere."
+            problem = f"{model.label} {how}, and '{name}' is everywhere."
             remedy = "Say where its points are: 'points: [[0 mm, 0 mm, 0 mm]]' instead of positions."
             faults.add((*path, "connect"), problem, remedy=remedy)
             return None
+        moving |= {} if part.grounded else {f"'{name}'": None}
         points.append(np.asarray(node.coordinates))
-    moving = [name for name, part in parts.items() if part is not None and not part.grounded]
     if len(moving) > 1 and not any(isinstance(part, PlacedPart) and part.in_space for part in substructures.values()):
-        names = " and ".join(f"'{name}'" for name in moving)
-        problem = f"{model.label} {how}, and nothing says how {names} lie in space."
+        problem = f"{model.label} {how}, and nothing says how {' and '.join(moving)} lie in space."
         faults.add((*path, "connect"), problem, remedy="Give the parts a 'place', one of them at least.")
         return None
     return points

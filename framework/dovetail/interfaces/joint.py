@@ -164,10 +164,9 @@ class Parameter:
 class JointModel(Component):
     """A connection with parameters to identify.
 
-    Its local DOFs are those of its ports' nodes (`node_dofs`), each in the order of its port's directions, by default x
-    then rz, and its internal DOFs. The nodes of a layer lie along some axes of the joint (`nodes_along`); facing ones
-    may be apart along x if it `spans_a_distance`, and x leads from node to node if it `acts_along_its_nodes`. If it
-    `carries_its_nodes`, it acts at the last port's node, to which a rigid arm leads from each other node.
+    Its local DOFs are those of its ports' nodes (`node_dofs`), in the order of its port's directions, and inner ones.
+    Nodes of a layer lie along axes of the joint (`nodes_along`); facing ones may be apart along x if it
+    `spans_a_distance`. x leads from node to node if it `acts_along_its_nodes`, rigid arms if it `carries_its_nodes`.
     """
 
     kind: ClassVar[Kind] = "joint"

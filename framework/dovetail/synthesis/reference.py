@@ -67,7 +67,7 @@ def _substructures(graph: Graph) -> tuple[list[_Component], int]:
             matrices = substructure_matrices(substructure)
         if matrices is None:
             raise DovetailError(f"substructure '{name}' has no matrices, so the assembly has none either.")
-        dofs = substructure.node_dofs.size
+        dofs = len(graph.substructure_dofs(name))
         outer, motion = graph.motion(name, range(dofs))
         inner = np.full(matrices.size - dofs, HELD, dtype=np.intp)
         if not substructure.grounded:
