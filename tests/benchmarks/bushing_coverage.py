@@ -1,18 +1,26 @@
 """How often the 90 % intervals of the twelve unknowns of a bushing, from five FRFs, hold the true values.
 
-    python tests/benchmarks/bushing_coverage.py [--cases 100] [--structures 10] [--seed 0] [--samples 100] [--first 0]
+    python tests/benchmarks/bushing_coverage.py [--cases 100] [--structures 10] [--seed 0] [--samples 100]
+                                                [--first 0] [--file CASES] [--seconds 480]
 
 A rigid body of random mass, inertia and place sits on a bushing with random axes upon a post that is welded to the
 ground. Sensors and hammer are at random points of the body and in random directions; the lines have random errors of
 1 %, and the model is exact. The true parameters are drawn evenly from their ranges, on their scales, which is the
 prior. The columns are those of `interval_coverage.py`.
+
+With `--file`, each case is added to a file as it ends, cases that are in it are not run again, none begins after
+`--seconds`, and the tables are those of all its cases: so a study runs in slices.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+import json
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import fields
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 from interval_coverage import Case, outcome, table
@@ -101,15 +109,50 @@ def identified(number: int, seed: int, structures: int, samples: int) -> Case:
     return outcome(number, number % structures, assembly, theta, measured, samples)
 
 
+def cases_in(file: Path) -> list[Case]:
+    """Return the cases of a file, one JSON object a line."""
+    if not file.exists():
+        return []
+    names, cases = [field.name for field in fields(Case)], []
+    for line in file.read_text(encoding="utf-8").splitlines():
+        values = {name: json.loads(line)[name] for name in names}
+        arrays = {name: np.array(values[name], dtype=bool) for name in ("below", "above")}
+        texts = {name: tuple(values[name]) for name in ("names", "verdicts")}
+        cases.append(Case(**{**values, **arrays, **texts}))
+    return cases
+
+
+def add(case: Case, file: Path) -> None:
+    """Add a case to a file."""
+    arrays = {"below": case.below.tolist(), "above": case.above.tolist()}
+    with file.open("a", encoding="utf-8") as lines:
+        lines.write(json.dumps({**vars(case), **arrays}) + "\n")
+
+
+def run_slice(count: int, structures: int, seed: int, samples: int, first: int, file: Path, limit: float) -> list[Case]:
+    """Identify cases that a file lacks, until `limit` [s] is over, and return all that it then has."""
+    began, known = time.monotonic(), {case.number for case in cases_in(file)}
+    for number in range(first, first + count):
+        if number not in known and time.monotonic() - began < limit:
+            add(identified(number, seed, structures, samples), file)
+    return cases_in(file)
+
+
+def print_tables(cases: Sequence[Case], report: Callable[[str], object] = print) -> None:
+    """Print the tables."""
+    report(table("all", cases, lambda case, index: "all"))
+    report(table("verdict", cases, lambda case, index: case.verdicts[index]))
+    report(table("parameter", cases, lambda case, index: case.names[index]))
+    report(table("structure", cases, lambda case, index: f"{case.structure:2d}"))
+    report(f"median {np.median([case.seconds for case in cases]):.2f} s for five FRFs")
+
+
 def study(
     count: int, structures: int, seed: int, samples: int, report: Callable[[str], object] = print, first: int = 0
 ) -> list[Case]:
     """Identify the cases from number `first` on and print the tables."""
     cases = [identified(number, seed, structures, samples) for number in range(first, first + count)]
-    report(table("all", cases, lambda case, index: "all"))
-    report(table("verdict", cases, lambda case, index: case.verdicts[index]))
-    report(table("parameter", cases, lambda case, index: case.names[index]))
-    report(f"median {np.median([case.seconds for case in cases]):.2f} s for five FRFs")
+    print_tables(cases, report)
     return cases
 
 
@@ -120,5 +163,11 @@ if __name__ == "__main__":
     parser.add_argument("--seed", type=int, default=0, help="of the structures, parameters and noise")
     parser.add_argument("--samples", type=int, default=100)
     parser.add_argument("--first", type=int, default=0, help="number of the first case, to run a study in slices")
+    parser.add_argument("--file", type=Path, help="that keeps the cases")
+    parser.add_argument("--seconds", type=float, default=480.0, help="after which no further case begins, with --file")
     options = parser.parse_args()
-    study(options.cases, options.structures, options.seed, options.samples, first=options.first)
+    run = options.cases, options.structures, options.seed, options.samples
+    if options.file:
+        print_tables(run_slice(*run, options.first, options.file, options.seconds))
+    else:
+        study(*run, first=options.first)

@@ -9,7 +9,8 @@ import pytest
 import scipy.linalg
 
 import dovetail
-from dovetail.assembly.constraints import ConstrainedGraph
+from dovetail.assembly.constraints import ConstrainedGraph, constrained
+from dovetail.synthesis import Engine, Graph
 from support.dense_space import DenseStructure
 
 STEEL = {"young": 210e9, "density": 7850.0, "poisson": 0.3, "loss_factor": 0.01}
@@ -415,3 +416,52 @@ def test_a_strut_between_parts_without_places_is_refused_too():
     described["joints"]["link"] = {**described["joints"]["link"], "model": "strut"}
     with pytest.raises(dovetail.DovetailError, match="nothing says how 'arm' and 'other' lie in space"):
         dovetail.load(described)
+
+
+class KnownByFrfs(dovetail.SubstructureModel):
+    """A part without matrices, with the receptances of another one."""
+
+    name = "known_by_frfs"
+    summary = "A part known by its FRFs only"
+
+    def __init__(self, part):
+        super().__init__()
+        self.part = part
+
+    @property
+    def nodes(self):
+        return self.part.nodes
+
+    def matrices(self):
+        return None
+
+    def receptance(self, frequency, dofs):
+        return self.part.receptance(frequency, dofs)
+
+
+@pytest.mark.parametrize("make", [rigid_link, hinge_about_a_skew_axis], ids=lambda make: make.__name__)
+def test_a_part_known_by_its_frfs_is_held_like_one_with_matrices(make):
+    scene, at, force_at = make(np.random.default_rng(8), None)
+    assembly = dovetail.load(scene.described(at, OUT, force_at, INTO))
+    plain, engine = assembly.graph.plain, assembly.engine
+    parts = {**plain.substructures, "other": KnownByFrfs(plain.substructures["other"])}
+    graph = constrained(Graph(parts, plain.connections))
+    theta = {name: np.empty((1, 0)) for name in plain.connections}
+    measured = Engine(graph, LINES, engine.system.points, theta, pairs=engine.pairs)
+    assert difference(measured.frfs(theta), engine.frfs(theta)) < 1e-6
+
+
+@pytest.mark.parametrize(
+    "chain", [{"mass": {"value": 0.02}}, {"window": {"value": 3.0}}], ids=lambda one: next(iter(one))
+)
+def test_a_sensor_and_a_window_act_at_a_node_that_follows_others(chain):
+    """The same at the other side of the weld, whose DOFs the elimination keeps or solves for in its place."""
+    scene, _, force_at = weld_at_a_carried_node(np.random.default_rng(9), None)
+    frfs = []
+    for at in (("arm", 0.3), ("body", "held")):
+        described = scene.described(at, OUT, force_at, INTO)
+        described["response"]["calibration"] = chain
+        frfs.append(dovetail.load(described).frf())
+    assert difference(frfs[1], frfs[0]) < 1e-9
+    plain = dovetail.load(scene.described(("arm", 0.3), OUT, force_at, INTO)).frf()
+    assert difference(frfs[0], plain) > 1e-4

@@ -21,7 +21,16 @@ from dovetail.description.changed_joint import ChangedJoint
 from dovetail.description.checked import SHARED, Description, JointEntry, Place, Response, Tie
 from dovetail.description.unknown_parts import UnknownPart, UnknownReceptance
 from dovetail.errors import Fault, ParameterError
-from dovetail.interfaces import JointModel, Node, Parameter, Port, StructuralMatrices, SubstructureModel, is_rotation
+from dovetail.interfaces import (
+    DIRECTIONS,
+    JointModel,
+    Node,
+    Parameter,
+    Port,
+    StructuralMatrices,
+    SubstructureModel,
+    is_rotation,
+)
 from dovetail.synthesis import Attachment, Connection, Engine, Graph, Point
 from dovetail.synthesis.joint_evaluation import Theta, depends_on_frequency
 
@@ -124,7 +133,8 @@ def entries_at_response(description: Description) -> dict[str, JointEntry]:
 
 
 def _sensor(place: Place, owner: str) -> JointEntry:
-    directions = tuple(d for d in place.dofs.directions[place.node] if not is_rotation(d))
+    moves = DIRECTIONS if place.node in place.dofs.carriers else place.dofs.directions[place.node]
+    directions = tuple(d for d in moves if not is_rotation(d))
     sensor = Connection(_SensorMass(directions), (Attachment(place.substructure, (place.node,)),))
     return JointEntry(connection=sensor, parameters=_SensorMass.parameters, ties={"mass": Tie(owner, "mass")})
 
