@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail.assembly.parameters import AffineMap, ParameterMap, ResponseFrfs, chain_rule
+from dovetail.assembly.measurement_chain import chain_rule
+from dovetail.assembly.parameters import AffineMap, ParameterMap, ResponseFrfs
 from dovetail.description import ParameterEntry, Tie
 from dovetail.interfaces import Parameter
 

@@ -10,8 +10,8 @@ import pytest
 import dovetail
 from dovetail.inference.posterior import ModelError
 from dovetail.inference.posterior.frequency_average import AveragedResiduals, needs_average, weigh, with_deviation
-from dovetail.problem.observations import Observations
-from dovetail.problem.residuals import FrfResiduals, ModelFrfs, StackedResiduals
+from dovetail.problem.observations import Observations, StackedResiduals
+from dovetail.problem.residuals import FrfResiduals, ModelFrfs
 from support.noisy_measurements import noisy
 
 EVEN = np.arange(50.0, 2050.0, 0.25)

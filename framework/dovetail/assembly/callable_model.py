@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import json
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import replace
 from functools import partial
 from typing import Any, NoReturn
@@ -153,21 +154,31 @@ class _CalledFrfs(ResponseFrfs):
         self._model = model
         quantity = model.description.response.quantity
         self._factor = np.abs(conversion(model.frequency, quantity, "accelerance"))
+        self._times = np.ones((1, len(model.frequency)))
+
+    def times(self, factors: NDArray[np.float64]) -> _CalledFrfs:
+        """Return these FRFs multiplied by factors (1, n_freq)."""
+        other = copy(self)
+        other._times = factors * self._times
+        return other
 
     def frfs(self, batch: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return FRFs (n, 1, n_freq)."""
-        return self._model._values_at(batch)[:, np.newaxis]
+        return self._model._values_at(batch)[:, np.newaxis] * self._times
 
     def amplitudes(self, batch: NDArray[np.float64]) -> NDArray[np.float32]:
         """Return amplitudes of the accelerances (n, 1, n_freq)."""
         return np.asarray(np.abs(self.frfs(batch)) * self._factor, dtype=np.float32)
 
-    def jacobian(self, batch: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        """Return FRFs (n, 1, n_freq) and their derivatives (n, 1, n_params, n_freq)."""
+    def jacobian(
+        self, batch: NDArray[np.float64], scales: NDArray[np.float64] | None = None
+    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """Return FRFs (n, 1, n_freq) and their derivatives (n, 1, n_params, n_freq), times `scales` (n, n_params)."""
         lower, upper = np.transpose([(p.lower, p.upper) for p in self._model.parameters])
         columns = range(len(self._model.parameters))
         slopes = differences(self._model._values_at, batch, columns, lower, upper)
-        return self.frfs(batch), np.swapaxes(slopes, 0, 1)[:, np.newaxis]
+        factors = self._times if scales is None else self._times * scales[:, np.newaxis, :, np.newaxis]
+        return self.frfs(batch), np.asarray(np.swapaxes(slopes, 0, 1)[:, np.newaxis] * factors, dtype=np.complex128)
 
 
 def _check(

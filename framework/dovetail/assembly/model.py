@@ -120,7 +120,7 @@ class Assembly:
             same = isinstance(other, Assembly) and (self._rigid, self._added) == (other._rigid, other._added)
             if not same or not np.array_equal(self.frequency, other.frequency):
                 return None
-        return self._frfs_at([model.description.response for model in (self, *others)])
+        return self._frfs_at([each.description.response for each in (self, *others)]) if others else self._first
 
     def _frfs_at(self, responses: Sequence[Response]) -> ResponseFrfs:
         """Return the FRFs of responses that see the same structure as the first, at its frequencies."""

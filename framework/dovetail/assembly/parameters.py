@@ -4,22 +4,25 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from copy import copy
 from dataclasses import replace
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly.measurement_chain import Chain
+from dovetail.assembly.measurement_chain import Chain, chain_rule
 from dovetail.assembly.structure import ResponsePairs
-from dovetail.assembly.theta import HoldsParameters, IdentifiedValue, Theta, are_identified, si_value
+from dovetail.assembly.theta import HoldsParameters, Theta, values_by_name
 from dovetail.description.checked import ParameterEntry, Response, Tie, resolve
-from dovetail.errors import Fault, ParameterError, UnitError, did_you_mean, listing
+from dovetail.errors import Fault, ParameterError, did_you_mean, listing
 from dovetail.frf import conversion
 from dovetail.interfaces import Parameter
 from dovetail.interfaces.joint import Prior, RangeMap, Scale
 from dovetail.synthesis import Engine, FrfSource
+from dovetail.synthesis.plan import Factors
 from dovetail.units import format_quantity
 
 
@@ -97,31 +100,6 @@ class AffineMap(ParameterMap):
     def jacobian(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the derivatives as `ParameterMap.jacobian` does."""
         return np.broadcast_to(self._slopes, (len(theta), *self._slopes.shape))
-
-
-def chain_rule(derivatives: NDArray[Any], slopes: NDArray[np.float64]) -> NDArray[Any]:
-    """Return derivatives by theta (n, ..., n_params, n_freq).
-
-    Parameters
-    ----------
-    derivatives : (n, ..., n_values, n_freq) array
-        By some values.
-    slopes : (n, n_values, n_params) array
-        Derivatives of these values by theta.
-    """
-    _, count, parameters = slopes.shape
-    if count == parameters and (slopes == np.eye(count)).all():
-        return derivatives
-    depends = slopes.any(axis=0)
-    if (depends.sum(axis=0) == 1).all():  # each parameter is the only source of one value
-        values = np.argmax(depends, axis=0)
-        factors = slopes[:, values, np.arange(parameters)]
-        return derivatives[..., values, :] * factors.reshape(len(slopes), *(1,) * (derivatives.ndim - 3), parameters, 1)
-    total = np.zeros((*derivatives.shape[:-2], parameters, derivatives.shape[-1]), dtype=derivatives.dtype)
-    for value, column in np.argwhere(depends):
-        slope = slopes[:, value, column].reshape(-1, *(1,) * (derivatives.ndim - 2))
-        total[..., column, :] += slope * derivatives[..., value, :]
-    return total
 
 
 class ParameterScales:
@@ -238,7 +216,9 @@ class ParameterSpace:
         if theta is None:
             return self.nominal[None, :], True
         if isinstance(theta, Mapping):
-            return self._from_mapping(theta)[None, :], True
+            values_of = values_by_name(theta, self.parameters, self._aliases, self._unknown)
+            named = zip(self.names, self.nominal.tolist(), strict=True)
+            return np.array([[values_of.get(name, middle) for name, middle in named]]), True
         try:
             values = np.array(theta, dtype=np.float64)
         except (TypeError, ValueError):
@@ -255,31 +235,6 @@ class ParameterSpace:
             sample, column = np.argwhere(~np.isfinite(np.atleast_2d(values)))[0]
             raise ParameterError(Fault("theta", f"{self.names[column]} of vector {sample} is not finite."))
         return np.atleast_2d(values), values.ndim == 1
-
-    def _from_mapping(self, theta: Mapping[str, object]) -> NDArray[np.float64]:
-        faults, values = [], {}
-        units = {parameter.name: parameter.unit for parameter in self.parameters}
-        for key, value in theta.items():
-            with_owner = f"{value.joint}.{key}" if isinstance(value, IdentifiedValue) else key
-            name = self._aliases.get(key, self._aliases.get(with_owner, key))
-            if name not in units:
-                faults.append(self._unknown(key))
-                continue
-            try:
-                values[name] = si_value(value, units[name])
-            except UnitError as error:
-                faults.append(Fault(f"parameter {key}", error.faults[0].problem))
-        missing = [name for name in self.names if name not in values] if are_identified(theta) else []
-        if missing and not faults:
-            problem = f"the identified parameters lack {listing(missing)}."
-            remedy = (
-                "For a joint in another assembly use 'dovetail.predict'; values by name leave others in the middle."
-            )
-            faults.append(Fault("theta", problem, listing(self.names, 20), remedy))
-        if faults:
-            raise ParameterError(*faults)
-        nominal = zip(self.names, self.nominal.tolist(), strict=True)
-        return np.array([values.get(name, middle) for name, middle in nominal])
 
     def _unknown(self, name: str) -> Fault:
         for owner, entry in self._entries.items():
@@ -324,16 +279,28 @@ class ResponseFrfs:
         self.engine = engine
         self.source = source
         self._map = parameter_map
-        self._chains = [index for index, response in enumerate(responses) if response.name in calibrations]
+        self._chains = [
+            index
+            for index, response in enumerate(responses)
+            if response.name in calibrations and not Chain.is_identity(calibrations[response.name])
+        ]
         self._calibrations = calibrations
         self._responses, self._pairs = responses, pairs or ResponsePairs.of_responses(responses, engine.graph)
         to_quantity = [conversion(engine.frequency, "receptance", response.quantity) for response in responses]
         to_accelerance = [conversion(engine.frequency, "receptance", "accelerance")] * len(responses)
         self._in_quantity, self._in_accelerance = np.stack(to_quantity), np.stack(to_accelerance)
-        self._to_quantity, self._to_accelerance = (
-            engine.prepared(factors if self._pairs.weights is None else None)
-            for factors in (self._in_quantity, self._in_accelerance)
-        )
+        self._to_quantity, self._to_accelerance = map(self._prepared, (self._in_quantity, self._in_accelerance))
+
+    def _prepared(self, factors: NDArray[np.complex128]) -> Factors:
+        """Return the engine's factors: those of the responses if each is a pair."""
+        return self.engine.prepared(factors if self._pairs.weights is None else None)
+
+    def times(self, factors: NDArray[np.float64]) -> ResponseFrfs:
+        """Return these FRFs, without their amplitudes, multiplied by factors (n_responses, n_freq)."""
+        other = copy(self)
+        other._in_quantity = factors * self._in_quantity
+        other._to_quantity = self._prepared(other._in_quantity)
+        return other
 
     def frfs(self, batch: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return FRFs (n, n_responses, n_freq) of parameter vectors (n, n_params)."""
@@ -356,16 +323,30 @@ class ResponseFrfs:
             values[:, index] *= np.abs(self._chain(index, by_owner).factor)
         return values
 
-    def jacobian(self, batch: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        """Return FRFs (n, n_responses, n_freq) and their derivatives (n, n_responses, n_params, n_freq)."""
+    def jacobian(
+        self, batch: NDArray[np.float64], scales: NDArray[np.float64] | None = None
+    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """Return FRFs (n, n_responses, n_freq) and their derivatives (n, n_responses, n_params, n_freq).
+
+        Parameters
+        ----------
+        batch : (n, n_params) array
+        scales : (n, n_params) array, optional
+            Factors of the derivatives, such as derivatives of the parameters by fractions of their ranges.
+        """
         by_owner = self._map.by_component(batch)
+        slopes = self._map.jacobian(batch)
+        if scales is not None:
+            slopes = slopes * scales[:, np.newaxis]
+        of_values = slopes[:, self._graph_columns]
+        in_place = _slopes_in_place(of_values)
         values, derivatives = (
             self._pairs.summed(of_pairs, self._in_quantity)
-            for of_pairs in self.engine.frfs_jacobian(by_owner, self._to_quantity)
+            for of_pairs in self.engine.frfs_jacobian(by_owner, self._to_quantity, in_place)
         )
-        values, slopes = _for_each(batch, values), self._map.jacobian(batch)
-        by_value = _for_each(batch, np.swapaxes(derivatives, 2, 3))
-        jacobian = chain_rule(by_value, slopes[:, self._columns_of(self.engine.graph.connections)])
+        values, jacobian = _for_each(batch, values), _for_each(batch, np.swapaxes(derivatives, 2, 3))
+        if in_place is None:
+            jacobian = chain_rule(jacobian, of_values)
         for index in self._chains:
             chain, name = self._chain(index, by_owner), self._responses[index].name
             by_chain = [values[:, index] * chain.derivative(c) for c in self._map.varying_columns(name)]
@@ -374,6 +355,11 @@ class ResponseFrfs:
                 jacobian[:, index] += chain_rule(np.stack(by_chain, axis=1), slopes[:, self._columns_of([name])])
             values[:, index] *= chain.factor
         return values, jacobian
+
+    @cached_property
+    def _graph_columns(self) -> list[int]:
+        """Columns of the values on which the structure depends."""
+        return self._columns_of(self.engine.graph.connections)
 
     def _columns_of(self, components: Iterable[str]) -> list[int]:
         """Return the columns of some components' values that depend on theta, among all values."""
@@ -390,3 +376,10 @@ class ResponseFrfs:
 def _for_each(batch: NDArray[np.float64], values: NDArray[Any]) -> NDArray[Any]:
     """Return values (n, ...) for a batch of n vectors; without joints the engine computes them once."""
     return values if len(values) == len(batch) else np.repeat(values, len(batch), axis=0)
+
+
+def _slopes_in_place(slopes: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """Return the slopes (n, n_params) if each parameter is the source of the value in its place and of no other."""
+    _, count, parameters = slopes.shape
+    others = ~np.eye(count, parameters, dtype=np.bool_)
+    return None if count != parameters or slopes[:, others].any() else np.einsum("nii->ni", slopes)

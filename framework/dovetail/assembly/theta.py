@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dovetail.errors import UnitError
+from dovetail.errors import Fault, ParameterError, UnitError, listing
+from dovetail.interfaces import Parameter
 from dovetail.units import to_si
 
 
@@ -68,3 +69,47 @@ def si_value(value: object, unit: str) -> float:
             raise UnitError(f"it was identified in {value.unit}, and its unit is {unit} here.")
         value = value.value
     return to_si(value.item() if isinstance(value, np.generic) else value, unit)
+
+
+def values_by_name(
+    theta: Mapping[str, object],
+    parameters: Sequence[Parameter],
+    aliases: Mapping[str, str],
+    unknown: Callable[[str], Fault],
+) -> dict[str, float]:
+    """Return the SI values of a mapping by the names of the parameters, which may be given with their owners' names.
+
+    Parameters
+    ----------
+    theta : mapping of str to value
+    parameters : sequence of Parameter
+    aliases : mapping of str to str
+        The name of each parameter by its name with its owner.
+    unknown : callable
+        Returns what is wrong with a name that no parameter has.
+
+    Raises
+    ------
+    ParameterError
+        Unknown names, other units; an identification lacks parameters.
+    """
+    faults, values = [], {}
+    units = {parameter.name: parameter.unit for parameter in parameters}
+    for key, value in theta.items():
+        with_owner = f"{value.joint}.{key}" if isinstance(value, IdentifiedValue) else key
+        name = aliases.get(key, aliases.get(with_owner, key))
+        if name not in units:
+            faults.append(unknown(key))
+            continue
+        try:
+            values[name] = si_value(value, units[name])
+        except UnitError as error:
+            faults.append(Fault(f"parameter {key}", error.faults[0].problem))
+    missing = [name for name in units if name not in values] if are_identified(theta) else []
+    if missing and not faults:
+        problem = f"the identified parameters lack {listing(missing)}."
+        remedy = "For a joint in another assembly use 'dovetail.predict'; values by name leave others in the middle."
+        faults.append(Fault("theta", problem, listing(units, 20), remedy))
+    if faults:
+        raise ParameterError(*faults)
+    return values

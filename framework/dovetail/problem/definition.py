@@ -13,7 +13,7 @@ from dovetail.assembly import Assembly, FrfModel, ParameterScales
 from dovetail.frf import Frf
 from dovetail.interfaces import NO_LIMIT, Estimate, IdentificationProblem, Parameter, Scale, TimeLimit
 from dovetail.measurement.roles import power_balance
-from dovetail.problem.least_squares import Linearisation
+from dovetail.problem.least_squares import Linearisation, SumOfSquares
 from dovetail.problem.observations import Observations
 from dovetail.problem.residuals import FrfResiduals, ModelFrfs, Residual
 
@@ -194,6 +194,42 @@ class Problem(IdentificationProblem):
     def with_model(self, model: FrfModel) -> Problem:
         """Return the problem of the same observations with the FRFs of another model of the same parameters."""
         return replace(self, changed=model)
+
+
+class WithPrior(SumOfSquares):
+    """Residuals of a measurement, followed by those of normal priors: the parameters' deviations from the means.
+
+    Parameters
+    ----------
+    misfit : SumOfSquares
+        Of fractions of the ranges.
+    parameters : sequence of Parameter
+    """
+
+    def __init__(self, misfit: SumOfSquares, parameters: Sequence[Parameter]) -> None:
+        self._misfit, self.limit = misfit, misfit.limit
+        self._normal = [(column, p) for column, p in enumerate(parameters) if p.prior == "normal"]
+
+    def residuals(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return residuals (n, m) at fractions (n, p) of the ranges."""
+        residuals = self._misfit.residuals(fraction)
+        return np.concatenate([residuals, self._prior(fraction)[0]], axis=1) if self._normal else residuals
+
+    def linearise(self, fraction: NDArray[np.float64]) -> Linearisation:
+        """Return residuals and their derivatives at fractions (n, p) of the ranges."""
+        linear = self._misfit.linearise(fraction)
+        if not self._normal:
+            return linear
+        deviations, jacobian = self._prior(fraction)
+        residuals = np.concatenate([linear.residuals, deviations], axis=1)
+        return Linearisation(residuals, np.concatenate([linear.jacobian, jacobian], axis=2))
+
+    def _prior(self, fraction: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        deviations = np.empty((len(fraction), len(self._normal)))
+        jacobian = np.zeros((*fraction.shape, len(self._normal)))
+        for row, (column, parameter) in enumerate(self._normal):
+            deviations[:, row], jacobian[:, column, row] = parameter.normal_residual(fraction[:, column])
+        return deviations, jacobian
 
 
 def values_at(parameters: Sequence[Parameter], fraction: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -14,10 +14,10 @@ from scipy.optimize import linear_sum_assignment
 from dovetail.assembly import Assembly
 from dovetail.errors import Fault, MeasurementError
 from dovetail.measurement import ModalParameters
-from dovetail.problem.definition import Problem
+from dovetail.problem.definition import Problem, WithPrior
 from dovetail.problem.least_squares import Linearisation
-from dovetail.problem.observations import Observations
-from dovetail.problem.residuals import ModelFrfs, Residual, StackedResiduals, Weighted, WithPrior
+from dovetail.problem.observations import Observations, StackedResiduals
+from dovetail.problem.residuals import ModelFrfs, Residual, Weighted
 from dovetail.synthesis import DampedModes
 
 
@@ -55,6 +55,10 @@ class ModelModes(ModelFrfs):
     """
 
     table: ModalParameters
+
+    @cached_property
+    def together(self) -> None:
+        """No FRFs are computed."""
 
     @property
     def counts(self) -> tuple[int, ...]:
@@ -144,6 +148,10 @@ class RealDifferences(Weighted):
     def jacobian(self, _frf: NDArray[np.complex128], frf_jacobian: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Return their derivatives (n, p, m) from those of the numbers."""
         return np.asarray(frf_jacobian.real * self.weight)
+
+    def factored(self) -> tuple[None, Residual]:
+        """Return no factors: the numbers are no FRFs."""
+        return None, self
 
 
 @dataclass(frozen=True, eq=False)

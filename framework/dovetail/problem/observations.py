@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
-from typing import Any, Literal
+from typing import Any, Generic, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ from dovetail.problem.random_error import (
     random_error_variance,
     residual_variance,
 )
-from dovetail.problem.residuals import LogAmplitude, Residual, StackedResiduals, Weighted, split_by_response
+from dovetail.problem.residuals import LogAmplitude, Residual, Weighted, joined, split_by_response
 
 Weights = Literal["coherence", "amplitude"] | NDArray[np.float64]
 """How much each line counts if not by its random error; see `weighted_variance`."""
@@ -57,6 +57,77 @@ def one_per_response(description: Description, measured: Frf | Sequence[Frf]) ->
 
 def _counted(count: int, noun: str) -> str:
     return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
+_Kind = TypeVar("_Kind", bound=Residual)
+
+
+@dataclass(frozen=True, eq=False)
+class StackedResiduals(Residual, Generic[_Kind]):
+    """Residuals of one response or several, concatenated.
+
+    Parameters
+    ----------
+    responses : tuple of residuals of one kind
+        The residuals of each response.
+    counts : tuple of int
+        Lines of each response.
+    """
+
+    responses: tuple[_Kind, ...]
+    counts: tuple[int, ...]
+
+    def of(self, frf: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return the residuals (n, m) of FRFs (n, f)."""
+        pairs = zip(self.responses, self._split(frf), strict=True)
+        return joined([residual.of(block) for residual, block in pairs], axis=-1)
+
+    def jacobian(self, frf: NDArray[np.complex128], frf_jacobian: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return their derivatives (n, p, m) from FRFs (n, f) and their derivatives (n, p, f)."""
+        blocks = zip(self.responses, self._split(frf), self._split(frf_jacobian), strict=True)
+        return joined([residual.jacobian(*block) for residual, *block in blocks], axis=-1)
+
+    def factored(self) -> tuple[NDArray[np.float64] | None, Residual]:
+        """Return the factors of all responses and the rest of their residuals, if one of them has factors."""
+        pairs = [residual.factored() for residual in self.responses]
+        if all(factors is None for factors, _ in pairs):
+            return None, self
+        each = zip(pairs, self.counts, strict=True)
+        factors = [np.ones(count) if of_one is None else of_one for (of_one, _), count in each]
+        return joined(factors, axis=0), StackedResiduals(tuple(residual for _, residual in pairs), self.counts)
+
+    @property
+    def log_scale(self: StackedResiduals[Any]) -> float:
+        """Logarithm of the residuals' density where they are 0, as a density of the measured values."""
+        return float(sum(residual.log_scale for residual in self.responses))
+
+    def size(self: StackedResiduals[Weighted], frf: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return the size (f,) of each line's residual, as `Weighted.size`."""
+        pairs = zip(self.responses, self._split(frf), strict=True)
+        return joined([residual.size(block) for residual, block in pairs], axis=-1)
+
+    def at(self: StackedResiduals[Weighted], lines: NDArray[np.intp]) -> StackedResiduals[Weighted]:
+        """Return the residuals of some lines (increasing indices), without responses that have none of them."""
+        pairs = zip(self.responses, split_by_response(lines, self.counts), strict=True)
+        kept = [(residual.at(rows), len(rows)) for residual, rows in pairs if len(rows)]
+        return StackedResiduals(*zip(*kept, strict=True))
+
+    def lines_of(self: StackedResiduals[Weighted], residuals: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Return the indices of the lines to which residuals belong, increasing, each once."""
+        return np.unique(self._lines[residuals])
+
+    def residuals_of(self: StackedResiduals[Weighted], lines: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Return the indices of the residuals of some lines."""
+        return np.flatnonzero(np.isin(self._lines, lines))
+
+    @property
+    def _lines(self: StackedResiduals[Weighted]) -> NDArray[np.intp]:
+        """(m,) the line of each residual."""
+        of_each = np.repeat([2 if residual.has_phase else 1 for residual in self.responses], self.counts)
+        return np.repeat(np.arange(sum(self.counts)), of_each)
+
+    def _split(self, values: NDArray[np.complex128]) -> list[NDArray[np.complex128]]:
+        return [values] if len(self.counts) == 1 else np.split(values, np.cumsum(self.counts)[:-1], axis=-1)
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Protocol
 
 import numpy as np
 import scipy  # loads a part of it when that is first used
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from dovetail.assembly import FrfModel, ParameterScales, ResponseFrfs
 from dovetail.frf import Frf
 from dovetail.frf.rice import rice_mean
-from dovetail.interfaces import NO_LIMIT, Parameter, TimeLimit
+from dovetail.interfaces import NO_LIMIT, TimeLimit
 from dovetail.parallel import cores, one_blas_thread, threads
 from dovetail.problem.least_squares import Linearisation, SumOfSquares
 
@@ -69,22 +69,21 @@ class ModelFrfs:
 
     def frf(self, theta: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return FRFs (n, n_lines) at parameter vectors (n, n_params)."""
-        if self._together is not None:
-            return _end_to_end(self._together.frfs(theta))
-        return _joined([assembly.frf(theta) for assembly in self.assemblies], axis=1)
+        if self.together is not None:
+            return _end_to_end(self.together.frfs(theta))
+        return joined([assembly.frf(theta) for assembly in self.assemblies], axis=1)
 
     def frf_jacobian(self, theta: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         """Return FRFs (n, n_lines) and their derivatives (n, n_lines, n_params)."""
-        if self._together is not None:
-            values, derivatives = self._together.jacobian(theta)
+        if self.together is not None:
+            values, derivatives = self.together.jacobian(theta)
             return _end_to_end(values), _end_to_end(np.swapaxes(derivatives, 2, 3))
         frfs, jacobians = zip(*(assembly.frf_jacobian(theta) for assembly in self.assemblies), strict=True)
-        return _joined(frfs, axis=1), _joined(jacobians, axis=1)
+        return joined(frfs, axis=1), joined(jacobians, axis=1)
 
     def frf_by_fractions(self, theta: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         """Return FRFs (n, n_lines) and their derivatives (n, n_params, n_lines) by fractions of the ranges."""
-        frf, jacobian = self.frf_jacobian(theta)
-        return frf, np.swapaxes(jacobian, 1, 2) * self.slopes(theta)[:, :, np.newaxis]
+        return MultipliedFrfs(self, None).frf_by_fractions(theta)
 
     def slopes(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the derivatives (n, n_params) of theta by fractions of the ranges."""
@@ -95,10 +94,10 @@ class ModelFrfs:
         return ParameterScales(self.assemblies[0].parameters)
 
     @cached_property
-    def _together(self) -> ResponseFrfs | None:
+    def together(self) -> ResponseFrfs | None:
         """All responses computed together by one elimination, if they see the same structure on the same lines."""
         first, *others = self.assemblies
-        return first.combined(others) if others else None
+        return first.combined(others)
 
     def at(self, lines: NDArray[np.intp]) -> ModelFrfs:
         """Return the FRFs at some lines (increasing indices), without responses that have none of them."""
@@ -113,14 +112,51 @@ def split_by_response(numbers: NDArray[np.intp], counts: tuple[int, ...]) -> lis
     return [numbers[(numbers >= first) & (numbers < end)] - first for first, end in pairwise(ends.tolist())]
 
 
-def _end_to_end(array: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Concatenate the lines of all responses: (n, n_responses, n_freq, ...) becomes (n, n_lines, ...)."""
-    return array.reshape(len(array), array.shape[1] * array.shape[2], *array.shape[3:])
+def _end_to_end(array: NDArray[np.complex128], axis: int = 1) -> NDArray[np.complex128]:
+    """Concatenate the lines of all responses: the axes (n_responses, n_freq) that begin at `axis` become one."""
+    lines = array.shape[axis] * array.shape[axis + 1]
+    return array.reshape(*array.shape[:axis], lines, *array.shape[axis + 2 :])
 
 
-def _joined(arrays: Sequence[NDArray[Any]], axis: int) -> NDArray[Any]:
+def joined(arrays: Sequence[NDArray[Any]], axis: int) -> NDArray[Any]:
     """Concatenate the arrays of all responses; a single one is not copied."""
     return arrays[0] if len(arrays) == 1 else np.concatenate(arrays, axis=axis)
+
+
+class MultipliedFrfs:
+    """FRFs of a model times factors of the lines, and their derivatives by fractions of the ranges.
+
+    Where one elimination gives all responses, it multiplies by all factors itself, since arrays of derivatives take
+    longer to multiply than to compute.
+
+    Parameters
+    ----------
+    model : ModelFrfs
+    factors : (n_lines,) array or None
+        1 if None.
+    """
+
+    def __init__(self, model: ModelFrfs, factors: NDArray[np.float64] | None) -> None:
+        self._model, self._factors, self._together = model, factors, model.together
+        if factors is not None and self._together is not None:
+            self._together = self._together.times(factors.reshape(len(model.assemblies), -1))
+
+    def frf(self, theta: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return FRFs (n, n_lines) at parameter vectors (n, n_params)."""
+        if self._together is not None:
+            return _end_to_end(self._together.frfs(theta))
+        values = self._model.frf(theta)
+        return values if self._factors is None else values * self._factors
+
+    def frf_by_fractions(self, theta: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """Return FRFs (n, n_lines) and their derivatives (n, n_params, n_lines) by fractions of the ranges."""
+        if self._together is not None:
+            values, derivatives = self._together.jacobian(theta, self._model.slopes(theta))
+            one = derivatives.shape[1] == 1
+            return _end_to_end(values), derivatives[:, 0] if one else _end_to_end(np.swapaxes(derivatives, 1, 2), 2)
+        values, derivatives = self._model.frf_jacobian(theta)
+        derivatives = np.swapaxes(derivatives, 1, 2) * self._model.slopes(theta)[:, :, np.newaxis]
+        return (values, derivatives) if self._factors is None else (values * self._factors, derivatives * self._factors)
 
 
 class Residual(Protocol):
@@ -133,6 +169,10 @@ class Residual(Protocol):
     def jacobian(self, frf: NDArray[np.complex128], frf_jacobian: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Return the residuals' derivatives (n, p, m) from FRFs (n, f) and their derivatives (n, p, f)."""
         ...
+
+    def factored(self) -> tuple[NDArray[np.float64] | None, Residual]:
+        """Return factors (f,) of the lines, and the same residuals as functions of FRFs times these; None for 1."""
+        return None, self
 
 
 class FrfResiduals(SumOfSquares):
@@ -149,12 +189,16 @@ class FrfResiduals(SumOfSquares):
     def __init__(self, model: FrfModel | ModelFrfs, residual: Residual) -> None:
         self._model = model if isinstance(model, ModelFrfs) else ModelFrfs.of(model)
         self._assembly = self._model.assemblies[0]
-        self._residual = residual
+        self._factors, self._residual = residual.factored()
         self.limit = self._model.limit
+
+    @cached_property
+    def _frfs(self) -> MultipliedFrfs:
+        return MultipliedFrfs(self._model, self._factors)
 
     def residuals(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return residuals (n, m) at fractions (n, p) of the ranges."""
-        return self._residual.of(self._model.frf(self._assembly.from_unit(fraction)))
+        return self._residual.of(self._frfs.frf(self._assembly.from_unit(fraction)))
 
     def linearise(
         self, fraction: NDArray[np.float64], change: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None
@@ -169,7 +213,8 @@ class FrfResiduals(SumOfSquares):
         """
         theta = self._assembly.from_unit(fraction)
         size = max(1, int(_SETTINGS.derivatives_at_once / max(1, sum(self._model.counts) * theta.shape[1])))
-        if len(theta) <= size:
+        nothing_follows = self._factors is not None and change is None  # the engine has its own blocks
+        if nothing_follows or len(theta) <= size:
             return self._linearised(theta, change)
         first = self._linearised(theta[:size], change)
         residuals = np.empty((len(theta), first.residuals.shape[1]))
@@ -188,51 +233,12 @@ class FrfResiduals(SumOfSquares):
     def _linearised(
         self, theta: NDArray[np.float64], change: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None
     ) -> Linearisation:
-        frf, jacobian = self._model.frf_jacobian(theta)
-        by_fraction = self._residual.jacobian(frf, np.swapaxes(jacobian, 1, 2))
-        by_fraction *= self._model.slopes(theta)[:, :, np.newaxis]
-        residuals = self._residual.of(frf)
-        return (
-            Linearisation(residuals, by_fraction)
-            if change is None
-            else Linearisation(change(residuals), change(by_fraction))
-        )
+        frf, derivatives = self._frfs.frf_by_fractions(theta)
+        jacobian, residuals = self._residual.jacobian(frf, derivatives), self._residual.of(frf)
+        return Linearisation(*(residuals, jacobian) if change is None else (change(residuals), change(jacobian)))
 
 
-class WithPrior(SumOfSquares):
-    """Residuals of a measurement, followed by those of normal priors: the parameters' deviations from the means.
-
-    Parameters
-    ----------
-    misfit : SumOfSquares
-        Of fractions of the ranges.
-    parameters : sequence of Parameter
-    """
-
-    def __init__(self, misfit: SumOfSquares, parameters: Sequence[Parameter]) -> None:
-        self._misfit, self.limit = misfit, misfit.limit
-        self._normal = [(column, p) for column, p in enumerate(parameters) if p.prior == "normal"]
-
-    def residuals(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return residuals (n, m) at fractions (n, p) of the ranges."""
-        return np.concatenate([self._misfit.residuals(fraction), self._prior(fraction)[0]], axis=1)
-
-    def linearise(self, fraction: NDArray[np.float64]) -> Linearisation:
-        """Return residuals and their derivatives at fractions (n, p) of the ranges."""
-        linear = self._misfit.linearise(fraction)
-        deviations, jacobian = self._prior(fraction)
-        residuals = np.concatenate([linear.residuals, deviations], axis=1)
-        return Linearisation(residuals, np.concatenate([linear.jacobian, jacobian], axis=2))
-
-    def _prior(self, fraction: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        deviations = np.empty((len(fraction), len(self._normal)))
-        jacobian = np.zeros((*fraction.shape, len(self._normal)))
-        for row, (column, parameter) in enumerate(self._normal):
-            deviations[:, row], jacobian[:, column, row] = parameter.normal_residual(fraction[:, column])
-        return deviations, jacobian
-
-
-class LogAmplitude:
+class LogAmplitude(Residual):
     """Differences of the logarithms of amplitudes: a shallow sum of squares with few local minima, for the search.
 
     Parameters
@@ -254,11 +260,11 @@ class LogAmplitude:
 
     def jacobian(self, frf: NDArray[np.complex128], frf_jacobian: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Return their derivatives (n, p, f) from FRFs (n, f) and their derivatives (n, p, f)."""
-        return np.real(frf_jacobian * (self._weight / frf)[:, np.newaxis])
+        return _real_products(frf_jacobian, self._weight / frf)
 
 
 @dataclass(frozen=True, eq=False)
-class Weighted:
+class Weighted(Residual):
     """Differences over their standard deviation: complex, or of amplitudes where there is no phase.
 
     Parameters
@@ -320,73 +326,44 @@ class Weighted:
             return _reals(frf_jacobian * self.weight)
         amplitude = np.maximum(np.abs(frf), np.finfo(float).tiny)
         _, slope = rice_mean(amplitude, self.variance)
-        return np.asarray(np.real(frf_jacobian * (np.conj(frf) / amplitude * slope * self.weight)[:, np.newaxis]))
+        return _real_products(frf_jacobian, np.conj(frf) / amplitude * slope * self.weight)
 
-
-_Kind = TypeVar("_Kind", bound=Residual)
+    def factored(self) -> tuple[NDArray[np.float64] | None, Residual]:
+        """Return the weights and the differences of weighted values, if there is a phase."""
+        return (self.weight, Differences(self.measured * self.weight)) if self.has_phase else (None, self)
 
 
 @dataclass(frozen=True, eq=False)
-class StackedResiduals(Generic[_Kind]):
-    """Residuals of one response or several, concatenated.
+class Differences(Residual):
+    """Differences of complex values from measured ones (n_freq,): of each line the real part, then the imaginary part.
 
     Parameters
     ----------
-    responses : tuple of residuals of one kind
-        The residuals of each response.
-    counts : tuple of int
-        Lines of each response.
+    measured : (n_freq,) complex array
     """
 
-    responses: tuple[_Kind, ...]
-    counts: tuple[int, ...]
+    measured: NDArray[Any]
 
     def of(self, frf: NDArray[np.complex128]) -> NDArray[np.float64]:
-        """Return the residuals (n, m) of FRFs (n, f)."""
-        pairs = zip(self.responses, self._split(frf), strict=True)
-        return _joined([residual.of(block) for residual, block in pairs], axis=-1)
+        """Return the residuals (n, 2 f) of FRFs (n, f)."""
+        return _reals(frf - self.measured)
 
-    def jacobian(self, frf: NDArray[np.complex128], frf_jacobian: NDArray[np.complex128]) -> NDArray[np.float64]:
-        """Return their derivatives (n, p, m) from FRFs (n, f) and their derivatives (n, p, f)."""
-        blocks = zip(self.responses, self._split(frf), self._split(frf_jacobian), strict=True)
-        return _joined([residual.jacobian(*block) for residual, *block in blocks], axis=-1)
-
-    @property
-    def log_scale(self: StackedResiduals[Any]) -> float:
-        """Logarithm of the residuals' density where they are 0, as a density of the measured values."""
-        return float(sum(residual.log_scale for residual in self.responses))
-
-    def size(self: StackedResiduals[Weighted], frf: NDArray[np.complex128]) -> NDArray[np.float64]:
-        """Return the size (f,) of each line's residual, as `Weighted.size`."""
-        pairs = zip(self.responses, self._split(frf), strict=True)
-        return _joined([residual.size(block) for residual, block in pairs], axis=-1)
-
-    def at(self: StackedResiduals[Weighted], lines: NDArray[np.intp]) -> StackedResiduals[Weighted]:
-        """Return the residuals of some lines (increasing indices), without responses that have none of them."""
-        pairs = zip(self.responses, split_by_response(lines, self.counts), strict=True)
-        kept = [(residual.at(rows), len(rows)) for residual, rows in pairs if len(rows)]
-        return StackedResiduals(*zip(*kept, strict=True))
-
-    def lines_of(self: StackedResiduals[Weighted], residuals: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Return the indices of the lines to which residuals belong, increasing, each once."""
-        return np.unique(self._lines[residuals])
-
-    def residuals_of(self: StackedResiduals[Weighted], lines: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Return the indices of the residuals of some lines."""
-        return np.flatnonzero(np.isin(self._lines, lines))
-
-    @property
-    def _lines(self: StackedResiduals[Weighted]) -> NDArray[np.intp]:
-        """(m,) the line of each residual."""
-        of_each = np.repeat([2 if residual.has_phase else 1 for residual in self.responses], self.counts)
-        return np.repeat(np.arange(sum(self.counts)), of_each)
-
-    def _split(self, values: NDArray[np.complex128]) -> list[NDArray[np.complex128]]:
-        return np.split(values, np.cumsum(self.counts)[:-1], axis=-1)
+    def jacobian(self, _frf: NDArray[np.complex128], frf_jacobian: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return their derivatives (n, p, 2 f) from those of the FRFs (n, p, f), without a copy if possible."""
+        return _reals(frf_jacobian)
 
 
 def _reals(values: NDArray[np.complex128]) -> NDArray[np.float64]:
-    return np.ascontiguousarray(values).view(np.float64)
+    """Return real and imaginary parts (..., 2 f) of values (..., f); they share memory if lines lie side by side."""
+    side_by_side = values.strides[-1] == values.itemsize
+    return (values if side_by_side else np.ascontiguousarray(values)).view(np.float64)
+
+
+def _real_products(derivatives: NDArray[np.complex128], factors: NDArray[Any]) -> NDArray[np.float64]:
+    """Return the real parts (n, p, f) of derivatives (n, p, f) times factors (n, f)."""
+    products: NDArray[np.float64] = derivatives.real * factors.real[:, np.newaxis]
+    products -= derivatives.imag * factors.imag[:, np.newaxis]
+    return products
 
 
 def _rice_deviation(target: Frf, variance: NDArray[np.float64]) -> NDArray[np.float64]:

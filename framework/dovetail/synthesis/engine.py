@@ -65,6 +65,7 @@ class _Job:
     factors: Factors
     result: NDArray[Any]
     jacobian: NDArray[np.complex128] | None = None
+    scales: NDArray[np.float64] | None = None
 
 
 class Engine:
@@ -205,13 +206,15 @@ class Engine:
         return result[..., : self._lines]
 
     def frfs_jacobian(
-        self, theta: Theta, factors: FactorsLike = None
+        self, theta: Theta, factors: FactorsLike = None, scales: NDArray[np.float64] | None = None
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         """Return the FRFs of all pairs and their derivatives, dH_oi/dp = -x_o^T (dZ/dp) x_i with x_p = Z^-1 e_p.
 
         Parameters
         ----------
         theta, factors : as in `frfs`
+        scales : (n, n_jacobian) array, optional
+            Factors of each derivative, such as derivatives of the parameters by others; 1 by default.
 
         Returns
         -------
@@ -223,11 +226,11 @@ class Engine:
         prepared = self.prepared(factors)
         result = aligned_empty((sample_count(theta), *prepared.values.shape), np.complex128)
         jacobian = aligned_empty((*result.shape[:2], self.plan.inputs.parameters, result.shape[2]), np.complex128)
-        samples = self._run(_Job(lambda plan: plan.jacobian_kernel, theta, prepared, result, jacobian))
+        samples = self._run(_Job(lambda plan: plan.jacobian_kernel, theta, prepared, result, jacobian, scales))
         for single, sample, lines in self._failed_lines(theta, result, samples):
             result[sample][:, lines] = self.plan.pivoted.frfs(single, lines) * prepared.values[:, lines]
-            derivatives = self.plan.pivoted.derivatives(single, lines)
-            jacobian[sample][..., lines] = derivatives * prepared.values[:, np.newaxis, lines]
+            derivatives = self.plan.pivoted.derivatives(single, lines) * prepared.values[:, np.newaxis, lines]
+            jacobian[sample][..., lines] = derivatives if scales is None else derivatives * scales[sample][:, None]
         return result[..., : self._lines], np.swapaxes(jacobian, 2, 3)[:, :, : self._lines]
 
     def _run(self, job: _Job) -> NDArray[np.intp]:
@@ -251,6 +254,8 @@ class Engine:
         def run_block(first: int, theta: Theta, terms: NDArray[np.float64], weights: NDArray[np.float64]) -> None:
             block = slice(first, first + len(terms))
             spectral, spectral_weights = _gather_spectral(plan, theta, len(terms), derivatives=derivatives)
+            if job.scales is not None and plan.spectral.joints:
+                spectral_weights *= job.scales[block][:, plan.spectral.parameters, np.newaxis, np.newaxis]
             inputs = (plan.omega, job.factors.vectors, plan.static, terms, spectral, weights, spectral_weights)
             arrays = (*inputs, *(array[block] for array in outputs))
             job.kernel_of(plan)(len(plan.omega), len(terms), job.result.shape[-1], arrays)
@@ -270,6 +275,8 @@ class Engine:
                 number = min(SETTINGS.gathered_samples, count - start)
                 chunk = _samples(theta, start, number)
                 terms, weights = _gather(plan, chunk, number, derivatives=derivatives)
+                if job.scales is not None:
+                    weights *= job.scales[start : start + number, plan.inputs.parameter_of_derivatives]
                 job.kernel_of(plan)  # compile it before several threads need it
                 blocks = [
                     (start + i, _samples(chunk, i, size), terms[i : i + size], weights[i : i + size])

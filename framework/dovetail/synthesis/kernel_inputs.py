@@ -240,6 +240,11 @@ class KernelInputs:
         }
         return tuple(sorted(derivatives))
 
+    @cached_property
+    def parameter_of_derivatives(self) -> NDArray[np.intp]:
+        """(n_derivatives,) the parameter of each column of the derivatives."""
+        return np.array([parameter for parameter, _, _ in self.derivatives], dtype=np.intp)
+
     @property
     def parameters(self) -> int:
         """Number of parameters by which to differentiate."""

@@ -129,6 +129,11 @@ class SpectralInputs:
         }
         return tuple(sorted(derivatives))
 
+    @cached_property
+    def parameters(self) -> NDArray[np.intp]:
+        """(n_derivatives,) the parameter of each row of the derivatives."""
+        return np.array([parameter for parameter, _ in self.derivatives], dtype=np.intp)
+
     def bytes_per_sample(self, *, derivatives: bool) -> int:
         """Return an estimate of the memory that the evaluation of one sample takes."""
         largest = max((self._model(name).size ** 2 for name in self._entries), default=0)

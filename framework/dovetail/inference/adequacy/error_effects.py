@@ -16,8 +16,9 @@ from dovetail.inference.posterior.frequency_average import weigh
 from dovetail.inference.posterior.likelihood import MarginalisedResiduals
 from dovetail.inference.posterior.model_error import ModelError, error_shapes
 from dovetail.problem import Problem
+from dovetail.problem.definition import WithPrior
 from dovetail.problem.least_squares import minimise
-from dovetail.problem.residuals import FrfResiduals, Residual, WithPrior
+from dovetail.problem.residuals import FrfResiduals, Residual
 
 
 @dataclass(frozen=True)

@@ -326,7 +326,7 @@ class QuickFits:
 
 
 @dataclass(frozen=True, eq=False)
-class LogRatio:
+class LogRatio(Residual):
     """Logarithm of the ratio of FRFs to measured ones: the real parts, then, with phases, the imaginary parts.
 
     Parameters

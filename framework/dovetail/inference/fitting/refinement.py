@@ -16,11 +16,11 @@ from dovetail.inference.fitting.search_lines import SearchLines
 from dovetail.inference.fitting.whiteness import NOISE_ALARM, has_size_of_noise, is_of_few_lines, is_white
 from dovetail.interfaces import FIT_OPTIONS, FitOptions, Progress, logged, silent
 from dovetail.problem import Problem
-from dovetail.problem.definition import bounds_reached, fractions_within
+from dovetail.problem.definition import WithPrior, bounds_reached, fractions_within
 from dovetail.problem.least_squares import Minima, minimise
 from dovetail.problem.modal_observations import ModalProblem
 from dovetail.problem.profiles import cuts, profiles
-from dovetail.problem.residuals import FrfResiduals, WithPrior
+from dovetail.problem.residuals import FrfResiduals
 
 
 @dataclass(frozen=True)

@@ -89,7 +89,7 @@ class SearchLines:
 
 
 @dataclass(frozen=True, eq=False)
-class Smoothed:
+class Smoothed(Residual):
     """Weighted sums of neighbouring residuals with unit variance, which sense a narrow resonance from further away.
 
     Parameters
@@ -120,11 +120,17 @@ class Smoothed:
         """Return their derivatives (n, p, m) from FRFs (n, f) and their derivatives (n, p, f)."""
         return self._smoothed(self.residual.jacobian(frf, frf_jacobian))
 
+    def factored(self) -> tuple[NDArray[np.float64] | None, Residual]:
+        """Return the factors of the lines and the rest, smoothed."""
+        factors, residual = self.residual.factored()
+        return factors, Smoothed(residual, self.means)
+
     def _smoothed(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        smoothed = np.empty((*values.shape[:-1], self.means.shape[0]))
+        rows = values.reshape(-1, values.shape[-1])
+        smoothed = np.empty((len(rows), self.means.shape[0]))
         for sums, summed, weights in self._blocks:
-            np.matmul(values[..., summed], weights, out=smoothed[..., sums])
-        return smoothed
+            np.matmul(rows[:, summed], weights, out=smoothed[:, sums])
+        return smoothed.reshape(*values.shape[:-1], -1)
 
     @cached_property
     def _blocks(self) -> list[tuple[slice, slice, NDArray[np.float64]]]:

@@ -19,8 +19,8 @@ from scipy.sparse import csr_array
 from dovetail.frf import Frf
 from dovetail.frf.resonances import fit_resonances
 from dovetail.inference.posterior.model_error import ModelError
-from dovetail.problem.observations import Observations
-from dovetail.problem.residuals import Residual, StackedResiduals
+from dovetail.problem.observations import Observations, StackedResiduals
+from dovetail.problem.residuals import Residual
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,7 @@ def _steps(frequency: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.gradient(frequency) if len(frequency) > 1 else np.ones(1)
 
 
-class AveragedResiduals:
+class AveragedResiduals(Residual):
     """Residuals of one response, averaged over neighbouring lines and scaled to covariance 1.
 
     Parameters

@@ -25,9 +25,9 @@ from dovetail.inference.posterior.model_error import ModelError, error_shapes
 from dovetail.problem import Problem
 from dovetail.problem.least_squares import Linearisation, SumOfSquares
 from dovetail.problem.modal_observations import ModalProblem
-from dovetail.problem.observations import Observations
+from dovetail.problem.observations import Observations, StackedResiduals
 from dovetail.problem.part_quantities import quantity_derivatives
-from dovetail.problem.residuals import FrfResiduals, ModelFrfs, Residual, StackedResiduals, Weighted
+from dovetail.problem.residuals import FrfResiduals, ModelFrfs, Residual, Weighted
 
 
 @dataclass(frozen=True)
@@ -219,7 +219,8 @@ class MarginalisedResiduals(SumOfSquares):
         """Return residuals (n, m) of the measurement, or changes of them, with the model's errors marginalised."""
         weight = self._weight**2
         root = np.sqrt(1.0 + weight * self._squares)
-        scaled = (residuals @ self._errors.T * (-weight / (root * (1.0 + root)))) @ self._errors
+        along = np.tensordot(residuals, self._errors.T, 1) * (-weight / (root * (1.0 + root)))
+        scaled = np.tensordot(along, self._errors, 1)
         scaled += residuals
         scaled *= self._weight
         return np.asarray(scaled)
@@ -276,7 +277,7 @@ class ReducedResiduals(SumOfSquares):
     def linearise(self, fraction: NDArray[np.float64]) -> Linearisation:
         """Return residuals and derivatives in the subspace."""
         linear = self._misfit.linearise(fraction)
-        return Linearisation(self._reduced(linear.residuals), linear.jacobian @ self._to_subspace)
+        return Linearisation(self._reduced(linear.residuals), np.tensordot(linear.jacobian, self._to_subspace, 1))
 
     def _reduced(self, residuals: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.asarray((residuals - self._origin_rows) @ self._to_subspace + self._at_origin)
@@ -297,7 +298,7 @@ class _FewLines(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class _ScaledValues:
+class _ScaledValues(Residual):
     """Real and imaginary parts of FRFs over a scale (n_lines,)."""
 
     scale: NDArray[np.float64]
