@@ -72,7 +72,8 @@ class Settings:
     steps: int = 100
     """Limits of the searches on all lines."""
     near: float = 3.0
-    """Tolerance of those from modes on few lines: sampling, which searches again near them, needs no more."""
+    """Tolerance of those from modes on few lines: sampling, which searches again near them, needs no more. Only the
+    search for the highest mode goes on from there."""
 
 
 _SETTINGS = Settings()
@@ -154,6 +155,7 @@ def search_modes(
         modes = _highest_first(likelihood.posterior, np.concatenate([near_fit, found]))
     else:
         modes = maximise_posterior(likelihood.posterior, found, tolerance=_SETTINGS.near, callback=callback)
+        modes[:1] = maximise_posterior(likelihood.posterior, modes[:1])
     if problem.limit.is_over:
         problem.limit.leave_out("the search for other groups of likely values")
     progress("modes", total, total)  # fewer may have been different
