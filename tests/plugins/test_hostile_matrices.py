@@ -19,12 +19,12 @@ READ = """
 import sys
 from pathlib import Path
 from dovetail import DovetailError
-from dovetail_plugins.substructures.matrix_files import read_archive, read_matrix_market, sound_matrix
+from dovetail_plugins.substructures.matrix_files import matrix_market, read_archive, sound_matrix
 for name in sys.argv[1:]:
     path = Path(name)
     try:
         if path.suffix == ".mtx":
-            sound_matrix("K", read_matrix_market(path), name)
+            sound_matrix("K", matrix_market(path, path.read_bytes()), name)
         else:
             sound_matrix("K", read_archive(path).get("K", 0), name)
         print(path.name, "read")

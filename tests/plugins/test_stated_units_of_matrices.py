@@ -12,7 +12,7 @@ from scipy.sparse import coo_array
 from dovetail import DovetailError
 from dovetail_plugins.substructures.matrices import Matrices
 from dovetail_plugins.substructures.matrix_files import matrix_market_parts
-from dovetail_plugins.substructures.matrix_remarks import comments_of
+from dovetail_plugins.substructures.matrix_remarks import comments_in
 
 SPRING = 1e6 * np.array([[1.0, -1.0], [-1.0, 1.0]])
 ARRAYS = {"M": np.diag([0.2, 0.2]), "K": SPRING, "nodes": ["1", "2"], "directions": ["x", "x"]}
@@ -53,7 +53,7 @@ def test_a_comment_of_a_matrix_market_file_is_read(tmp_path: Path, unit: str) ->
         mmwrite(tmp_path / f"{name}.mtx", coo_array(ARRAYS[name]), comment=comment)
         assert matrix_market_parts(tmp_path / f"{name}.mtx", (tmp_path / f"{name}.mtx").read_bytes())
     (tmp_path / "dofs.csv").write_text("node,direction\n1,x\n2,x\n")
-    assert any(unit in text for text, _ in comments_of(str(tmp_path / "K.mtx")))
+    assert any(unit in text for text, _ in comments_in((tmp_path / "K.mtx").read_bytes(), "K.mtx"))
     files = {"mass": str(tmp_path / "M.mtx"), "stiffness": str(tmp_path / "K.mtx"), "dofs": str(tmp_path / "dofs.csv")}
     with pytest.raises(DovetailError, match=r"[MK]\.mtx:\d"):
         Matrices(Matrices.Config(**files))

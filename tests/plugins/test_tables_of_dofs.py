@@ -11,7 +11,7 @@ import dovetail
 from dovetail import DovetailError
 from dovetail.registry import components
 from dovetail_plugins.substructures.dof_table import read_dof_table, table_in
-from dovetail_plugins.substructures.matrix_files import matrix_in, read_archive, read_matrix_market, sound_matrix
+from dovetail_plugins.substructures.matrix_files import matrix_in, matrix_market, read_archive, sound_matrix
 
 
 def csv_table(folder, text, size=2):
@@ -132,24 +132,21 @@ def test_matlabs_own_entries_are_passed_over_and_capital_endings_are_read(tmp_pa
     scipy.io.savemat(tmp_path / "part.MAT", {"M": np.eye(2)}, appendmat=False)
     archive = read_archive(tmp_path / "part.MAT")
     assert list(archive) == ["M"]
-    scipy.io.mmwrite(tmp_path / "M.mtx", sp.coo_array(np.eye(2)))
-    (tmp_path / "M.mtx").rename(tmp_path / "M.MTX")
-    np.testing.assert_array_equal(read_matrix_market(tmp_path / "M.MTX").toarray(), np.eye(2))
-    with pytest.raises(dovetail.DovetailError, match="this is not a Matrix Market file"):
-        read_matrix_market(tmp_path / "part.MAT")
 
 
 @pytest.mark.parametrize("field", ["integer", "real"])
 def test_a_full_matrix_market_file_of_either_kind_of_number(field, tmp_path):
-    scipy.io.mmwrite(tmp_path / "K.mtx", np.array([[4, -2], [-2, 3]]), field=field)
-    np.testing.assert_array_equal(read_matrix_market(tmp_path / "K.mtx"), [[4.0, -2.0], [-2.0, 3.0]])
+    file = tmp_path / "K.mtx"
+    scipy.io.mmwrite(file, np.array([[4, -2], [-2, 3]]), field=field)
+    np.testing.assert_array_equal(matrix_market(file, file.read_bytes()), [[4.0, -2.0], [-2.0, 3.0]])
 
 
 def test_the_shortest_file_of_its_entries_is_not_taken_for_a_damaged_one(tmp_path):
     """Two bytes an entry: a digit and the end of the line."""
     entries = "".join("1\n" if row == column else "0\n" for row in range(30) for column in range(30))
-    (tmp_path / "M.mtx").write_text(f"%%MatrixMarket matrix array integer general\n30 30\n{entries}")
-    np.testing.assert_array_equal(read_matrix_market(tmp_path / "M.mtx"), np.eye(30))
+    file = tmp_path / "M.mtx"
+    file.write_text(f"%%MatrixMarket matrix array integer general\n30 30\n{entries}")
+    np.testing.assert_array_equal(matrix_market(file, file.read_bytes()), np.eye(30))
 
 
 def part(folder, config, **arrays):

@@ -91,7 +91,6 @@ class Reduction(ComponentConfig):
         the frequency up to which they are kept [Hz].
     """
 
-    alternatives = ((("modes",), ("up_to",)),)
     interface: Annotated[tuple[str | int, ...], Field(min_length=1)]
     modes: Annotated[int | None, Field(ge=0, le=2000)] = None
     up_to: Annotated[float | None, Field(gt=0), InUnit("Hz")] = None

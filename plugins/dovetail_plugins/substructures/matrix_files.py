@@ -60,20 +60,6 @@ def archive_arrays(path: Path, content: bytes) -> dict[str, Any]:
         return _read_npz(path, content)
 
 
-def read_matrix_market(path: Path) -> Any:
-    """Return the matrix in a Matrix Market file.
-
-    Raises
-    ------
-    DovetailError
-        The file is missing, too large, not of real numbers, or damaged.
-    """
-    content = read_bounded(path, _LARGEST_FILE)
-    if path.suffix.lower() != ".mtx":
-        raise DovetailError(Fault(str(path), "this is not a Matrix Market file.", "a name that ends in .mtx"))
-    return matrix_market(path, content)
-
-
 def matrix_market(path: Path, content: bytes) -> Any:
     """Return the matrix in a Matrix Market file, from its bytes.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -50,12 +49,6 @@ def texts_in(archive: Mapping[str, Any], file: str) -> Iterator[tuple[str, str]]
         if array.dtype.kind in "US" and array.size <= _MOST_TEXTS:
             words = [one.decode("utf-8", "replace") if isinstance(one, bytes) else str(one) for one in array.flat]
             yield f"{name}: {', '.join(words)}"[:_LONGEST], f"{file}  {name}"
-
-
-def comments_of(file: str) -> Iterator[tuple[str, str]]:
-    """Yield the comments at the start of a Matrix Market file."""
-    with Path(file).open("rb") as stream:
-        yield from comments_in(stream.read(_HEAD), file)
 
 
 def comments_in(content: bytes, file: str) -> Iterator[tuple[str, str]]:
