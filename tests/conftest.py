@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import sys
@@ -61,15 +62,31 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def cases_left_out(cases: list[pytest.Function]) -> list[pytest.Function]:
-    """Return most combinations of a sweep; each value of each parameter is in some of the others."""
-    if len(cases) < WHOLE_SWEEP:
+    """Return most combinations of a sweep; each value of each parameter is in some of the others.
+
+    With ``sweep(keep=n)`` at most so many of the others are left, if need be without each value.
+    """
+    keep = next(cases[0].iter_markers("sweep")).kwargs.get("keep")
+    cases = [case for case in cases if not case.get_closest_marker("slow")]
+    if not cases or (keep is None and len(cases) < WHOLE_SWEEP):
         return []
-    lists = [mark.args[0] for mark in cases[0].iter_markers("parametrize")]
-    names = [[name.strip() for name in one.split(",")] if isinstance(one, str) else one for one in lists]
-    axes = [list(numbered(repr([case.callspec.params[name] for name in one]) for case in cases)) for one in names]
+    axes = [
+        list(numbered(repr([case.callspec.params[name] for name in one]) for case in cases))
+        for one in axes_of(cases[0])
+    ]
+    sums = [sum(place) for place in zip(*axes, strict=True)]
     lengths = [max(axis) for axis in axes]
     step = min(RUN_BY_DEFAULT, *(1 + sum(lengths) - length for length in lengths))
-    return [case for case, *place in zip(cases, *axes, strict=True) if sum(place) % step]
+    if keep is not None:
+        step = next(step for step in itertools.count(1) if sum(total % step == 0 for total in sums) <= max(keep, 1))
+    return [case for case, total in zip(cases, sums, strict=True) if total % step]
+
+
+def axes_of(case: pytest.Function) -> list[list[str]]:
+    """Return the names of the parameters that vary together, of the test and of its fixtures."""
+    lists = [mark.args[0] for mark in case.iter_markers("parametrize")]
+    names = [[name.strip() for name in one.split(",")] if isinstance(one, str) else [*one] for one in lists]
+    return names + [[name] for name in case.callspec.params if not any(name in one for one in names)]
 
 
 def numbered(values: Iterable[str]) -> Iterator[int]:

@@ -21,6 +21,7 @@ def test_every_shipped_joint_has_two_sides():
     assert set(JOINTS) >= {"bearing", "bolted", "collet", "interference_fit", "rigid", "spring_damper"}
 
 
+@pytest.mark.sweep(keep=4)
 @pytest.mark.parametrize("joint", JOINTS)
 def test_the_written_description_passes_check_and_lists_all_parameters(run, tmp_path, joint):
     file = tmp_path / f"{joint}.yaml"

@@ -59,6 +59,7 @@ EVERYWHERE = ("command", "file")
 """What every shell is asked by default; bash is asked everything."""
 
 
+@pytest.mark.sweep(keep=5)
 @pytest.mark.parametrize(
     ("shell", "line", "offered", "others"),
     [

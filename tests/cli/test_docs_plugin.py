@@ -55,6 +55,7 @@ def test_the_command_of_the_page_prints_the_resonance_peak_and_not_the_static_en
     assert printed == "200.0 Hz\n"
 
 
+@pytest.mark.sweep(keep=4)
 @pytest.mark.parametrize("name", ["mount", "rail", "shaft", "bands", "ridge", "blocks", "springs", "one_step"])
 def test_every_plugin_of_the_page_passes_the_conformance_kit(run, tmp_path, name):
     printed = run("--plugin", example(f"{name}.py", tmp_path), "check-plugin", name).stdout

@@ -93,6 +93,7 @@ def result(folder, run):
     run("identify", folder / "sound.yaml", folder / "sound0.csv", "--method", "refined", "-o", folder / "result")
 
 
+@pytest.mark.sweep(keep=7)
 @pytest.mark.usefixtures("result")
 @pytest.mark.parametrize("command", COMMANDS)
 def test_a_part_that_is_described_from_its_other_end_is_reported_once(run, folder, monkeypatch, command):

@@ -35,6 +35,7 @@ def test_the_folder_of_kept_models_is_made_for_its_owner_only(run, bench, tmp_pa
     assert stat.S_IMODE((tmp_path / "cache" / "models").stat().st_mode) == 0o700
 
 
+@pytest.mark.sweep(keep=2)
 @pytest.mark.parametrize("fault", ["other users can write", "belongs to another user"])
 @pytest.mark.parametrize("is_link", [False, True])
 def test_a_model_that_others_may_have_planted_is_not_used(

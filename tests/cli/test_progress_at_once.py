@@ -66,6 +66,7 @@ def test_all_commands_are_here():
     assert set(CommandTable(OWN).offers) == {line.split()[0] for line in LONG} | QUICK
 
 
+@pytest.mark.sweep(keep=8)
 @pytest.mark.parametrize("line", LONG, ids=lambda line: line.split(" -")[0].replace("{", "").replace("}", ""))
 def test_a_bar_is_shown_within_a_second_of_the_first(command, on_a_terminal, files, tmp_path, line):
     """Once of three times, with what the command needs to start at all, so that a busy machine does not fail.

@@ -119,6 +119,7 @@ def test_tests_of_parts_with_other_nodes_may_have_other_numbers(run, measured):
     run("identify-series", path, "--method", "refined")
 
 
+@pytest.mark.sweep(keep=4)
 @pytest.mark.parametrize(("use", "dofs"), CASES, ids=str)
 def test_a_file_of_another_point_is_set_aside_by_a_watch(run, measured, use, dofs):
     folder = measured(use, USES[use][0], dofs, USES[use][0])
@@ -143,6 +144,7 @@ def cases(folder, **joints):
     return folder / "cases.yaml"
 
 
+@pytest.mark.sweep(keep=4)
 @pytest.mark.parametrize(("use", "dofs"), CASES, ids=str)
 def test_joints_of_cases_from_measurements_at_other_points_are_refused(run, measured, use, dofs):
     folder = measured(use, USES[use][0], dofs)

@@ -84,6 +84,7 @@ def test_every_command_whose_code_writes_an_frf_is_tried_here():
     assert writing == set(ARGUMENTS)
 
 
+@pytest.mark.sweep(keep=2)
 @pytest.mark.parametrize("command", ARGUMENTS)
 def test_the_format_of_a_plugin_is_written(run, files, tmp_path, command):
     known, other = tmp_path / "known.npz", tmp_path / "other.trip"

@@ -244,6 +244,7 @@ def test_a_file_without_dofs_cannot_be_used_twice(run, described, written, chose
     assert "it holds the same values as" in " ".join(printed.split())
 
 
+@pytest.mark.sweep(keep=4)
 @pytest.mark.parametrize(
     "stated",
     [
@@ -279,6 +280,7 @@ def test_consistent_files_in_the_laboratory_s_numbering_are_accepted(described, 
 OTHERS = [("2+x", "2+x"), ("1+z", "1+z"), ("2+x", "1+x"), ("lower:1", "lower:1")]
 
 
+@pytest.mark.sweep(keep=1)
 @pytest.mark.parametrize("stated", OTHERS, ids=str)
 def test_the_file_of_another_point_fails_in_a_batch(run, described, written, stated):
     files = [written("drive", ("1+x", "1+x"), name=f"file{number}") for number in range(3)]

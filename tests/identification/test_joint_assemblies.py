@@ -39,6 +39,7 @@ def test_the_frf_is_that_of_the_direct_solve(name, assemblies):
         assert np.max(np.abs(found - direct) / np.abs(direct)) < 1e-8
 
 
+@pytest.mark.sweep(keep=1)
 @pytest.mark.parametrize("name", QUICK)
 def test_the_joints_are_found_again(name):
     """What one FRF determines, within the few per cent that the coarser mesh costs, and inside the intervals."""
@@ -51,6 +52,7 @@ def test_the_joints_are_found_again(name):
     assert all(wide[name][0] <= true <= wide[name][1] for name, true in zip(wide, truth, strict=True))
 
 
+@pytest.mark.sweep(keep=1)
 @pytest.mark.parametrize("name", QUICK)
 def test_on_the_mesh_of_the_structure_every_parameter_lies_within_its_interval(name):
     """Without any model error; of 24 intervals of 90 % two or three may miss, of 99.9 % none."""
@@ -66,6 +68,7 @@ def test_the_two_joints_of_the_spindle_are_identified_together(assemblies):
     assert len(assembly.description.substructures) == 4  # tool, holder, spindle, and the ground
 
 
+@pytest.mark.sweep(keep=1)
 @pytest.mark.parametrize("name", CLOSE)
 def test_the_measurement_is_what_its_script_makes_and_says_that_it_is_synthetic(name, assemblies, tmp_path):
     folder = assemblies / "measurements"

@@ -48,6 +48,7 @@ def collet(assemblies):
     return dovetail.load(assemblies / "bt40_er32.yaml")
 
 
+@pytest.mark.sweep(keep=3)
 @pytest.mark.parametrize(
     "frequency",
     [
@@ -211,6 +212,7 @@ def two_masses(**calibration):
     )
 
 
+@pytest.mark.sweep(keep=2)
 @pytest.mark.parametrize(
     ("gain", "calibration", "said"), [(1.0, {}, 0), (1.2, {}, 1), (1.2, {"gain": {"range": [0.5, 2]}}, 0)]
 )

@@ -76,7 +76,7 @@ def check(result, complete):
         assert "do not trust" in result.warning
 
 
-def sweep(identify, steps=5):
+def limited(identify, steps=4):
     """Check results with limits from none of the time to all of it; return what they left out."""
     complete, readings = readings_of(identify)
     left_out = []
@@ -89,7 +89,7 @@ def sweep(identify, steps=5):
 
 
 def test_the_default_method_reports_what_it_left_out_at_every_stage(sdof, measured):
-    left_out = sweep(lambda limit: dovetail.identify(sdof, measured, seconds=limit, samples=SAMPLES))
+    left_out = limited(lambda limit: dovetail.identify(sdof, measured, seconds=limit, samples=SAMPLES))
     assert any("samples" in text for texts in left_out for text in texts)
 
 
@@ -107,18 +107,20 @@ def test_causes_are_left_out_before_samples(sdof):
     assert all(len(one.posterior.weight) == len(complete.posterior.weight) for one in without_causes[-1:])
 
 
+@pytest.mark.sweep(keep=3)
 @pytest.mark.parametrize("method", ["refined", "multistart"])
 def test_a_fit_alone_reports_what_it_left_out(sdof, measured, method):
     options = {"starts": 4} if method == "multistart" else {}
-    sweep(lambda limit: dovetail.identify(sdof, measured, method, seconds=limit, **options), steps=4)
+    limited(lambda limit: dovetail.identify(sdof, measured, method, seconds=limit, **options))
 
 
 @pytest.mark.parametrize("method", ["posterior", "refined", "multistart"])
 def test_a_table_of_modes_reports_what_it_left_out(sdof, table, method):
     options = {"samples": SAMPLES} if method == "posterior" else {}
-    sweep(lambda limit: dovetail.identify(sdof, table, method, seconds=limit, **options), steps=4)
+    limited(lambda limit: dovetail.identify(sdof, table, method, seconds=limit, **options), steps=3)
 
 
+@pytest.mark.sweep(keep=1)
 def test_ample_time_gives_the_answer_without_a_limit(sdof, measured):
     with_limit, without = (dovetail.identify(sdof, measured, seconds=s, samples=SAMPLES) for s in (1e6, None))
     assert with_limit.cut_short is None
@@ -126,6 +128,7 @@ def test_ample_time_gives_the_answer_without_a_limit(sdof, measured):
     assert with_limit.adequacy.to_dict() == without.adequacy.to_dict()
 
 
+@pytest.mark.sweep(keep=2)
 @pytest.mark.parametrize("calls", [0, 6])
 def test_a_stopped_identification_returns_what_there_is(sdof, measured, calls):
     limit, counted = dovetail.TimeLimit(), itertools.count()

@@ -39,6 +39,7 @@ def measured(assembly, lines, *, noise=0.01, seed=0, theta=TRUTH, **fields):
     return dovetail.Frf(frequency, clean + scatter, "accelerance", **fields)
 
 
+@pytest.mark.sweep(keep=4)
 @pytest.mark.parametrize("known", [False, True], ids=["scatter", "known variance"])
 @pytest.mark.parametrize("seed", range(4))
 def test_merged_lines_give_the_fit_and_the_errors_of_all_lines(sdof, few, seed, known):

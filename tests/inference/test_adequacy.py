@@ -381,6 +381,7 @@ def test_a_fit_with_as_many_values_as_unknowns_is_not_judged(sdof):
     )
 
 
+@pytest.mark.sweep(keep=3)
 @pytest.mark.parametrize("mass", ["known", "unknown"])
 @pytest.mark.parametrize("size", [0.0, 0.05])
 def test_a_gain_that_the_parameters_can_compensate_is_mentioned(sdof, mass, size):

@@ -300,6 +300,7 @@ CLAMPED: dict[str, Any] = {
 }
 
 
+@pytest.mark.sweep(keep=1)
 @pytest.mark.parametrize(("name", "factor"), [("k", 1e-3), ("kr", 1e3), ("kr", 1e-3)])
 def test_a_range_a_thousand_times_off_is_named_with_the_right_value(name, factor):
     right, wrong = CLAMPED, copy.deepcopy(CLAMPED)
@@ -543,6 +544,7 @@ def test_a_conjugated_phase_is_named_of_a_structure_that_the_model_does_not_fit(
     assert reasons == 0
 
 
+@pytest.mark.sweep(keep=1)
 @pytest.mark.parametrize("has_phase", [True, False])
 def test_lines_that_are_exactly_zero_side_by_side_have_no_logarithm(sdof, has_phase):
     """Of a measurement that the model does not fit, whose causes are searched for by logarithms."""

@@ -39,6 +39,7 @@ def test_the_evidence_of_a_linear_model_is_that_of_the_closed_form(noise, model_
     assert posterior.evidence.error < 0.02
 
 
+@pytest.mark.sweep(keep=2)
 @pytest.mark.parametrize("case", ["mount", "mount in noise", "two mounts"])
 def test_the_evidence_of_two_parameters_is_that_of_a_grid(case):
     """One of them is a curved valley: only the sum of two stiffnesses on logarithmic scales shows."""

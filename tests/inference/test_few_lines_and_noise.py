@@ -27,6 +27,7 @@ def white(frequency, seed, size=1.0):
     return size * (parts[0] + 1j * parts[1]) / np.sqrt(2.0)
 
 
+@pytest.mark.sweep(keep=1)
 @pytest.mark.parametrize(
     ("lines", "noise"),
     [
@@ -51,6 +52,7 @@ def test_intervals_from_few_lines_contain_the_truth_at_any_noise(sdof, lines, no
     assert np.all(held >= 0.8 * CASES)
 
 
+@pytest.mark.sweep(keep=4)
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e3])
 @pytest.mark.parametrize("known", [True, False])
 @pytest.mark.parametrize("lines", [50, 600])
@@ -64,6 +66,7 @@ def test_white_noise_shows_nothing_of_the_structure(sdof, lines, known, scale):
     assert {verdict.word for verdict in result.posterior.verdicts.values()} == {"not trustworthy"}
 
 
+@pytest.mark.sweep(keep=2)
 @pytest.mark.parametrize("level", [0.3, 1.0])
 @pytest.mark.parametrize("known", [True, False])
 def test_a_resonance_in_strong_noise_shows_the_structure(sdof, known, level):
@@ -85,6 +88,7 @@ def test_a_resonance_narrower_than_two_lines_gets_a_warning(sdof, step, is_narro
     assert all("318." in warning and f"lines every {step:g} Hz" in warning for warning in named)
 
 
+@pytest.mark.sweep(keep=4)
 @pytest.mark.parametrize("lines", [10, 14, 20, 28, 40])
 @pytest.mark.parametrize("level", [1e-3, 0.03])
 def test_a_smooth_curve_of_few_lines_is_not_taken_for_noise(sdof, lines, level):

@@ -32,6 +32,7 @@ def problem(sdof, *, lines=3000, seed=0, **changes):
     return Problem.of(assembly, replace(dovetail.noisy_frf(clean, 0.01, seed), **changes))
 
 
+@pytest.mark.sweep(keep=1)
 @pytest.mark.parametrize("model_error", [EXACT, TYPICAL], ids=["exact", "typical"])
 @pytest.mark.parametrize("seed", [0, 1])
 def test_samples_and_evidence_are_those_of_all_lines(sdof, monkeypatch, seed, model_error):

@@ -295,6 +295,7 @@ def test_nothing_to_identify_and_too_few_lines(sdof, assemblies):
         dovetail.identify(sdof, beyond, "refined")
 
 
+@pytest.mark.sweep(keep=1)
 @pytest.mark.parametrize("gain", [1.0, {"range": [1e-4, 1e3], "scale": "log"}])
 def test_errors_of_a_model_with_an_unknown_gain_are_relative_to_the_measurement_too(sdof, monkeypatch, gain):
     """Relative to the model's own amplitude, which a gain may take away, they would explain any measurement."""

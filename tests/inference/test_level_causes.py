@@ -39,6 +39,7 @@ def growing(ratio):
     return -(omega**2) * receptance
 
 
+@pytest.mark.sweep(keep=3)
 @pytest.mark.parametrize("growth", [4.5, 1.0])
 @pytest.mark.parametrize("levels", [2, 3])
 def test_damping_that_grows_from_level_to_level_is_reported(mount, levels, growth):
@@ -52,6 +53,7 @@ def test_damping_that_grows_from_level_to_level_is_reported(mount, levels, growt
     assert re.search(r"damping ratio from 0\.5 to 2\.[23] %, 4\.[3-7] times as much", words)
 
 
+@pytest.mark.sweep(keep=1)
 @pytest.mark.parametrize("ratio", [4.5, 2.0])
 def test_damping_that_grows_within_a_measurement_is_reported(mount, ratio):
     causes = dovetail.identify(mount, noisy(mount, growing(ratio), 0.01, 5), "refined").adequacy.causes

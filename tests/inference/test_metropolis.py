@@ -42,6 +42,7 @@ def shares(z):
     return np.mean(regions, axis=1)
 
 
+@pytest.mark.sweep(keep=1)
 @pytest.mark.parametrize("kind", ["tangent_steps", "difference_steps", "prior_steps"])
 def test_steps_keep_the_distribution_of_exact_draws(kind):
     problem, random = Threshold(), np.random.default_rng(1)

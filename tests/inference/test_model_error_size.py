@@ -205,6 +205,7 @@ def test_plausible_errors_are_preferred_among_those_that_explain_a_misfit():
     assert _most_plausible([(5e-4, replace(narrow, magnitude=0.1)), (0.032, wide)]).magnitude == 0.1
 
 
+@pytest.mark.sweep(keep=1)
 @pytest.mark.parametrize(("mass", "size", "noise"), [(2, 1.1, 1e-2), (3, 0.995, 1e-3), (2, 1.02, 1e-3)])
 def test_the_estimated_errors_explain_the_residuals(chain, mass, size, noise):
     """By the averages that intervals use; by those for the size, chi-squared was 2 to 4."""
@@ -301,6 +302,7 @@ def test_a_network_takes_no_model_error(model, measured):
         model.identify(measured, "network", model_error=0.01)
 
 
+@pytest.mark.sweep(keep=4)
 @pytest.mark.usefixtures("few_mode_searches")
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("model_error", [0.0, 1e-4, pytest.param(0.01, marks=pytest.mark.slow), 0.3])
@@ -314,6 +316,7 @@ def test_every_error_can_be_allowed_with_noise_and_without(sdof, method, model_e
         assert result.adequacy.allowed == model_error
 
 
+@pytest.mark.sweep(keep=2)
 @pytest.mark.parametrize("stated", [None, 1e-3])
 @pytest.mark.parametrize("factor", [-3.0, -1e5])
 def test_a_single_line_that_does_not_fit_is_reported(sdof, factor, stated):

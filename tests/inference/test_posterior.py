@@ -404,6 +404,7 @@ def test_points_that_few_lines_show_to_be_hopeless_are_left_out(chi_squared, eve
     assert len(_promising(posterior, np.zeros((2, 0)), every)) == 1 + kept
 
 
+@pytest.mark.sweep(keep=3)
 @pytest.mark.parametrize("count", [20, 50, 400])
 @pytest.mark.parametrize("uneven", [False, True])
 def test_intervals_of_few_samples_hold_nine_tenths_of_further_draws(count, uneven):

@@ -44,6 +44,7 @@ def reversed_sign(axis):
     return np.full(len(axis), -1.0)
 
 
+@pytest.mark.sweep(keep=1)
 @pytest.mark.parametrize("factor", [half_a_period, reversed_sign])
 def test_over_a_narrow_band_the_sign_is_named_and_the_delay_with_it(factor):
     (cause, *_) = causes_of(NARROW, factor, noise=0.05)
@@ -52,6 +53,7 @@ def test_over_a_narrow_band_the_sign_is_named_and_the_delay_with_it(factor):
     assert "the two are equal)" in cause.words
 
 
+@pytest.mark.sweep(keep=1)
 @pytest.mark.parametrize("noise", [4e-3, 0.01])
 def test_the_right_one_of_sign_and_delay_is_first_over_a_wide_band(noise):
     assert causes_of(WIDER, half_a_period, noise)[0].name == "delay"

@@ -53,6 +53,7 @@ def measured_of(factor=1.0, quantity="accelerance", added=0.0, noise=4e-3, axis=
     return dovetail.Frf(axis, values + noise * values.std() * (scatter[0] + 1j * scatter[1]), quantity)
 
 
+@pytest.mark.sweep(keep=3)
 @pytest.mark.parametrize("quantity", ["accelerance", "mobility", "receptance"])
 @pytest.mark.parametrize("degrees", [16.6, -5.0])
 def test_a_turned_phase_is_reported_and_widens_the_intervals(quantity, degrees):

@@ -68,6 +68,7 @@ class Structure:
         )
 
 
+@pytest.mark.sweep(keep=2)
 @pytest.mark.parametrize("cases", [3, pytest.param(8, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("quantity", POWERS)
 def test_intervals_hold_the_truth_whatever_the_quantity(quantity, cases):

@@ -39,6 +39,7 @@ def few(sdof):
     return sdof.on(sdof.frequency[::5])
 
 
+@pytest.mark.sweep(keep=5)
 @pytest.mark.parametrize("known", [True, False])
 @pytest.mark.parametrize(
     ("kind", "method"),

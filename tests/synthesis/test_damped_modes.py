@@ -84,6 +84,7 @@ def test_a_fractional_derivative_has_the_pole_that_newtons_method_finds(theta):
     assert poles.derivatives["j0"][0, 1] == pytest.approx(by_c, rel=1e-6)
 
 
+@pytest.mark.sweep(keep=4)
 @pytest.mark.parametrize("light", [1e-3, 1e-2, 1.0])
 @pytest.mark.parametrize("damping", [3e3, 1e4, 1e6])
 def test_a_light_mass_that_a_damper_locks_leaves_the_low_pole_of_the_heavy_one(light, damping):

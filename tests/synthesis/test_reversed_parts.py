@@ -100,6 +100,7 @@ def ways(joint):
     return [*WAYS, ("left", "right")] if joint not in ("collet", "interference_fit") else WAYS
 
 
+@pytest.mark.sweep(keep=7)
 @pytest.mark.parametrize(("joint", "backwards"), [(joint, way) for joint in JOINTS for way in WAYS])
 def test_a_part_described_backwards_and_reversed_gives_the_same_frfs(joint, backwards):
     forwards, other = assembly(joint), assembly(joint, backwards)
@@ -181,6 +182,7 @@ def with_inertia(one):
     return replace(one.graph, connections={"joint": heavy})
 
 
+@pytest.mark.sweep(keep=2)
 @pytest.mark.parametrize("backwards", WAYS)
 @pytest.mark.parametrize("part", ["left", "right"])
 def test_unknown_options_of_a_reversed_part_give_the_same_frfs_and_derivatives(part, backwards):

@@ -142,6 +142,7 @@ def _no_modes(partition, highest):
     return np.empty((partition.inner.size, 0))
 
 
+@pytest.mark.sweep(keep=1)
 @pytest.mark.parametrize("with_modes", [True, False])
 def test_the_reduced_basis_states_an_error_that_holds_at_every_line(with_modes, monkeypatch):
     """At a mode of the held bar the stiffness grows without bound; the error holds there too.

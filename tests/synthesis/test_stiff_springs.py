@@ -87,6 +87,7 @@ def exact(springs: list[float], dampers: list[float], frequency: float) -> tuple
 STIFF = 10.0 ** np.arange(10, 23)
 
 
+@pytest.mark.sweep(keep=3)
 @pytest.mark.parametrize("masses", [1, 2, 4])
 @pytest.mark.parametrize("soft", [1e3, 1e6])
 def test_springs_up_to_1e22_leave_the_frf_and_its_derivatives_right(masses, soft):
