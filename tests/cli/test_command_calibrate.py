@@ -42,7 +42,7 @@ def test_the_study_by_one_command(run, bench, tmp_path):
 
 def test_ctrl_c_writes_the_finished_results(interruptible, bench, tmp_path):
     folder = tmp_path / "study"
-    for seconds in (8, 20, 60):  # however slow the machine is: before any case is done there is nothing to write
+    for seconds in (4, 8, 20, 60):  # however slow the machine is: before any case is done there is nothing to write
         process = interruptible("calibrate", bench.description, "--cases", 5000, "--samples", 50, "-o", folder)
         time.sleep(seconds)
         process.send_signal(signal.SIGINT)

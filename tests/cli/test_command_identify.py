@@ -321,10 +321,17 @@ def test_the_quantity_may_be_given(run, bench, tmp_path):
     )
 
 
+@pytest.fixture(scope="module")
+def written(run, bench, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("written") / "results"
+    run("identify", bench.model, bench.measured, "--method", "network", "-o", folder)
+    return folder
+
+
 @pytest.fixture
-def results(run, bench, tmp_path):
-    run("identify", bench.model, bench.measured, "--method", "network", "-o", tmp_path / "results")
-    return tmp_path / "results"
+def results(written, tmp_path):
+    """A copy of the results, which a test may damage."""
+    return shutil.copytree(written, tmp_path / "results")
 
 
 @pytest.fixture

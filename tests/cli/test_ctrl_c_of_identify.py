@@ -21,7 +21,7 @@ def sampling(interruptible, run, assemblies, tmp_path):
     """Start an identification that takes minutes, and return it once it draws samples."""
     measured = tmp_path / "measured.uff"
     run("simulate", assemblies / "sdof.yaml", "--set", "k=3 MN/m", "--set", "c=40", "--noise", "1%", "-o", measured)
-    words = "--samples", 400_000, "-v", "-o", tmp_path / "results"
+    words = "--samples", 40_000, "-v", "-o", tmp_path / "results"
     process = interruptible("identify", assemblies / "sdof.yaml", measured, *words)
     shown = []
     for line in process.stderr:
@@ -41,7 +41,7 @@ def test_the_first_writes_a_result_that_says_what_it_lacks(sampling, tmp_path):
     assert "Cut short when you stopped it" in printed + said
     result = json.loads((tmp_path / "results" / "result.json").read_text())
     assert result["cut_short"]["by_user"] is True
-    assert any("400000 samples" in left_out or "Gaussian" in left_out for left_out in result["cut_short"]["left_out"])
+    assert any("40000 samples" in left_out or "Gaussian" in left_out for left_out in result["cut_short"]["left_out"])
     assert result["parameters"]["k"]["value"] == pytest.approx(3e6, rel=0.02)
 
 

@@ -57,7 +57,7 @@ def test_most_intervals_contain_the_truth_in_another_assembly_too(sdof):
     truth = dovetail.modes(heavier, TRUTH)
     inside = np.zeros((12, 2), dtype=bool)
     for seed in range(12):
-        result = dovetail.identify(sdof, dovetail.noisy_frf(sdof.simulate(TRUTH), 0.05, seed))
+        result = dovetail.identify(sdof, dovetail.noisy_frf(sdof.simulate(TRUTH), 0.05, seed), samples=100)
         modes = dovetail.modes(heavier, result)
         low, high = modes.natural_frequency_interval[0]
         inside[seed, 0] = low <= truth.natural_frequency[0] <= high

@@ -49,7 +49,7 @@ def measurement(frequency, width, noise=1.0):
 
 def chi_squared(frf, width, reach):
     """On a grid around the true stiffness and over all damping."""
-    stiffness = PLACE[0] + np.linspace(-1, 1, 141) * reach
+    stiffness = PLACE[0] + np.linspace(-1, 1, 61) * reach
     places = np.stack(np.meshgrid(stiffness, GRID, indexing="ij"), axis=-1)
     values = np.stack([accelerance(frf.frequency, row, width)[0] for row in places])
     return np.sum(np.abs(values - frf.values) ** 2 / (frf.variance / 2), axis=-1)

@@ -50,7 +50,7 @@ def test_the_table_of_a_network_has_intervals_and_verdicts(result):
 def test_the_intervals_are_calibrated_on_unseen_samples(model):
     """With noise of the middle of the training's levels: an amplitude has 0.7 of the complex noise."""
     done = dovetail_bench.calibrate(
-        model.assembly, cases=300, noise=0.07, seed=5, method="network", model=model, noise_kind="proportional"
+        model.assembly, cases=120, noise=0.07, seed=5, method="network", model=model, noise_kind="proportional"
     )
     covered, _ = done.coverage
     assert 0.84 < covered < 0.96

@@ -26,7 +26,7 @@ FREQUENCY = np.linspace(20.0, 900.0, 61)
 OMEGA = 2.0 * np.pi * FREQUENCY
 PAIRS = st.lists(st.tuples(st.integers(0, 9), st.integers(0, 9)), min_size=1, max_size=5)
 """Output and input, counted round the points there are."""
-FEW = settings(QUICK, max_examples=15)
+FEW = settings(QUICK, max_examples=8)
 LIMITS = {"straight-line code": Settings().straight_line, "loops": 0}
 
 
