@@ -221,7 +221,7 @@ def small(with_settings: WithSettings) -> dovetail.Assembly:
     return with_settings(
         samples=1500,
         reducer={"model": "pca", "n_components": 20},
-        regressor={"model": "mlp", "hidden": [64, 32], "dropout": 0.0, "max_epochs": 150},
+        regressor={"model": "mlp", "hidden": [64, 64], "dropout": 0.0, "max_epochs": 150},
     )
 
 
