@@ -365,8 +365,10 @@ def test_contacts_at_points_of_a_body_and_along_skew_axes_can_be_taken_as_rigid(
 
 def test_a_point_that_rigid_connections_hold_is_one_clear_error():
     scene, _, force_at = ball_joint_at_a_carried_node(np.random.default_rng(0), None)
-    with pytest.raises(dovetail.DovetailError, match=r"of 'body' does not move: rigid connections hold it"):
+    with pytest.raises(dovetail.DovetailError, match="it measures where rigid connections hold the structure"):
         dovetail.load(scene.described(("body", "hook"), OUT, force_at, INTO)).frf()
+    with pytest.raises(dovetail.DovetailError, match="the force acts where rigid connections hold"):
+        dovetail.load(scene.described(force_at, OUT, ("body", "hook"), INTO)).frf()
 
 
 def linked(**parts):

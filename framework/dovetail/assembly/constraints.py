@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from dovetail.description.changed_joint import pair_functions
 from dovetail.description.joint_coordinates import JointInCoordinates, LawInCoordinates
-from dovetail.errors import DovetailError
 from dovetail.interfaces import JointModel, NodeDofs, Port, SparseMatrices, StructuralMatrices
 from dovetail.synthesis import Connection, Graph, Point
 from dovetail.synthesis.graph import HELD
@@ -141,13 +140,7 @@ class ConstrainedGraph(Graph):
         return self._moved(plain)[0] if self._follow(plain) else self._numbers[plain]
 
     def terms(self, motion: Sequence[tuple[float, Point]]) -> Sequence[tuple[float, Point]]:
-        """Return a weighted sum of DOFs as one of DOFs that have global numbers.
-
-        Raises
-        ------
-        DovetailError
-            Rigid connections hold it.
-        """
+        """Return a weighted sum of DOFs as one of DOFs that have global numbers; of none if it is held."""
         numbers = [int(self.plain.substructure_dofs(name)[dof]) for _, (name, dof) in motion]
         if not any(number in self.followers for number in numbers):
             return motion
@@ -156,12 +149,7 @@ class ConstrainedGraph(Graph):
             for leader, share in self.followers.get(number, {number: 1.0}).items() if number != HELD else ():
                 sums[leader] = sums.get(leader, 0.0) + weight * share
                 sizes[leader] = sizes.get(leader, 0.0) + abs(weight * share)
-        left = [(total, self._owners[at]) for at, total in sums.items() if abs(total) > _ROUNDING * sizes[at]]
-        if not left:
-            name, dof = motion[0][1]
-            label = self.substructures[name].dof_label(dof)
-            raise DovetailError(f"{label} of '{name}' does not move: rigid connections hold it.")
-        return left
+        return [(total, self._owners[at]) for at, total in sums.items() if abs(total) > _ROUNDING * sizes[at]]
 
     def motion(self, name: str, dofs: Sequence[int]) -> tuple[NDArray[np.intp], Any]:
         """Return the global DOFs by which some DOFs of a substructure move, and their motion, as in `Graph`."""

@@ -20,7 +20,7 @@ from dovetail.description.calibration import MASS, WINDOW
 from dovetail.description.changed_joint import ChangedJoint
 from dovetail.description.checked import SHARED, Description, JointEntry, Place, Response, Tie
 from dovetail.description.unknown_parts import UnknownPart, UnknownReceptance
-from dovetail.errors import Fault, ParameterError
+from dovetail.errors import DovetailError, Fault, ParameterError
 from dovetail.interfaces import (
     DIRECTIONS,
     JointModel,
@@ -239,15 +239,22 @@ class ResponsePairs:
 
     @staticmethod
     def of_responses(responses: Sequence[Response], graph: Graph) -> ResponsePairs:
-        """Return the pairs of some responses in a graph; a pair and its reciprocal one are the same in a sum."""
-        ends = [
-            [
-                (a * b, output, force)
-                for a, output in graph.terms(response.terms)
-                for b, force in graph.terms(response.force_terms)
-            ]
-            for response in responses
-        ]
+        """Return the pairs of some responses in a graph; a pair and its reciprocal one are the same in a sum.
+
+        Raises
+        ------
+        DovetailError
+            A response or its force is where rigid connections hold the structure.
+        """
+        ends = []
+        for response in responses:
+            outputs, forces = graph.terms(response.terms), graph.terms(response.force_terms)
+            if not outputs or not forces:
+                problem = (
+                    f"{'the force acts' if outputs else 'it measures'} where rigid connections hold the structure."
+                )
+                raise DovetailError(Fault(response.name, problem, remedy="Take a point that moves, or free it."))
+            ends.append([(a * b, output, force) for a, output in outputs for b, force in forces])
         points = list(dict.fromkeys(point for some in ends for _, *pair in some for point in pair))
         if all(len(some) == 1 and some[0][0] == 1.0 for some in ends):
             pairs = [(points.index(output), points.index(force)) for ((_, output, force),) in ends]

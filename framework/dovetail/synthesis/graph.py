@@ -143,7 +143,7 @@ class Graph:
         return Graph(self.substructures, {**self.connections, name: connection})
 
     def terms(self, motion: Sequence[tuple[float, Point]]) -> Sequence[tuple[float, Point]]:
-        """Return a weighted sum of DOFs as one of DOFs that have global numbers."""
+        """Return a weighted sum of DOFs as one of DOFs that have global numbers; of none if joints hold it."""
         return motion
 
     def motion(self, name: str, dofs: Sequence[int]) -> tuple[NDArray[np.intp], Any]:
