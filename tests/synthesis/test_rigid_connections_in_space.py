@@ -237,6 +237,33 @@ def slider_along_a_skew_axis(rng, rotation):
     return scene, ("other", 0.3), ("body", "first")
 
 
+def random_connections(rng, rotation):
+    """Beams and bodies anywhere, and links that hold some directions of skew axes, as a tree and with loops."""
+    scene = Scene(rotation).wall((0, 0, 0)).beam("arm", (0, 0, 0), (0, 1, 0), (1, 0, 0))
+    ends = {"arm": [0.15, 0.3]}
+    for number in range(rng.integers(2, 5)):
+        name, frame = f"part_{number}", random_rotation(rng)
+        if rng.random() < 0.5:
+            scene.beam(name, rng.uniform(-0.3, 0.3, 3), frame[:, 1], frame[:, 0])
+            ends[name] = [0.0, 0.15, 0.3]
+        else:
+            nodes = {node: rng.uniform(-0.1, 0.1, 3).tolist() for node in ("one", "two", "three")}
+            scene.body(name, rng.uniform(-0.3, 0.3, 3), nodes, rng)
+            ends[name] = list(nodes)
+    names = list(ends)
+    pairs = [(str(rng.choice(names[:place])), name) for place, name in enumerate(names) if place]
+    pairs += [tuple(rng.choice(names, 2, replace=False).tolist()) for _ in range(rng.integers(0, 3))]
+    for number, pair in enumerate(pairs):
+        frame, held = random_rotation(rng), sorted(rng.choice(6, rng.integers(3, 7), replace=False).tolist())
+        axes = {"x": scene.turned(frame[:, 0]).tolist(), "y": scene.turned(frame[:, 1]).tolist()}
+        joint = {"model": "rigid_link", "axes": axes, "direction": [dovetail.DIRECTIONS[each] for each in held]}
+        a, b = ((part, ends[part][rng.integers(len(ends[part]))]) for part in pair)
+        moves, turns = ([frame[:, each % 3] for each in held if each // 3 == kind] for kind in (0, 1))
+        scene.join(f"link_{number}", joint, a, b, moves, turns)
+    clamped(scene)
+    return scene, (names[-1], ends[names[-1]][-1]), ("arm", 0.15)
+
+
 SCENES = [
     weld_at_a_carried_node,
     two_welds_to_one_body,
@@ -246,6 +273,7 @@ SCENES = [
     link_between_nodes_of_one_part,
     hinge_about_a_skew_axis,
     slider_along_a_skew_axis,
+    random_connections,
 ]
 OUT, INTO = (1.0, 2.0, 3.0), (2.0, -1.0, 1.0)
 
