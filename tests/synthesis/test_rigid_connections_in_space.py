@@ -11,6 +11,7 @@ import scipy.linalg
 import dovetail
 from dovetail.assembly.constraints import ConstrainedGraph, constrained
 from dovetail.synthesis import Engine, Graph
+from support import unusual_joints
 from support.dense_space import DenseStructure
 
 STEEL = {"young": 210e9, "density": 7850.0, "poisson": 0.3, "loss_factor": 0.01}
@@ -495,3 +496,39 @@ def test_a_sensor_and_a_window_act_at_a_node_that_follows_others(chain):
     assert difference(frfs[1], frfs[0]) < 1e-9
     plain = dovetail.load(scene.described(("arm", 0.3), OUT, force_at, INTO)).frf()
     assert difference(frfs[0], plain) > 1e-4
+
+
+def test_a_joint_that_merges_an_inner_dof_may_hold_a_carried_node():
+    """As with the node listed first, which the body's DOFs are then."""
+    frfs = []
+    nodes = {"first": (0.03, 0.1, -0.02), "top": (0.0, 0.0, 0.0)}
+    for order in (("first", "top"), ("top", "first")):
+        scene = Scene().wall((0, 0, 0)).beam("arm", (0, 0, 0), (0, 1, 0), (1, 0, 0), elements=4)
+        scene.body("body", (0, 0.3, 0), {name: nodes[name] for name in order}, np.random.default_rng(1))
+        clamped(scene)
+        values = {"k": 1e6, "phi": 0.5, "eta": 0.05, "c": 20.0, "m": 0.05}
+        scene.joints["tripod"] = {
+            "model": "tripod",
+            "parameters": {name: {"value": value} for name, value in values.items()},
+            "connect": {
+                "top": {"to": "body", "at": "top"},
+                "feet": {"to": "arm", "at": [0.075, 0.225]},
+                "absorber": {"to": "arm", "at": 0.3},
+            },
+        }
+        described = scene.described(("body", "top"), OUT, ("arm", 0.15), INTO)
+        frfs.append(dovetail.load(described, plugins=[unusual_joints.__file__]).frf())
+    assert difference(frfs[0], frfs[1]) < 1e-9
+
+
+def test_constraints_of_what_the_ground_holds_already_change_nothing():
+    """A slider at a clamped node: all that it could hold is held."""
+    frfs = []
+    for slides in (False, True):
+        scene = Scene().wall((0, 0, 0)).beam("arm", (0, 0, 0), (0, 1, 0), (1, 0, 0))
+        clamped(scene)
+        if slides:
+            joint = {"model": "rigid", "direction": ["x"], "axes": {"x": [1, 2, 3]}}
+            scene.join("slider", joint, ("arm", 0.0), ("wall", "g1"))
+        frfs.append(dovetail.load(scene.described(("arm", 0.3), OUT, ("arm", 0.15), INTO)).frf())
+    np.testing.assert_array_equal(frfs[1], frfs[0])

@@ -219,12 +219,17 @@ def _rotations(plain: Graph) -> set[int]:
 def _solved(functions: Sequence[Mapping[int, float]], rotations: set[int]) -> dict[int, dict[int, float]]:
     """Solve functions that are zero for some DOFs, as combinations of the others.
 
+    Of two with equal coefficients the one with the higher number follows: inner DOFs of joints rather than those of
+    parts, at which responses are.
+
     Returns
     -------
     dict of int to dict of int to float
         The motion of these DOFs by the others.
     """
-    numbers = np.array(sorted({number for function in functions for number in function}), dtype=np.intp)
+    numbers = np.array(sorted({number for function in functions for number in function})[::-1], dtype=np.intp)
+    if not numbers.size:
+        return {}
     rows = np.array([[function.get(number, 0.0) for number in numbers.tolist()] for function in functions])
     turns = np.isin(numbers, list(rotations))
     sizes = np.where(turns, _arm(rows, turns), 1.0)  # rotations become displacements at the longest arm
