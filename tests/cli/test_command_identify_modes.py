@@ -46,12 +46,12 @@ def test_the_truth_of_a_tied_parameter_is_in_the_table_that_is_written(run, mode
     )
     (tmp_path / "two.yaml").write_text(text.replace(mount, mount + tied))
     options = ("--form", "laplace", "--truth", tmp_path / "truth.json", "-o", tmp_path / "result")
-    for stated, expected in (
+    for given, expected in (
         ('"mount.k": 8.88e5', ("888000.0", "888000.0")),
         ('"second.k": "888 kN/m"', ("", "888000.0")),
         ('"mount.k": 8.88e5, "second.k": 9e5', ("888000.0", "900000.0")),
     ):
-        (tmp_path / "truth.json").write_text(f'{{"parameters": {{{stated}}}}}')
+        (tmp_path / "truth.json").write_text(f'{{"parameters": {{{given}}}}}')
         run("identify", tmp_path / "two.yaml", modes, *options)
         with (tmp_path / "result" / "parameters.csv").open() as stream:
             truths = {row["name"]: row["truth"] for row in csv.DictReader(stream)}

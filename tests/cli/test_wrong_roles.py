@@ -49,8 +49,8 @@ ALLOWED = {
 }  # fmt: skip
 NO_CAUSES = ("--cause-seconds", "0")
 FORMATS = ("csv", "npz", "uff")
-SINGLE = [(use, stated) for use, wrong in WRONG.items() for stated in wrong]
-IDS = [f"{use} {'|'.join(stated)}" for use, stated in SINGLE]
+SINGLE = [(use, given) for use, wrong in WRONG.items() for given in wrong]
+IDS = [f"{use} {'|'.join(given)}" for use, given in SINGLE]
 ASSIGNED = [chosen for chosen in product(PLACES, repeat=3) if chosen != tuple(PLACES)]
 """Which FRFs are given for the three uses: in another order, or some twice."""
 
@@ -106,8 +106,8 @@ def frfs():
 def written(frfs, tmp_path):
     """Write the FRF of a use with DOFs to a file."""
 
-    def write(use, stated, suffix="csv", name=None):
-        response, force = stated
+    def write(use, given, suffix="csv", name=None):
+        response, force = given
         path = tmp_path / f"{name or use}.{suffix}"
         dovetail.write_frf(replace(frfs[use], response=response, force=force), path, overwrite=True)
         return path
@@ -151,26 +151,26 @@ def refused(result, *found):
 
 
 @pytest.mark.sweep
-@pytest.mark.parametrize(("use", "stated"), SINGLE, ids=IDS)
+@pytest.mark.parametrize(("use", "given"), SINGLE, ids=IDS)
 @pytest.mark.parametrize("command", ["identify", "explore", "compare", "validate"])
-def test_an_frf_whose_dofs_contradict_its_use_is_refused(run, described, written, tmp_path, command, use, stated):
-    assembly, file = described(use), written(use, stated)
+def test_an_frf_whose_dofs_contradict_its_use_is_refused(run, described, written, tmp_path, command, use, given):
+    assembly, file = described(use), written(use, given)
     if command in ("compare", "validate"):
         arguments = [command, cases_file(tmp_path, one=file)]
     else:
         arguments = [command, assembly, file, *(["--no-browser"] if command == "explore" else [])]
     done = run(*arguments, code=1)
     refused(done, file.name, ", 0 mm")
-    assert any(end in done.stderr for end in stated if end)
+    assert any(end in done.stderr for end in given if end)
 
 
 @pytest.mark.sweep
-@pytest.mark.parametrize(("use", "stated"), SINGLE, ids=IDS)
+@pytest.mark.parametrize(("use", "given"), SINGLE, ids=IDS)
 @pytest.mark.parametrize("suffix", FORMATS)
-def test_it_is_refused_from_every_format_and_in_python(described, written, use, stated, suffix):
-    if suffix == "uff" and any("r" in end.rpartition(":")[2] for end in stated):
+def test_it_is_refused_from_every_format_and_in_python(described, written, use, given, suffix):
+    if suffix == "uff" and any("r" in end.rpartition(":")[2] for end in given):
         pytest.skip("universal files state a rotation by the unit too, which is refused before")
-    assembly, file = dovetail.load(described(use)), written(use, stated, suffix)
+    assembly, file = dovetail.load(described(use)), written(use, given, suffix)
     for work in (dovetail.identify, lambda *arguments: Explorer(arguments[0], [dovetail.read_frf(arguments[1])])):
         with pytest.raises(dovetail.MeasurementError, match="`ignore_dofs=True`"):
             work(assembly, file)
@@ -178,9 +178,9 @@ def test_it_is_refused_from_every_format_and_in_python(described, written, use, 
     assert "`ignore_dofs=True`" in failure
 
 
-@pytest.mark.parametrize(("use", "stated"), [(use, stated) for use, allowed in ALLOWED.items() for stated in allowed])
-def test_dofs_that_do_not_contradict_the_use_are_accepted(described, written, use, stated):
-    assembly, file = dovetail.load(described(use)), written(use, stated)
+@pytest.mark.parametrize(("use", "given"), [(use, given) for use, allowed in ALLOWED.items() for given in allowed])
+def test_dofs_that_do_not_contradict_the_use_are_accepted(described, written, use, given):
+    assembly, file = dovetail.load(described(use)), written(use, given)
     Explorer(assembly, [dovetail.read_frf(file)])
     read = dovetail.read_frf(file, ignore_dofs=True)
     assert (read.response, read.force) == ("", "")
@@ -195,10 +195,10 @@ def test_wrong_dofs_can_be_ignored_in_every_command(run, described, written, tmp
     options = ["--accelerometer-mass", "1 g", "--quantity", "receptance"]
     run("convert", file, tmp_path / "new.csv", *options[:2], "--ignore-dofs", "--dofs", "4+x,4+x")
     assert dovetail.read_frf(tmp_path / "new.csv").response == "4+x"
-    stated = json.loads(cases.read_text())
-    for measured in (stated["tests"]["one"]["measured"], stated["tests"]["one"]["joint"]["measured"]):
+    given = json.loads(cases.read_text())
+    for measured in (given["tests"]["one"]["measured"], given["tests"]["one"]["joint"]["measured"]):
         measured["ignore_dofs"] = True
-    cases.write_text(json.dumps(stated))
+    cases.write_text(json.dumps(given))
     run("validate", cases)
 
 
@@ -246,7 +246,7 @@ def test_a_file_without_dofs_cannot_be_used_twice(run, described, written, chose
 
 @pytest.mark.sweep(keep=4)
 @pytest.mark.parametrize(
-    "stated",
+    "given",
     [
         {"drive": ("3+x", "3+x")},
         {"transfer": ("2+x", "3+x")},
@@ -258,9 +258,9 @@ def test_a_file_without_dofs_cannot_be_used_twice(run, described, written, chose
     ],
     ids=str,
 )
-def test_files_that_contradict_each_other_are_refused(run, described, written, stated):
+def test_files_that_contradict_each_other_are_refused(run, described, written, given):
     assembly = described(*PLACES)
-    files = [written(use, {**RIGHT, **stated}[use]) for use in PLACES]
+    files = [written(use, {**RIGHT, **given}[use]) for use in PLACES]
     refused(run("identify", assembly, *files, code=1), "its file says response")
     run("identify", assembly, *files, "--method", "refined", "--ignore-dofs", *NO_CAUSES)
 
@@ -270,8 +270,8 @@ def test_files_that_contradict_each_other_are_refused(run, described, written, s
 )
 def test_consistent_files_in_the_laboratory_s_numbering_are_accepted(described, written, nodes):
     first, second = nodes
-    stated = {"drive": (first, first), "transfer": (second, first), "second": (second, second)}
-    files = [written(use, stated[use], "npz") for use in PLACES]
+    given = {"drive": (first, first), "transfer": (second, first), "second": (second, second)}
+    files = [written(use, given[use], "npz") for use in PLACES]
     Explorer(dovetail.load(described(*PLACES)), [dovetail.read_frf(file) for file in files])
 
 
@@ -281,10 +281,10 @@ OTHERS = [("2+x", "2+x"), ("1+z", "1+z"), ("2+x", "1+x"), ("lower:1", "lower:1")
 
 
 @pytest.mark.sweep(keep=1)
-@pytest.mark.parametrize("stated", OTHERS, ids=str)
-def test_the_file_of_another_point_fails_in_a_batch(run, described, written, stated):
+@pytest.mark.parametrize("given", OTHERS, ids=str)
+def test_the_file_of_another_point_fails_in_a_batch(run, described, written, given):
     files = [written("drive", ("1+x", "1+x"), name=f"file{number}") for number in range(3)]
-    files[1] = written("drive", stated, name="file1")
+    files[1] = written("drive", given, name="file1")
     done = run("identify", described("drive"), *files, "--method", "refined", "--json", *NO_CAUSES, code=1)
     printed = json.loads(done.stdout)
     assert list(printed["failures"]) == ["file1.csv"]
@@ -294,10 +294,10 @@ def test_the_file_of_another_point_fails_in_a_batch(run, described, written, sta
 
 
 @pytest.mark.parametrize("command", ["compare", "validate"])
-@pytest.mark.parametrize("stated", OTHERS[:2], ids=str)
-def test_cases_of_other_points_are_refused(run, described, written, tmp_path, command, stated):
+@pytest.mark.parametrize("given", OTHERS[:2], ids=str)
+def test_cases_of_other_points_are_refused(run, described, written, tmp_path, command, given):
     described("drive")
-    files = [written("drive", ("1+x", "1+x"), name="one"), written("drive", stated, name="two")]
+    files = [written("drive", ("1+x", "1+x"), name="one"), written("drive", given, name="two")]
     refused(run(command, cases_file(tmp_path, one=files[0], two=files[1]), code=1), "two.csv")
 
 
@@ -395,7 +395,7 @@ def test_tests_of_a_spindle_in_another_order_are_refused(spindle_tests, chosen):
 
 
 @pytest.mark.parametrize(
-    "stated",
+    "given",
     [
         {0: ("1+x", "21+x")},
         {1: ("21+x", "1+x")},
@@ -406,10 +406,10 @@ def test_tests_of_a_spindle_in_another_order_are_refused(spindle_tests, chosen):
     ],
     ids=str,
 )
-def test_tests_of_a_spindle_at_other_dofs_are_refused(spindle_tests, stated):
+def test_tests_of_a_spindle_at_other_dofs_are_refused(spindle_tests, given):
     holder, tests = spindle_tests
     changed = [
-        replace(frf, response=stated[index][0], force=stated[index][1]) if index in stated else frf
+        replace(frf, response=given[index][0], force=given[index][1]) if index in given else frf
         for index, frf in enumerate(tests)
     ]
     with pytest.raises(dovetail.MeasurementError, match="`ignore_dofs=True`"):

@@ -38,8 +38,8 @@ def test_the_same_test_again_narrows_intervals_by_the_number_of_tests(tests):
     planned = plan_next_test(result, samples=200)
     assert len(planned.tests) == tests
     deviation = np.sqrt(np.diag(result.fit.matrix.shared_covariance()[0]))
-    of_test = 1.0 / deviation**2 - 1.0  # the information of all tests, without that of the prior
-    expected = np.sqrt((1.0 + of_test) / (1.0 + of_test * (tests + 1) / tests))
+    test_information = 1.0 / deviation**2 - 1.0  # the information of all tests, without that of the prior
+    expected = np.sqrt((1.0 + test_information) / (1.0 + test_information * (tests + 1) / tests))
     for name, value in zip(("k", "c"), expected, strict=True):
         assert planned.tests[0].narrowing[name] == pytest.approx(value, rel=0.06)
 

@@ -45,8 +45,8 @@ def test_names_are_taken_from_the_files_folder(tmp_path):
 
 def test_a_table_without_a_header_is_read_by_what_the_case_or_the_caller_states(tmp_path):
     (tmp_path / "second.csv").write_text("10,1,2\n20,3,4\n")
-    stated = SOUND.replace("quantity: mobility}", "quantity: mobility, columns: [frequency, imag, real]}")
-    for text, reading in ((stated, {"columns": ("frequency", "real", "imag")}),
+    given = SOUND.replace("quantity: mobility}", "quantity: mobility, columns: [frequency, imag, real]}")
+    for text, reading in ((given, {"columns": ("frequency", "real", "imag")}),
                           (SOUND, {"columns": ("frequency", "imag", "real"), "quantity": "accelerance"})):  # fmt: skip
         _, second = read_cases(written(tmp_path, text), **reading).cases
         frf = second.measured.read(compensated=False)

@@ -58,11 +58,11 @@ def modes_of(assembly: dovetail.Assembly, theta: np.ndarray) -> tuple[np.ndarray
     return abs(poles) / (2 * np.pi), -poles.real / abs(poles)
 
 
-def table_of(assembly, theta, random, *, sd=1e-3, damping_sd=0.03, stated=True) -> dovetail.ModalParameters:
+def table_of(assembly, theta, random, *, sd=1e-3, damping_sd=0.03, given=True) -> dovetail.ModalParameters:
     frequency, damping = modes_of(assembly, theta)
     errors = sd * frequency, damping_sd * damping
     measured = frequency + errors[0] * random.standard_normal(3), damping + errors[1] * random.standard_normal(3)
-    return dovetail.ModalParameters(*measured, *(errors if stated else (None, None)), label="chain.csv")
+    return dovetail.ModalParameters(*measured, *(errors if given else (None, None)), label="chain.csv")
 
 
 def test_the_poles_are_those_of_the_dense_system_and_so_are_their_derivatives():
@@ -192,7 +192,7 @@ def test_frequencies_in_the_wrong_unit_are_not_trustworthy(chain):
 
 def test_errors_that_the_table_does_not_give_are_estimated_from_the_residuals_and_reported(chain):
     theta, random = chain.from_unit(np.array([0.5, 0.5, 0.5, 0.5])), np.random.default_rng(5)
-    table = table_of(chain, theta, random, sd=5e-3, damping_sd=0.1, stated=False)
+    table = table_of(chain, theta, random, sd=5e-3, damping_sd=0.1, given=False)
     result = dovetail.identify(chain, table, form="laplace")
     assert 5e-4 <= result.posterior.model_error.natural_frequency <= 0.02
     assert "The table does not give all its errors: " in result.warnings[0]
@@ -202,10 +202,10 @@ def test_errors_that_the_table_does_not_give_are_estimated_from_the_residuals_an
     assert words["b.c"] == ("not identifiable", "The measurement hardly depends on it.")
 
 
-@pytest.mark.parametrize("stated", [True, False])
-def test_a_table_of_no_more_values_than_unknowns_cannot_judge_but_a_wrong_unit_shows(chain, stated):
+@pytest.mark.parametrize("given", [True, False])
+def test_a_table_of_no_more_values_than_unknowns_cannot_judge_but_a_wrong_unit_shows(chain, given):
     """Two modes of four unknowns: some joint has exactly these, whatever the structure is."""
-    whole = table_of(chain, chain.from_unit(np.full(4, 0.5)), np.random.default_rng(3), stated=stated)
+    whole = table_of(chain, chain.from_unit(np.full(4, 0.5)), np.random.default_rng(3), given=given)
     columns = (whole.frequency, whole.damping_ratio, whole.frequency_sd, whole.damping_sd)
     two = [None if column is None else column[:2] for column in columns]
     result = dovetail.identify(chain, dovetail.ModalParameters(*two), form="laplace")

@@ -127,12 +127,12 @@ def test_a_parameter_in_another_unit_is_refused(sdof: dovetail.Assembly, result:
 
 def test_values_by_name_do_as_well(sdof: dovetail.Assembly) -> None:
     other = another(sdof)
-    stated: list[dict[str, Any]] = [
+    given: list[dict[str, Any]] = [
         {"k": 1e6, "c": 5.0},
         {"mount.k": 1e6, "mount.c": np.float32(5.0)},
         {"k": "1 MN/m", "c": "5 N s/m"},
     ]
-    for values in stated:
+    for values in given:
         np.testing.assert_allclose(dovetail.predict(other, values).values, exact(other, 1e6, 5.0), rtol=1e-9)
     for wrong in ("stiff", "1 mm", None):
         with pytest.raises(ParameterError, match="parameter k"):

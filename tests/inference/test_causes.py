@@ -96,12 +96,12 @@ def test_the_cause_is_named_first(sdof, kind):
     check(first_cause_from(sdof, altered(sdof, None, kind)), kind)
 
 
-@pytest.mark.parametrize(("stated", "actual"), [("receptance", "accelerance"), ("mobility", "accelerance")])
-def test_the_right_quantity_is_named_where_the_file_gives_another(sdof, stated, actual):
+@pytest.mark.parametrize(("given", "actual"), [("receptance", "accelerance"), ("mobility", "accelerance")])
+def test_the_right_quantity_is_named_where_the_file_gives_another(sdof, given, actual):
     """The response of the description is an accelerance, which the file does not claim to be."""
-    measured = replace(noisy(sdof, sdof.frf(), 0.01, 1), variance=None, quantity=stated)
+    measured = replace(noisy(sdof, sdof.frf(), 0.01, 1), variance=None, quantity=given)
     words = first_cause_from(sdof, measured).words
-    assert words.startswith(f"the values read as {actual}, not as {stated}")
+    assert words.startswith(f"the values read as {actual}, not as {given}")
 
 
 @pytest.mark.parametrize("kind", [pytest.param("sign", marks=slow), "gain"])

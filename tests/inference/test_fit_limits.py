@@ -25,7 +25,7 @@ from support.noisy_measurements import noisy
 
 @pytest.mark.parametrize(("deviations", "explained"), [(4.5, True), (5.5, False)])
 def test_a_fit_is_noise_within_five_standard_deviations_of_chi_squared(sdof, deviations, explained):
-    """The stated variance is brought to where chi-squared is 1 + 4.5 or 5.5 sqrt(2 / degrees of freedom)."""
+    """The given variance is brought to where chi-squared is 1 + 4.5 or 5.5 sqrt(2 / degrees of freedom)."""
     frf = noisy(sdof, sdof.frf(), 0.01, 1)
     fit = refine(Problem.of(sdof, frf))
     assert fit.discrepancy == 0.0

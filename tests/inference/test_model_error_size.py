@@ -317,12 +317,12 @@ def test_every_error_can_be_allowed_with_noise_and_without(sdof, method, model_e
 
 
 @pytest.mark.sweep(keep=2)
-@pytest.mark.parametrize("stated", [None, 1e-3])
+@pytest.mark.parametrize("given", [None, 1e-3])
 @pytest.mark.parametrize("factor", [-3.0, -1e5])
-def test_a_single_line_that_does_not_fit_is_reported(sdof, factor, stated):
+def test_a_single_line_that_does_not_fit_is_reported(sdof, factor, given):
     line = sdof.on(np.array([100.0]))
     values = factor * line.frf()
-    variance = None if stated is None else (stated * np.abs(values)) ** 2
+    variance = None if given is None else (given * np.abs(values)) ** 2
     measured = dovetail.Frf(line.frequency, values, "accelerance", variance=variance)
     result = dovetail.identify(sdof, measured, "refined", cause_seconds=20.0)
     assert (result.adequacy.word, result.is_trustworthy) == ("does not fit", False)

@@ -115,7 +115,7 @@ def test_a_factor_of_six_is_not_identified_in_any_range(doubled):
 
 @pytest.mark.parametrize("seed", range(30))
 def test_the_reported_precision_holds_for_nine_samples_of_ten(seed):
-    """Skewed on either side, on both scales: the estimate within the stated per cent, or within the stated factor."""
+    """Skewed on either side, on both scales: the estimate within the given per cent, or within the given factor."""
     random = np.random.default_rng(seed)
     scale = ("log", "linear")[seed % 2]
     parameter = Parameter("k", "N/m", 1e3, 1e9 if scale == "log" else 1e6, scale)

@@ -33,8 +33,8 @@ def deviation(frequency):
 def measurement(**reported) -> dovetail.Frf:
     frequency = np.linspace(1.0, 600.0, 400)
     values = (2.0 + np.sin(frequency / 70.0)) * np.exp(1j * frequency / 170.0)
-    stated = {name: reported[name](frequency) if callable(reported[name]) else reported[name] for name in reported}
-    return dovetail.Frf(frequency, values, "accelerance", **stated)
+    given = {name: reported[name](frequency) if callable(reported[name]) else reported[name] for name in reported}
+    return dovetail.Frf(frequency, values, "accelerance", **given)
 
 
 def of_coherence() -> dovetail.Frf:

@@ -164,12 +164,12 @@ def test_novelty_estimates_noise_in_the_quantity_that_was_measured(quantity: str
     frequency, generator = np.linspace(5.0, 120.0, 400), np.random.default_rng(1)
     noise = generator.standard_normal((2, 400)) / np.sqrt(2.0)
     clean = 1.0 / (1.0 - (frequency / 20.0) ** 2 + 0.5j * frequency / 20.0)
-    unstated = Frf(frequency, clean + 0.01 * (noise[0] + 1j * noise[1]), quantity)
-    amplitude = unstated.to("accelerance").amplitude
+    not_given = Frf(frequency, clean + 0.01 * (noise[0] + 1j * noise[1]), quantity)
+    amplitude = not_given.to("accelerance").amplitude
     basis = novelty.PrincipalComponents.fit(amplitude * generator.uniform(0.5, 2.0, (40, 1)), amplitude[np.newaxis])
-    _, level, _ = novelty._statistics(basis, unstated, amplitude)
-    _, stated, _ = novelty._statistics(basis, replace(unstated, variance=np.full(400, 0.01**2)), amplitude)
-    assert level == pytest.approx(stated, rel=0.2)
+    _, level, _ = novelty._statistics(basis, not_given, amplitude)
+    _, given, _ = novelty._statistics(basis, replace(not_given, variance=np.full(400, 0.01**2)), amplitude)
+    assert level == pytest.approx(given, rel=0.2)
 
 
 @pytest.mark.parametrize("count", [40, 400])

@@ -69,7 +69,7 @@ def test_a_collet_at_five_torques_is_fitted_as_well_as_each_test_alone():
     random, fitted = np.random.default_rng([1, 0, 55]), []
     z = random.uniform(-1.0, 1.0, (1, unknowns.count))
     for index, test in enumerate(tests):
-        theta = model.from_unit(unknowns.maps[index].fractions(unknowns.of_test(index, z)))[0]
+        theta = model.from_unit(unknowns.maps[index].fractions(unknowns.for_test(index, z)))[0]
         fitted.append(fit_test(test, [dovetail.noisy_frf(model.simulate(theta), 0.01, random)], 0, 0.0))
     fit = fit_series(unknowns, fitted)
     assert fit.contradiction > 1e-3

@@ -43,7 +43,7 @@ def test_derivatives_are_those_of_the_fractions(role):
     unknowns = SeriesUnknowns(series_with(role))
     random = np.random.default_rng(0)
     for index, one in enumerate(unknowns.maps):
-        z = unknowns.of_test(index, random.standard_normal((6, unknowns.count)))
+        z = unknowns.for_test(index, random.standard_normal((6, unknowns.count)))
         fractions, jacobian = one.linearise(z)
         np.testing.assert_array_equal(one.fractions(z), fractions)
         assert fractions.min() > 0.0

@@ -69,7 +69,7 @@ def with_stiffness(model, stiffness):
 
 @pytest.mark.parametrize("model", MODELS)
 def test_a_very_stiff_joint_is_a_rigid_one(model):
-    """The error falls with the stiffness: what is left is compliance, not another structure."""
+    """The error falls with the stiffness: the rest is compliance, not another structure."""
     nodes = MODELS[model][3]
     rigid = beams("rigid", {}, count=nodes, nodes=nodes).natural_frequencies(count=4)
     errors = [np.abs(with_stiffness(model, k).natural_frequencies(count=4) / rigid - 1).max() for k in (1e11, 1e12)]
@@ -110,9 +110,9 @@ def test_a_bolts_mass_is_on_the_lap_once():
 def test_stiffness_follows_the_preload_and_damping_does_not():
     theta = np.array([[1e8, 1e4, 7.0, 0.5]])
     loose = joint("bolted", nodes=2, preload={"force": "5 kN", "reference": "20 kN", "exponent": 0.5}).matrices(theta)
-    stated = joint("bolted", nodes=2).matrices(theta)
-    np.testing.assert_allclose(loose.K, 0.5 * stated.K)
-    np.testing.assert_allclose(loose.C, stated.C)
+    given = joint("bolted", nodes=2).matrices(theta)
+    np.testing.assert_allclose(loose.K, 0.5 * given.K)
+    np.testing.assert_allclose(loose.C, given.C)
 
 
 def test_the_distributed_layer_has_the_integrals_of_its_length():

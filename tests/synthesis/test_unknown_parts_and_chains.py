@@ -300,9 +300,9 @@ def test_sensors_shared_by_all_responses_are_present_together():
         assert difference(jacobian[0, response, 0], by_differences(alone, np.array([0.02]), 0)) < 1e-6
     again = dovetail.load(json.loads(second.description.text))
     assert difference(again.frf([0.02]), expected[1]) < 1e-8
-    stated = in_common({"mass": "20 g", "at": [{"at": "arm", "position": "node n8"}]})
-    assert difference(stated.frfs()[0], expected[0]) > 1e-3
-    assert second.description.fingerprint != stated.at(1).description.fingerprint
+    given = in_common({"mass": "20 g", "at": [{"at": "arm", "position": "node n8"}]})
+    assert difference(given.frfs()[0], expected[0]) > 1e-3
+    assert second.description.fingerprint != given.at(1).description.fingerprint
 
 
 def test_a_window_a_gain_and_a_delay_for_all_responses():

@@ -114,10 +114,10 @@ def test_a_part_with_unknown_options_may_be_named_with_its_package():
     assert [parameter.name for parameter in assembly.parameters] == ["bar.first"]
 
 
-@pytest.mark.parametrize(("stated", "prior"), [({}, "normal"), ({"k": {"range": [2e5, 2e6]}}, "uniform")])
-def test_a_given_range_is_uniform_for_any_prior_of_the_joint(stated, prior):
+@pytest.mark.parametrize(("given", "prior"), [({}, "normal"), ({"k": {"range": [2e5, 2e6]}}, "uniform")])
+def test_a_given_range_is_uniform_for_any_prior_of_the_joint(given, prior):
     parts = {"mass": {"model": "lumped", "masses": [{"mass": 1.0}]}, "base": {"model": "ground"}}
-    joint = {**spring("mass", "base"), "model": "known_before", "parameters": stated}
+    joint = {**spring("mass", "base"), "model": "known_before", "parameters": given}
     del joint["direction"]
     (parameter,) = load(parts, {"foot": joint}, at="mass", position=0).parameters
     assert parameter.prior == prior

@@ -207,8 +207,8 @@ def identify(
     network_to_use = partial(_model, assembly, model, chosen, trains, reading.plugins, retrain=retrain)
     job = _Job(assembly, measured, reading, chosen, fit, seconds, truth, output, as_json, network_to_use)
     if len(measured) == 1 and is_modal_table(measured[0]):
-        of_frfs = network, retrain, scheduler, "cause_seconds" in fit, reading.says_more_than_plugins
-        if any((*lines.values(), *of_frfs)):
+        frf_options = network, retrain, scheduler, "cause_seconds" in fit, reading.says_more_than_plugins
+        if any((*lines.values(), *frf_options)):
             raise typer.BadParameter("a table of modal parameters takes no option of an FRF.", param_hint="MEASURED")
         job = replace(job, method=method_for_modes(chosen if method else None, assembly), model=lambda: None)
         _identify_one(job, read_modal_parameters(measured[0]), typed(context))
@@ -318,7 +318,7 @@ def _print(result: Identification, truth: Truth | None) -> None:
         say("none, as a note below says")
     say()
     if result.fit is not None:
-        say(fit_sentence(result.fit, of_lines=bool(result.responses)))
+        say(fit_sentence(result.fit, has_lines=bool(result.responses)))
     for response in result.responses:
         where = f" at {response.point}" if result.further else ""
         say(f"Mean coherence of measured and reconstructed FRF{where}: {response.mean_coherence:.3f}")

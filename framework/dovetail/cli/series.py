@@ -82,9 +82,9 @@ def _print(result: SeriesIdentification) -> None:
         table(*_columns(rows))
     varying = [name for name in _names(result) if result.series.role_of(name).name != "shared"]
     for name in varying:
-        of_tests = [row for k in range(len(result.tests)) for row in result.rows_of(k) if row.name == name]
-        heading(f"{name} ({of_tests[0].role})")
-        table(*_columns(of_tests, first="test"))
+        parameter_rows = [row for k in range(len(result.tests)) for row in result.rows_of(k) if row.name == name]
+        heading(f"{name} ({parameter_rows[0].role})")
+        table(*_columns(parameter_rows, first="test"))
     heading("Agreement of the tests")
     table(
         ["test", "model fits", "chi-squared alone", "together"],

@@ -93,8 +93,8 @@ class ModelComparison:
 
     def score_difference(self, model: ComparedModel) -> tuple[float, float]:
         """Return by how much the score of a model is below that of the first, and the standard error of this."""
-        of_lines = self.ranking[0].line_scores - model.line_scores
-        return float(of_lines.sum()), float(np.sqrt(len(of_lines)) * of_lines.std())
+        differences = self.ranking[0].line_scores - model.line_scores
+        return float(differences.sum()), float(np.sqrt(len(differences)) * differences.std())
 
     @property
     def preferred(self) -> ComparedModel | None:

@@ -93,10 +93,10 @@ def compare_models(
         A measurement cannot be read, or does not fit.
     """
     check_options(samples)
-    of_series = isinstance(description, SeriesDescription) or is_series(description)
-    _check_arguments(of_series, measured, joints, roles)
+    is_for_series = isinstance(description, SeriesDescription) or is_series(description)
+    _check_arguments(is_for_series, measured, joints, roles)
     with one_blas_thread(), progress_reporter(progress) as report:
-        if isinstance(description, SeriesDescription) or of_series:
+        if isinstance(description, SeriesDescription) or is_for_series:
             known = isinstance(description, SeriesDescription)
             series = description if known else read_series(description, plugins=plugins)  # type: ignore[arg-type]
             assert isinstance(series, SeriesDescription)
@@ -115,15 +115,15 @@ def compare_models(
 
 
 def _check_arguments(
-    of_series: bool,
+    is_for_series: bool,
     measured: Measurement | None,
     joints: Sequence[str],
     roles: Mapping[str, Sequence[str]] | None,
 ) -> None:
-    if of_series and (measured is not None or joints):
+    if is_for_series and (measured is not None or joints):
         problem = "a series names its measurements itself, and its joints are not replaced."
         raise ParameterError(Fault("compare_models", problem, remedy="Compare roles, or with another series."))
-    if not of_series and (measured is None or roles):
+    if not is_for_series and (measured is None or roles):
         problem = "an assembly has no roles." if roles else "no measurement was given."
         raise ParameterError(Fault("compare_models", problem, "an assembly and its measured FRFs, or a series"))
 
@@ -209,9 +209,9 @@ def _one_compared(
 
 def largest_log_likelihood(likelihood: Likelihood, fraction: NDArray[np.float64]) -> float:
     """Return the largest log-likelihood near samples (n, p), with all constants."""
-    of_samples = likelihood.log(fraction)
-    best = fraction[[int(np.argmax(of_samples))]]
+    at_samples = likelihood.log(fraction)
+    best = fraction[[int(np.argmax(at_samples))]]
     if best.shape[1]:
         found = minimise(likelihood.marginalised, best, tolerance=0.01, most_steps=100)
-        return float(max(of_samples.max(), -found.cost.min() / 2.0) + likelihood.log_constant)
-    return float(of_samples.max() + likelihood.log_constant)
+        return float(max(at_samples.max(), -found.cost.min() / 2.0) + likelihood.log_constant)
+    return float(at_samples.max() + likelihood.log_constant)

@@ -72,7 +72,7 @@ def compared_model(
     posterior = sample_series(unknowns, tests, fit, samples=samples, seed=seed, progress=progress)
     likelihoods = [test.likelihood() for test in tests]
     pairs = zip(likelihoods, posterior.tests, strict=True)
-    scores = [line_scores(likelihood, of_test.fraction, posterior.weight) for likelihood, of_test in pairs]
+    scores = [line_scores(likelihood, test_samples.fraction, posterior.weight) for likelihood, test_samples in pairs]
     residuals = SeriesResiduals(unknowns, [likelihood.marginalised for likelihood in likelihoods])
     starts = np.stack([fit.z, posterior.weight @ posterior.z])
     squares = squared_norms(minimise(residuals, starts, prior=0.0).residuals[:, unknowns.count :])

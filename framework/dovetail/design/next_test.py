@@ -128,12 +128,12 @@ def plan_next_test(
     z = posterior.z[random.choice(len(posterior.z), samples, p=posterior.weight)]
     shared = z[:, : len(unknowns.shared)]
     noise = _noise(result) if noise is None else noise
-    before = _of_tests(result, z)
+    before = _tests_information(result, z)
     candidates, information = result.series.candidates or result.series.tests, [before]
     with progress_reporter(progress) as report:
         for number, candidate in enumerate(candidates):
             report("candidates", number, len(candidates))
-            information.append(before + _of_candidate(result, candidate, shared, noise, random))
+            information.append(before + _candidate_information(result, candidate, shared, noise, random))
         report("candidates", len(candidates), len(candidates))
     by_fraction = np.array(information) / _outer(normal_density(shared))
     remaining = remaining_uncertainty(by_fraction, unit_from_normal(shared), seed).deviation
@@ -167,29 +167,29 @@ def _noise(result: SeriesIdentification) -> float:
     return float(np.sqrt(np.mean(variance)) / np.std(frf.values))
 
 
-def _of_tests(result: SeriesIdentification, z: Array) -> Array:
+def _tests_information(result: SeriesIdentification, z: Array) -> Array:
     """Return the information (n, g, g) of the tests of the series about the shared unknowns, at all unknowns (n, d)."""
     unknowns = result.unknowns
     pairs = zip(result.tests, unknowns.maps, strict=True)
     each = [
-        _information(test.likelihood().marginalised, of_test, unknowns.of_test(number, z))
-        for number, (test, of_test) in enumerate(pairs)
+        _information(test.likelihood().marginalised, test_map, unknowns.for_test(number, z))
+        for number, (test, test_map) in enumerate(pairs)
     ]
     return np.asarray(np.sum(each, axis=0))
 
 
-def _of_candidate(
+def _candidate_information(
     result: SeriesIdentification, candidate: SeriesTest, shared: Array, noise: float, random: np.random.Generator
 ) -> Array:
     """Return the information (n, g, g) of a test that has not been made, about the shared unknowns z (n, g)."""
-    of_test, own = result.unknowns.elsewhere(candidate, candidate.covariates)
+    test_map, own = result.unknowns.elsewhere(candidate, candidate.covariates)
     z = np.concatenate([shared, random.standard_normal((len(shared), len(own)))], axis=1)
-    middle = np.median(of_test.fractions(z), axis=0)
+    middle = np.median(test_map.fractions(z), axis=0)
     theta = candidate.assembly.from_unit(middle)
     measured = [_measured(one.simulate(theta), noise, random) for one in candidate.assembly.each_response]
     problem = Problem.of(candidate.assembly, measured)
     likelihood, _ = likelihood_at_mode(problem, fit_at(problem, middle), allowed_error(result))
-    return _information(likelihood.marginalised, of_test, z)
+    return _information(likelihood.marginalised, test_map, z)
 
 
 def _measured(exact: Frf, noise: float, random: np.random.Generator) -> Frf:
@@ -198,14 +198,14 @@ def _measured(exact: Frf, noise: float, random: np.random.Generator) -> Frf:
     return replace(noisy_frf(exact, noise, random), variance=variance)
 
 
-def _information(misfit: SumOfSquares, of_test: TestMap, z: Array) -> Array:
+def _information(misfit: SumOfSquares, test_map: TestMap, z: Array) -> Array:
     """Return the information (n, g, g) of a test about the shared unknowns, its own integrated out."""
-    fractions, slopes = of_test.linearise(z)
+    fractions, slopes = test_map.linearise(z)
     jacobian = np.swapaxes(slopes, 1, 2) @ misfit.linearise(fractions).jacobian
-    information, shared = jacobian @ np.swapaxes(jacobian, 1, 2), of_test.shared
-    if not of_test.own:
+    information, shared = jacobian @ np.swapaxes(jacobian, 1, 2), test_map.shared
+    if not test_map.own:
         return np.asarray(information)
-    coupling, own = information[:, :shared, shared:], information[:, shared:, shared:] + np.eye(of_test.own)
+    coupling, own = information[:, :shared, shared:], information[:, shared:, shared:] + np.eye(test_map.own)
     return np.asarray(information[:, :shared, :shared] - coupling @ np.linalg.solve(own, np.swapaxes(coupling, 1, 2)))
 
 

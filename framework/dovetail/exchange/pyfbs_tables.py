@@ -100,11 +100,11 @@ def from_pyfbs(Y: ArrayLike, freq: ArrayLike, df_chn: Any, df_imp: Any) -> tuple
         raise MeasurementError(Fault("Y", f"its shape is {values.shape}.", f"{shape}, by freq, df_chn and df_imp"))
     for table, noun in ((df_chn, "df_chn"), (df_imp, "df_imp")):
         _check_table(table, noun)
-    of_word = {word.lower(): quantity for quantity, word in _MOTIONS.items()}
-    kinds = [of_word.get(str(word).lower()) for word in df_chn["Quantity"]]
+    quantity_by_word = {word.lower(): quantity for quantity, word in _MOTIONS.items()}
+    kinds = [quantity_by_word.get(str(word).lower()) for word in df_chn["Quantity"]]
     if None in kinds or any(str(word).lower() != "force" for word in df_imp.get("Quantity", ())):
         words = listing(dict.fromkeys(map(str, (*df_chn["Quantity"], *df_imp.get("Quantity", ())))))
-        raise MeasurementError(Fault("Quantity", f"{words} in the tables.", f"{listing(of_word)} by force"))
+        raise MeasurementError(Fault("Quantity", f"{words} in the tables.", f"{listing(quantity_by_word)} by force"))
     positive = axis > 0.0
     named = enumerate(zip(df_chn["Name"], kinds, strict=True))
     return tuple(

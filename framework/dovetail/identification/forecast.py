@@ -58,9 +58,9 @@ class ForecastProgress:
 
     def begin(self, problem: Problem) -> None:
         """Time an evaluation of the model, and forecast from it."""
-        one, (of_fit, of_samples) = evaluation_seconds(problem, self._clock), self._evaluations
-        self._limit, self._posterior = problem.limit, one * of_samples
-        self._end = self._clock() + FIXED + one * of_fit + self._posterior
+        one, (fit_evaluations, sample_evaluations) = evaluation_seconds(problem, self._clock), self._evaluations
+        self._limit, self._posterior = problem.limit, one * sample_evaluations
+        self._end = self._clock() + FIXED + one * fit_evaluations + self._posterior
         self._began = self._fits = True
         logging.getLogger(__name__).info("forecast: about %.2g s", self.seconds_left)
 

@@ -61,7 +61,7 @@ class Arrival:
     each_response: tuple[Arrival, ...] = ()
 
     @staticmethod
-    def of_responses(name: str, arrivals: Sequence[Arrival]) -> Arrival:
+    def combined(name: str, arrivals: Sequence[Arrival]) -> Arrival:
         """Return a measurement in several files, one for each response."""
         version = Version(sum(one.version.size for one in arrivals), max(one.version.changed for one in arrivals))
         unread = next((one.digest for one in arrivals if one.digest.startswith("unread: ")), None)
@@ -125,7 +125,7 @@ class Folder:
             if len(complete) < len(files):
                 waiting = True
             else:
-                arrivals.append(complete[0] if name == files[0] else Arrival.of_responses(name, complete))
+                arrivals.append(complete[0] if name == files[0] else Arrival.combined(name, complete))
         return sorted(arrivals, key=lambda one: (one.date, one.name)), waiting
 
     def _measurements(self, files: Iterable[str]) -> dict[str, list[tuple[int, str]]]:

@@ -78,7 +78,7 @@ class LawCurve:
     covariance: Array
 
     @staticmethod
-    def of_series(series: SeriesDescription, tests: Sequence[FittedTest], progress: Progress) -> tuple[LawCurve, ...]:
+    def from_series(series: SeriesDescription, tests: Sequence[FittedTest], progress: Progress) -> tuple[LawCurve, ...]:
         """Return the laws of the first test's parameters, a curve for each covariate; none where there are none."""
         overs: dict[str, list[int]] = {}
         for column, parameter in enumerate(tests[0].problem.parameters):

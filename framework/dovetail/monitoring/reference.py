@@ -80,7 +80,7 @@ class Reference:
             problem = f"its measurement has {count:,} lines, more than a watch fits in each file."
             remedy = "Use fewer: 'frequency: {step: ...}' of a narrower band in the assembly."
             raise ParameterError(Fault(f"test {first.test.name}", problem, remedy=remedy))
-        curves = LawCurve.of_series(series, tests, progress)
+        curves = LawCurve.from_series(series, tests, progress)
         fraction = np.clip(first.fraction, _MARGIN, 1.0 - _MARGIN)
         model, common = _file_model(series, first), _common_covariance(first)
         return Reference(series, model, fraction, common, curves, responses, plugins)

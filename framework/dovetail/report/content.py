@@ -209,8 +209,8 @@ def mode_rows(result: Identification, truth: Truth | None) -> list[ModeRow]:
     identified = np.array([mode.natural_frequency for mode in result.modes])
     known = identified[np.isfinite(identified)]
     matched = [counterpart(frequency, known, inside, closeness=np.inf) for frequency in identified.tolist()]
-    of_mode = _mode_row if result.responses else _tabulated_mode_row
-    rows = [(mode.natural_frequency, of_mode(mode, true)) for mode, true in zip(result.modes, matched, strict=True)]
+    mode_row = _mode_row if result.responses else _tabulated_mode_row
+    rows = [(mode.natural_frequency, mode_row(mode, true)) for mode, true in zip(result.modes, matched, strict=True)]
     missed = inside[~np.isin(inside, [true for true in matched if true is not None])]
     peaks = np.array([peak.measured_peak for peak in result.peaks_without_mode])
     for peak, frequency in zip(result.peaks_without_mode, peaks.tolist(), strict=True):
@@ -282,13 +282,13 @@ def posterior_sentence(posterior: Posterior) -> str:
     )
 
 
-def fit_sentence(fit: Fit, *, of_lines: bool = True) -> str:
+def fit_sentence(fit: Fit, *, has_lines: bool = True) -> str:
     """Return a sentence on how good a fit to lines of FRFs or to a table is, and on its cost."""
-    estimated = "estimated from " + ("the scatter from line to line" if of_lines else "the residuals")
+    estimated = "estimated from " + ("the scatter from line to line" if has_lines else "the residuals")
     source = "as the measurement gives it" if fit.variance_known else estimated
     if fit.variance_assumed:
         source = "assumed to be 1 % of the largest value, since fewer than 10 lines cannot show it"
-    freedom = str(fit.degrees_of_freedom) if of_lines else number(fit.degrees_of_freedom, 2, padded=False)
+    freedom = str(fit.degrees_of_freedom) if has_lines else number(fit.degrees_of_freedom, 2, padded=False)
     searches = f"{fit.starts} start{'s' * (fit.starts != 1)}, {fit.steps} steps, " if fit.starts else ""
     return (
         f"Chi-squared {fit.chi_squared:.3g} per degree of freedom ({freedom}) over the random error, "

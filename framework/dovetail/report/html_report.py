@@ -110,7 +110,7 @@ def _context(result: Identification, truth: Truth | None, command: str) -> dict[
         "band": f"{number(low, 5, padded=False)} to {number(high, 5, padded=False)} Hz",
         "lines": " + ".join(str(size) for size in dict.fromkeys(axis.size for axis in axes)),
         "mean_coherence": _mean_coherence(result),
-        "fit": "" if result.fit is None else content.fit_sentence(result.fit, of_lines=bool(axes)),
+        "fit": "" if result.fit is None else content.fit_sentence(result.fit, has_lines=bool(axes)),
         "joints": list(dict.fromkeys(row.joint for row in result.table)),
         "is_trustworthy": result.is_trustworthy,
         "adequacy": content.adequacy_sentences(result),

@@ -63,10 +63,10 @@ def _draw_law(axes: Axes, result: SeriesIdentification, name: str) -> None:
 
 def _draw_parameter(axes: Axes, result: SeriesIdentification, name: str, rows: Sequence[SeriesRow]) -> None:
     tests = {one.test.name: one.test for one in result.tests}
-    of_rows = [tests[row.test].covariates for row in rows]
-    common = [key for key in result.series.covariates if all(key in values for values in of_rows)]
+    row_covariates = [tests[row.test].covariates for row in rows]
+    common = [key for key in result.series.covariates if all(key in values for values in row_covariates)]
     over = result.series.role_of(name).over or (common[0] if common else "")
-    positions = [values[over] for values in of_rows] if over else list(np.arange(len(rows), dtype=float))
+    positions = [values[over] for values in row_covariates] if over else list(np.arange(len(rows), dtype=float))
     middles = np.array([row.fit if row.estimate is None else row.estimate for row in rows])
     spread = [1.645 * row.deviation for row in rows]
     lows = np.array([m - s if row.low is None else row.low for m, s, row in zip(middles, spread, rows, strict=True)])

@@ -56,7 +56,7 @@ class _View:
     size: float
 
     @staticmethod
-    def of_points(points: NDArray[np.float64]) -> _View:
+    def of(points: NDArray[np.float64]) -> _View:
         right = np.array([-np.sin(_AZIMUTH), np.cos(_AZIMUTH), 0.0])
         towards = np.array([np.cos(_ELEVATION) * np.cos(_AZIMUTH), np.cos(_ELEVATION) * np.sin(_AZIMUTH), 0.0])
         towards[2] = np.sin(_ELEVATION)
@@ -80,7 +80,7 @@ def space_figure(assembly: Assembly, ax: Axes | None = None) -> Figure:
     description = assembly.description
     by_name = description.placed_parts
     points = {name: 1e3 * np.array([node.coordinates for node in part.nodes]) for name, part in by_name.items()}
-    view = _View.of_points(np.concatenate([points[name] for name, part in by_name.items() if not part.grounded]))
+    view = _View.of(np.concatenate([points[name] for name, part in by_name.items() if not part.grounded]))
     axes: Axes = new_figure(_HEIGHT).subplots() if ax is None else ax
     moving = [name for name, part in by_name.items() if not part.grounded]
     for number, name in enumerate(moving):

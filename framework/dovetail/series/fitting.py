@@ -108,7 +108,7 @@ def fit_series(unknowns: SeriesUnknowns, tests: Sequence[FittedTest], *, progres
     matrix, _ = normal_equations(residuals, points, prior)
     used = sum(len(test.problem.parameters) for test in tests)
     free = unknowns.count - len(scatter)
-    squares = np.array([float(np.sum(part**2)) for part in residuals.of_tests(points.residuals)])
+    squares = np.array([float(np.sum(part**2)) for part in residuals.split_by_test(points.residuals)])
     progress("fit", 1, 1)
     return SeriesFit(points.z[0], matrix, squares, np.array(alone), used - free)
 

@@ -51,9 +51,9 @@ class SeriesResiduals:
 
     def fractions(self, z: Array) -> list[Array]:
         """Return the parameters (n, p_k) of each test in fractions of their ranges."""
-        return [one.fractions(self.unknowns.of_test(k, z)) for k, one in enumerate(self.unknowns.maps)]
+        return [one.fractions(self.unknowns.for_test(k, z)) for k, one in enumerate(self.unknowns.maps)]
 
-    def of_tests(self, residuals: Array) -> list[Array]:
+    def split_by_test(self, residuals: Array) -> list[Array]:
         """Return the residuals (n, m_k) of each test, of all residuals ``[z, r]`` (n, d + m)."""
         measured = residuals[:, self.unknowns.count :]
         return [measured[:, columns] for columns in self._columns]
@@ -74,12 +74,12 @@ class SeriesResiduals:
         residuals = np.empty((len(z), z.shape[1] + columns[-1].stop))
         jacobian = np.zeros((len(z), size, columns[-1].stop))
         residuals[:, : z.shape[1]] = z
-        parts = zip(self.of_tests(residuals), self.jacobians(jacobian), strict=True)
-        for index, (of_test, slopes_of_test) in enumerate(parts):
-            fractions, slopes = self.unknowns.maps[index].linearise(self.unknowns.of_test(index, z))
+        parts = zip(self.split_by_test(residuals), self.jacobians(jacobian), strict=True)
+        for index, (test_residuals, test_slopes) in enumerate(parts):
+            fractions, slopes = self.unknowns.maps[index].linearise(self.unknowns.for_test(index, z))
             there = self.misfits[index].linearise(fractions)
-            of_test[:] = there.residuals
-            np.matmul(np.swapaxes(slopes, 1, 2), there.jacobian, out=slopes_of_test)
+            test_residuals[:] = there.residuals
+            np.matmul(np.swapaxes(slopes, 1, 2), there.jacobian, out=test_slopes)
         return LinearisedPoints(z, residuals, jacobian)
 
     def products(self, left: Array, right: Array, diagonal: Array) -> ArrowMatrix:
@@ -89,7 +89,7 @@ class SeriesResiduals:
 
     def gradient(self, jacobian: Array, residuals: Array, prior: Array | float = 1.0) -> Array:
         """Return J^T r (n, d), with the derivatives of the tests' residuals and a weight of the prior."""
-        pairs = zip(self.jacobians(jacobian), self.of_tests(residuals), strict=True)
+        pairs = zip(self.jacobians(jacobian), self.split_by_test(residuals), strict=True)
         parts = [(one @ part[:, :, np.newaxis])[:, :, 0] for one, part in pairs]
         return arrow_vector(parts, self.shared) + prior * residuals[:, : self.unknowns.count]
 

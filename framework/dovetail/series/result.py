@@ -94,7 +94,7 @@ class SeriesIdentification:
 
     def theta(self, test: int) -> NDArray[np.float64]:
         """Return the parameters (p,) of a test at the best fit, SI."""
-        z = self.unknowns.of_test(test, self.fit.z[np.newaxis])
+        z = self.unknowns.for_test(test, self.fit.z[np.newaxis])
         return np.asarray(self.tests[test].problem.from_unit(self.unknowns.maps[test].fractions(z))[0])
 
     def law_curve(self, name: str, points: int = 60) -> tuple[NDArray[np.float64], ...]:
@@ -161,7 +161,7 @@ class SeriesIdentification:
     def rows_of(self, test: int) -> tuple[SeriesRow, ...]:
         """Return the parameters of one test."""
         fitted, assembly = self.tests[test], self.tests[test].test.assembly
-        z = self.unknowns.of_test(test, self.fit.z[np.newaxis])
+        z = self.unknowns.for_test(test, self.fit.z[np.newaxis])
         fractions, slopes = self.unknowns.maps[test].linearise(z)
         covariance = slopes[0] @ self.fit.matrix.own_covariance(test)[0] @ slopes[0].T
         values = assembly.from_unit(fractions)[0]

@@ -148,8 +148,8 @@ def sample_series(
     with logged(__name__, f"{samples} samples of a series"):
         sampler = _Sampler(unknowns, tests, fit, np.random.default_rng([seed, 21]), progress)
         points, log_weight = sampler.search(samples)
-        of_measured = log_weight + sampler.log_constant
-        evidence = Evidence.of_weights(of_measured, samples), least_log_evidence(of_measured, samples)
+        log_density = log_weight + sampler.log_constant
+        evidence = Evidence.of_weights(log_density, samples), least_log_evidence(log_density, samples)
         effective = effective_sample_size(log_weight)
         z, efficiency = points.z, effective / samples
         if efficiency < _SETTINGS.even_weights:
@@ -206,7 +206,7 @@ class _Sampler:
         self, frfs: list[NDArray[np.complex128]], pilots: LinearisedPoints
     ) -> tuple[list[NDArray[np.complex128]], float]:
         """Add the FRFs at pilots to those of each test; return the largest error of a reduced chi-squared too."""
-        worst, extended, on_few = 0.0, [], self.residuals.of_tests(pilots.residuals)
+        worst, extended, on_few = 0.0, [], self.residuals.split_by_test(pilots.residuals)
         for index, fractions in enumerate(self._exact.fractions(pilots.z)):
             if not len(fractions):  # no search converged
                 return frfs, np.inf

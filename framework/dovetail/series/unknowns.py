@@ -62,7 +62,7 @@ class ScalePosition:
         """Whether positions are fractions of the range: the prior is uniform."""
         return self.parameter.prior == "uniform"
 
-    def of_quantile(self, z: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def value_and_slope(self, z: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the positions (n,) of normal quantiles of the prior, and their derivatives (n,)."""
         fraction, slope = unit_from_normal(z), normal_density(z)
         if self.is_even:
@@ -104,11 +104,11 @@ def within_range(
     quantile = np.where(lower_half, 1.0, -1.0) * ndtri(np.clip(share, _LEAST_INSIDE, 1.0 - 1e-16))
     density, at = normal_density(quantile), np.clip(ndtr(z), 0.0, 1.0)
     density = np.maximum(density, _LEAST_INSIDE)
-    of_low = normal_density(low) * (1.0 - at) / density
-    of_high = normal_density(high) * at / density
+    by_low = normal_density(low) * (1.0 - at) / density
+    by_high = normal_density(high) * at / density
     position = mean + deviation * quantile
-    by_mean = 1.0 - of_low - of_high
-    by_deviation = quantile - low * of_low - high * of_high
+    by_mean = 1.0 - by_low - by_high
+    by_deviation = quantile - low * by_low - high * by_high
     by_z = deviation * inside * normal_density(z) / density
     return position, (by_mean, by_deviation, by_z)
 
@@ -139,7 +139,7 @@ class LawTerms:
 
     def _unknown(self, unknown: LawUnknown, z: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         if unknown.is_value:
-            return self.position.of_quantile(z)
+            return self.position.value_and_slope(z)
         number = _number(unknown, unknown.name)
         value = number.from_unit(unit_from_normal(z))
         return value, number.slope(value) * normal_density(z)
@@ -248,7 +248,7 @@ class SeriesUnknowns:
             if one.kind == "deviation" and one.parameter == parameter
         ]
 
-    def of_test(self, index: int, z: NDArray[np.float64]) -> NDArray[np.float64]:
+    def for_test(self, index: int, z: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the unknowns (n, shared + own) on which a test depends, of all (n, count)."""
         return np.concatenate([z[:, : len(self.shared)], z[:, self.columns[index]]], axis=1)
 
@@ -331,14 +331,14 @@ def _scattered(
 
     def fraction(z: NDArray[np.float64]) -> Values:
         if law is None:
-            mean, slope = position.of_quantile(z[:, 0])
-            of_mean = slope[:, np.newaxis]
+            mean, slope = position.value_and_slope(z[:, 0])
+            mean_slope = slope[:, np.newaxis]
         else:
-            mean, of_mean = law.at(covariate, z[:, :-2])
+            mean, mean_slope = law.at(covariate, z[:, :-2])
         deviation = scatter.from_unit(unit_from_normal(z[:, -2]))
-        of_deviation = scatter.slope(deviation) * normal_density(z[:, -2])
+        deviation_slope = scatter.slope(deviation) * normal_density(z[:, -2])
         positions, (by_mean, by_deviation, by_z) = within_range(mean, deviation, z[:, -1])
-        derivatives = np.column_stack([by_mean[:, np.newaxis] * of_mean, by_deviation * of_deviation, by_z])
+        derivatives = np.column_stack([by_mean[:, np.newaxis] * mean_slope, by_deviation * deviation_slope, by_z])
         fractions, slopes = position.to_fraction(positions)
         return fractions, derivatives * slopes[:, np.newaxis]
 

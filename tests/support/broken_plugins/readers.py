@@ -104,7 +104,7 @@ class WritingAmplitudes(SoundReader):
 
 @breaks("nothing_is_printed_or_changed")
 class Chatting(SoundReader):
-    """Tells what it reads."""
+    """Prints what it reads."""
 
     def recorded(self, lines):
         """Print the number of lines."""

@@ -35,11 +35,11 @@ class Settings:
     """Largest number of causes that are named; readers do not take in more."""
     noise: float = 0.6
     """Misfit of noise: mean of log(1 + x) for an x that is distributed exponentially."""
-    of_measurement: float = 0.3
+    measurement_improvement: float = 0.3
     """Decrease of the misfit from which a cause in the measurement is named: typical residuals fall by 14 %."""
-    of_model: float = 0.6
+    model_improvement: float = 0.6
     """The same for a cause in the model, which gains from any additional freedom: typical residuals fall by 26 %."""
-    of_part: float = 0.7
+    part_improvement: float = 0.7
     """Share of the misfit beyond noise that another value of a part's quantity must remove."""
     share: float = 0.4
     """Share of the misfit beyond noise whose removal suffices, if it is less than the decreases above."""
@@ -200,13 +200,13 @@ def _needed(name: str, excess: float, is_active: bool) -> float:
     if is_active and name in _PHASES:
         return -np.inf
     if name == "part":
-        return max(_SETTINGS.least, _SETTINGS.of_part * excess)
-    improvement = _SETTINGS.of_measurement if name in _OF_MEASUREMENT else _SETTINGS.of_model
+        return max(_SETTINGS.least, _SETTINGS.part_improvement * excess)
+    improvement = _SETTINGS.measurement_improvement if name in _IN_MEASUREMENT else _SETTINGS.model_improvement
     return max(_SETTINGS.least, _SETTINGS.least_share * excess, min(improvement, _SETTINGS.share * excess))
 
 
 _PHASES = {"sign", "conjugate"}
-_OF_MEASUREMENT = {"sign", "order", "conjugate", "gain", "unit", "quantity", "delay", "window"}
+_IN_MEASUREMENT = {"sign", "order", "conjugate", "gain", "unit", "quantity", "delay", "window"}
 _FINISHED = 3
 """Number of the first stages that are always completed: a gain and a mass, which may have the same effect, are then
 both named."""

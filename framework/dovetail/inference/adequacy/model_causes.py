@@ -130,9 +130,9 @@ def _most_similar_points(fits: QuickFits, nodes: list[Node]) -> list[tuple[Node,
         kinds = kinds[:1]
     chosen: list[tuple[float, int, int]] = []
     for with_force, kind in enumerate(kinds):
-        of_kind = [(float(kind[:, i].min()), with_force, i) for i in _separate_nodes(kind, nodes)]
-        similar = [choice for choice in of_kind if choice[0] < _SETTINGS.less_similar * described]
-        chosen += of_kind[: max(_SETTINGS.points[0], len(similar))]
+        ranked = [(float(kind[:, i].min()), with_force, i) for i in _separate_nodes(kind, nodes)]
+        similar = [choice for choice in ranked if choice[0] < _SETTINGS.less_similar * described]
+        chosen += ranked[: max(_SETTINGS.points[0], len(similar))]
     return [(nodes[i], bool(force), joints[np.argmin(kinds[force][:, i])]) for _, force, i in sorted(chosen)]
 
 

@@ -120,11 +120,11 @@ def _unknown(effects: ErrorEffects, linearised: _Linearised, size: ModelError) -
     A standard deviation that is estimated from n values has a relative error of 1 / sqrt(2 n).
     """
     distance, _, heights = effects.peaks_apart()
-    of_peaks = {"natural_frequency": distance, "damping": heights}
+    from_peaks = {"natural_frequency": distance, "damping": heights}
     return tuple(
         kind
         for kind, values in linearised.determined_values(size).items()
-        if values < _SETTINGS.fewest_values and _SETTINGS.consistent * of_peaks.get(kind, 0.0) < getattr(size, kind)
+        if values < _SETTINGS.fewest_values and _SETTINGS.consistent * from_peaks.get(kind, 0.0) < getattr(size, kind)
     )
 
 

@@ -145,7 +145,7 @@ def _single_pole(frfs: Sequence[Frf], values: Sequence[NDArray[np.complex128]]) 
 
 
 def _with_values(frfs: Sequence[Frf], values: Sequence[NDArray[np.complex128]]) -> list[Frf]:
-    return [replace(frf, values=of_model) for frf, of_model in zip(frfs, values, strict=True)]
+    return [replace(frf, values=modelled) for frf, modelled in zip(frfs, values, strict=True)]
 
 
 def _modal_fits(
@@ -182,8 +182,8 @@ def _errors_that_parameters_leave(
     points = np.concatenate([fraction[np.newaxis], fraction + _SETTINGS.step * np.eye(len(fraction))[free]])
     features = []
     for values in problem.model.frf(problem.from_unit(np.minimum(points, 1.0))):
-        of_model = target.split(values)
-        fits = _modal_fits(_with_values(target.frfs, of_model), target, fit, of_model)
+        modelled = target.split(values)
+        fits = _modal_fits(_with_values(target.frfs, modelled), target, fit, modelled)
         if fits is None:
             return None
         features.append(np.concatenate([one.features[:3] for one in fits]))
