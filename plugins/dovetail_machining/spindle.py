@@ -169,12 +169,13 @@ def _check_tests(holder: Assembly, tests: tuple[Frf, Frf, Frf], points: tuple[fl
             part=part,
             label=labels[holder.description.placed_parts[part].node_dofs[holder.point(part, position)[1]][0]],
             labels=labels,
+            position=position,
         )
         for name, position in zip(("a", "b"), points, strict=True)
     )
     aa, ab, bb = tests
     roles = [Role(aa, a, a), Role(ab, a, b), Role(bb, b, b)]
-    check_roles(roles, substructures=tuple(holder.description.substructures))
+    check_roles(roles, substructures={n: not one.grounded for n, one in holder.description.substructures.items()})
 
 
 def _bare_receptances(tests: tuple[Frf, Frf, Frf], frequency: NDArray[np.float64], mass: float) -> list[Receptance]:

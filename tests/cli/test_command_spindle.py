@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -55,6 +57,21 @@ def test_tables_without_a_header_are_read_by_columns_and_unit(run, arguments, tm
     assert "mobility" in run(*tables, code=1).stderr
     run(*tables, "--unit", "g/N")
     np.testing.assert_allclose(dovetail.read_receptance(tmp_path / "flange.npz").values, from_uff, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("number", "line"),
+    [(0, "# response: holder, 60 mm"), (0, "# point: holder, 20 mm"), (1, "# force: holder, 0 mm"), (2, "# at 0 mm")],
+)
+def test_words_that_name_another_point_are_refused(run, arguments, tmp_path, number, line):
+    frf = replace(dovetail.read_frf(arguments[2 + number]), response="", force="", note="")
+    arguments[2 + number] = tmp_path / "test.csv"
+    dovetail.write_frf(frf, arguments[2 + number])
+    arguments[2 + number].write_text(f"{line}\n{arguments[2 + number].read_text()}")
+    if line == "# at 0 mm":  # of what is open
+        run(*arguments)
+    else:
+        assert "where it is used" in run(*arguments, code=1).stderr
 
 
 def test_an_existing_file_stays(run, arguments, tmp_path):

@@ -14,9 +14,11 @@ FREQUENCY = np.arange(20.0, 120.0, 2.0)
 BLOCK, ARM = ("block", 0.0, "x"), ("arm", 0.0, "x")
 USES = {"drive": (("1+x", "1+x"), (BLOCK, BLOCK)), "transfer": (("2+x", "1+x"), (ARM, BLOCK))}
 OTHERS = {
-    "drive": [("2+x", "2+x"), ("1+z", "1+z"), ("7", "7"), ("arm:1", "arm:1"), ("", "3+x"), ("2+x", ""), ("2+x", "1+x")],
-    "transfer": [("3+x", "1+x"), ("2+x", "3+x"), ("2+z", "1+z"), ("1+x", "2+x"), ("2+x", "2+x"), ("1", "")],
-}
+    "drive": [("2+x", "2+x"), ("1+z", "1+z"), ("7", "7"), ("arm:1", "arm:1"), ("", "3+x"), ("2+x", ""), ("2+x", "1+x"),
+              ("arm x", ""), ("", "base")],
+    "transfer": [("3+x", "1+x"), ("2+x", "3+x"), ("2+z", "1+z"), ("1+x", "2+x"), ("2+x", "2+x"), ("1", ""),
+                 ("block", "")],
+}  # fmt: skip
 CASES = [(use, dofs) for use, wrong in OTHERS.items() for dofs in wrong]
 SOUND = [("1-x", "1-x"), ("1", "1"), ("", ""), ("block:1+x", "1+x")]
 

@@ -30,17 +30,19 @@ WRONG = {
     "drive": [
         ("2+x", "1+x"), ("1+x", "2+x"), ("2", "1"), ("1+y", "1+x"), ("1+x", "1+rz"), ("1+rz", "1+rz"), ("1rx", "1x"),
         ("lower:1+x", "lower:1+x"), ("upper:1+x", "lower:1+x"), ("", "lower:7"), ("block:3-z", "block:4-z"),
-        ("", "1rz"), ("2 +x ", "1 +x"),
+        ("", "1rz"), ("2 +x ", "1 +x"), ("lower x", ""), ("", "base"), ("node 2", "node 1"), ("upper, 20 mm", ""),
     ],
     "transfer": [
         ("1+x", "1+x"), ("1", "1"), ("7-z", "7+z"), ("2+y", "1+x"), ("2+x", "1+rz"), ("2+rz", "1+x"),
         ("upper:1+x", "lower:2+x"), ("lower:5", "lower:6"), ("upper:1", ""), ("block:3+x", "block:3+x"),
+        ("upper", "lower"), ("", "base x"),
     ],
 }  # fmt: skip
 ALLOWED = {
     "drive": [
         ("1+x", "1+x"), ("11", "11"), ("1-x", "1-x"), ("1-x", "1+x"), ("5+z", "5"), ("upper:7+y", "upper:7+y"),
         ("block:3+z", "3+z"), ("", ""), ("2+x", ""), ("", "5-y"), ("tool tip", "nut"), ("2+x", "nut"),
+        ("upper", "upper, x"), ("measured with a laser", "hammer with a steel tip"),
     ],
     "transfer": [
         ("2+x", "1+x"), ("1+x", "2+x"), ("4", "9"), ("3-z", "1+z"), ("lower:1", "upper:1"), ("2", ""), ("", ""),

@@ -120,15 +120,17 @@ def frf(
     """
     import dovetail
     from dovetail.measurement.impact_test.signal_files import read_signals
+    from dovetail.measurement.recording import point_fields
     from dovetail.report.frf_files import describe_frf, write_frf_files
 
     check_frf_files(output, overwrite, plugin)
     read = read_signals(signals, **record, plugins=plugin or ())
     note(f"Read {signals.name}: {read.origin}")
     name = f"{estimate['estimator']} of {signals.name}"
-    options = {"quantity": read.quantity, "label": signals.name, "note": name, **estimate}
+    options = {"quantity": read.quantity, "label": signals.name, **estimate}
     estimated = dovetail.frf_from_signals(read.force, read.response, read.rate, **options)
-    frf = replace(estimated.frf, response=read.response_point, force=read.force_point)
+    given = {"response": read.response_point, "force": read.force_point, "note": name}
+    frf = replace(estimated.frf, **point_fields(given, read.named_points))
     write_frf_files(frf, output, (), {}, overwrite=overwrite, plugins=plugin or ())
     title(f"{estimate['estimator']} from {signals.name}")
     say(describe_frf(frf))

@@ -330,12 +330,12 @@ def batch_contradictions(description: Description, measured: Sequence[Frf | Sequ
     mapping of int to Fault
         By the number in the sequence. Those that contradict the responses by themselves are left out.
     """
-    substructures, sound = _moving_parts(description), dict[int, list[Role]]()
+    find, sound = partial(contradictions, substructures=_moving_parts(description)), dict[int, list[Role]]()
     for number, given in enumerate(measured):
         frfs = (given,) if isinstance(given, Frf) else tuple(given or ())
         if len(frfs) == len(description.responses):
             roles = _roles(description, frfs)
-            if not any(contradictions(roles, substructures=substructures)):
+            if not any(find(roles)):
                 sound[number] = roles
     if not sound:
         return {}
@@ -343,16 +343,13 @@ def batch_contradictions(description: Description, measured: Sequence[Frf | Sequ
     usual, _ = Counter(dofs.values()).most_common(1)[0]
     reference = next(roles for number, roles in sound.items() if dofs[number] == usual)
     others = {number: roles for number, roles in sound.items() if dofs[number] != usual}
-    found = {
-        number: next(contradictions([*reference, *roles], substructures=substructures), None)
-        for number, roles in others.items()
-    }
+    found = {number: next(find([*reference, *roles]), None) for number, roles in others.items()}
     return {number: fault for number, fault in found.items() if fault is not None}
 
 
-def _moving_parts(description: Description) -> tuple[str, ...]:
-    """Return the substructures on which something can be measured."""
-    return tuple(name for name, model in description.substructures.items() if not model.grounded)
+def _moving_parts(description: Description) -> dict[str, bool]:
+    """Return the names of all substructures, and whether they move."""
+    return {name: not model.grounded for name, model in description.substructures.items()}
 
 
 def _axes(assembly: Assembly) -> list[NDArray[np.float64]]:
@@ -361,9 +358,12 @@ def _axes(assembly: Assembly) -> list[NDArray[np.float64]]:
 
 
 def _model_dof(description: Description, place: Place) -> ModelDof:
-    labels = tuple(node.label for node in description.substructures[place.substructure].nodes)
-    words = description.point_label(place)
-    return ModelDof(words, place.rotation, place.substructure, labels[place.node], labels)
+    nodes = description.substructures[place.substructure].nodes
+    label, position, directions = nodes[place.node].label, nodes[place.node].position, nodes[place.node].directions
+    in_space = isinstance(place.direction, str) and not set(directions) <= {"x", "rz"}
+    words, direction = description.point_label(place), str(place.direction) if in_space else ""
+    labels = tuple(other.label for other in nodes)
+    return ModelDof(words, place.rotation, place.substructure, label, labels, position, direction)
 
 
 def _each(

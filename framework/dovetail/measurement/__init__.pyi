@@ -17,11 +17,11 @@ from .lines import within_band as within_band
 from .modal_parameters import ModalParameters as ModalParameters
 from .modal_parameters import is_modal_table as is_modal_table
 from .modal_parameters import read_modal_parameters as read_modal_parameters
+from .named_points import ModelDof as ModelDof
 from .noise import complex_noise as complex_noise
 from .noise import data_noise as data_noise
 from .noise import noisy_frf as noisy_frf
 from .resampling import on_grid as on_grid
-from .roles import ModelDof as ModelDof
 from .roles import Role as Role
 from .roles import check_roles as check_roles
 from .writing import write_frf as write_frf

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf
-from dovetail.measurement.roles import IGNORE, ModelDof, Role, check_roles, contradictions
+from dovetail.measurement.named_points import ModelDof
+from dovetail.measurement.roles import IGNORE, Role, check_roles, contradictions
 
 _LARGEST_MASS = 1000.0
 """kg; with a heavier one, the FRF would consist of rounding errors."""

@@ -18,6 +18,7 @@ from dovetail.measurement.acting_numbers import find_acting_number
 from dovetail.measurement.changed_values import find_scale, reference_of_decibels
 from dovetail.measurement.frf_units import frequency_factor, read_unit
 from dovetail.measurement.other_quantities import find_other_quantity, names_rotation, warn_of_exponential_window
+from dovetail.measurement.point_statements import PointStatement, point_statements, points_of_label
 from dovetail.measurement.quantity_words import inverse_quantity, read_label, word_set, words_of
 from dovetail.measurement.text_pairs import (
     ANGLES,
@@ -105,12 +106,15 @@ class FreeText:
         such a statement they are mentions.
     claims : list of FieldClaim
         Units of the phase, the coherence and the variance, and scales of the amplitude.
+    points : list of PointStatement
+        Where the motion was measured and where the force acted.
     """
 
     statements: list[Statement] = field(default_factory=list)
     mentions: list[Statement] = field(default_factory=list)
     sentences: list[Statement] = field(default_factory=list)
     claims: list[FieldClaim] = field(default_factory=list)
+    points: list[PointStatement] = field(default_factory=list)
 
 
 def read_texts(texts: Iterable[tuple[str, str, str]], skip: Sequence[str] = ()) -> FreeText:
@@ -132,8 +136,10 @@ def read_texts(texts: Iterable[tuple[str, str, str]], skip: Sequence[str] = ()) 
     for name, text, where in texts:
         if any(words in f"{name}: {text}".lower() for words in skipped):
             continue
+        free_text.points.extend(points_of_label(text.strip("#%!* \t")))
         for pair in pairs_of(name, text[:_LONGEST]):
             _read_pair(free_text, pair, where)
+            free_text.points.extend(point_statements(pair.key.removeprefix(f"{name} "), pair.value))
         warn_of_exponential_window(name, text[:_LONGEST], where)
     return free_text
 

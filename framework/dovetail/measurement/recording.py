@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-import re
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,8 @@ from dovetail.errors import Fault, MeasurementError, did_you_mean, listing
 from dovetail.frf import QUANTITIES, Frf, Quantity, check_size, unit_of
 from dovetail.interfaces import About, Statement
 from dovetail.measurement.frf_units import UnitMeaning, is_si, meaning_of_unit, read_unit
+from dovetail.measurement.named_points import DOF, are_opposite
+from dovetail.measurement.point_statements import End, PointStatement, without_points
 from dovetail.measurement.statements import interpret
 
 MOST_LINES = 1_000_000
@@ -25,8 +26,6 @@ _COHERENCE_ROUNDING = 1e-4
 """Distance of a coherence beyond 0 or 1 that single precision and rounding in the file may cause."""
 _HIGHEST_COHERENCE = 1.05
 """Largest value for a coherence of 1 from analysers that average or correct auto and cross spectra differently."""
-DOF = re.compile(r"(?:([^\s:]{1,10}):)?(\d{1,9})(?:([+-]?)(rx|ry|rz|x|y|z))?", re.IGNORECASE)
-"""The name of a DOF: substructure, node, sense and direction; only the node is required."""
 
 
 @dataclass(frozen=True)
@@ -171,7 +170,8 @@ class Recording:
     def without_dofs(self) -> Recording:
         """Return the recording with unknown DOFs, and with the sign that the values have in the file."""
         is_turned = are_opposite(self.response, self.force)
-        return replace(self, response="", force="", factor=-self.factor if is_turned else self.factor)
+        factor = -self.factor if is_turned else self.factor
+        return replace(self, response="", force="", note=without_points(self.note), factor=factor)
 
     def _with_unit(self, label: str) -> Recording:
         """Return the recording with the caller's unit; a file that states another one is refused."""
@@ -321,10 +321,36 @@ _REMOVE = (
 )
 
 
-def are_opposite(response: str, force: str) -> bool:
-    """Return whether the names of two DOFs have opposite senses, as ``3+x`` and ``1-x`` have."""
-    matches = DOF.fullmatch(response), DOF.fullmatch(force)
-    return all(matches) and [match[3] == "-" for match in matches if match].count(True) == 1
+class PointFields(TypedDict):
+    """Fields of an FRF that say where it was measured."""
+
+    response: str
+    force: str
+    note: str
+
+
+def point_fields(known: Mapping[str, str], statements: Sequence[PointStatement]) -> PointFields:
+    """Return the DOFs and the note of a file with what its texts say of points.
+
+    The name of a DOF becomes that of the response or of the force if the file gives none otherwise. Other statements
+    become part of the note, so that they stay with the FRF.
+
+    Parameters
+    ----------
+    known : mapping of str to str
+        What the file has as ``response``, ``force`` and ``note``.
+    statements : sequence of PointStatement
+    """
+    response, force, note = (known.get(name, "") for name in ("response", "force", "note"))
+    ends: dict[End, str] = {"response": response, "force": force}
+    clauses = list[str]()
+    for one in statements:
+        if one.end in ends and not ends[one.end] and DOF.fullmatch("".join(one.text.split())):
+            ends[one.end] = one.text
+        elif one.text not in ends.values() and one.clause not in (*clauses, *note.split("; ")):
+            clauses.append(one.clause)
+    whole = "; ".join(filter(None, (note, *clauses)))
+    return PointFields(response=ends["response"], force=ends["force"], note=whole)
 
 
 def parse_quantity(word: str, where: str) -> Quantity:

@@ -7,7 +7,7 @@ FRF is that of a drive point, and which FRFs belong to the same point; and one n
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import NamedTuple
@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf, conversion
 from dovetail.frf.resonance_peaks import noise_deviation
-from dovetail.measurement.recording import DOF
+from dovetail.measurement.named_points import GivenDof, ModelDof, axes_disagree, read_dof
+from dovetail.measurement.point_statements import points_of_note
 
 _MOST_DELIVERED = 0.95
 """Share of the power at a drive point that is delivered above which a sign or a phase is certainly wrong: of 300 random
@@ -29,35 +30,8 @@ PHASE_ERROR = 30.0
 """Degrees by which a phase may be wrong before power counts as delivered. With 20 the same 300 reached 0.34."""
 _CLEAR = 5.0
 """Standard deviations of random error that a power must exceed to be counted."""
-_NAME_LENGTH = 10
-"""Characters of a substructure's name that a universal file keeps."""
 IGNORE = "If the file's DOFs are wrong, read it with `ignore_dofs=True`."
 """How to have wrong DOFs in a file ignored."""
-
-
-@dataclass(frozen=True)
-class ModelDof:
-    """A DOF at which an FRF is used.
-
-    Parameters
-    ----------
-    place : str
-        Its point in words, such as ``"tool, 10 mm"``. The same point has the same words.
-    rotation : bool
-        Whether it is a rotation or a moment instead of a displacement or a force.
-    part : str
-        Its substructure; empty if the point is of the only one.
-    label : str
-        The node's label.
-    labels : tuple of str
-        Labels of all nodes of the part.
-    """
-
-    place: str
-    rotation: bool = False
-    part: str = ""
-    label: str = ""
-    labels: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -83,7 +57,7 @@ class Role:
     @property
     def is_drive_point(self) -> bool:
         """Whether the force acts where the motion is measured, in the same direction."""
-        return (self.response.place, self.response.rotation) == (self.force.place, self.force.rotation)
+        return _point_of(self.response) == _point_of(self.force)
 
     @property
     def name(self) -> str:
@@ -103,28 +77,16 @@ class Role:
         return f"the response at {_words(self.response)} to a {_load(self.force)} at {_words(self.force)}"
 
 
+def _point_of(dof: ModelDof) -> tuple[str, bool, str]:
+    return dof.place, dof.rotation, dof.direction
+
+
 def _words(dof: ModelDof) -> str:
-    return f"{dof.place}{' (rotation)' if dof.rotation else ''}"
+    return f"{dof.place}{f' ({dof.direction})' if dof.direction else ' (rotation)' if dof.rotation else ''}"
 
 
 def _load(dof: ModelDof) -> str:
     return "moment" if dof.rotation else "force"
-
-
-class _GivenDof(NamedTuple):
-    """A DOF as a file gives it, in lower case; what it leaves open is empty."""
-
-    text: str
-    part: str
-    node: str
-    axis: str
-
-    @property
-    def is_rotation(self) -> bool:
-        return self.axis.startswith("r")
-
-    def same_node(self, other: _GivenDof) -> bool:
-        return self.node == other.node and (not self.part or not other.part or self.part == other.part)
 
 
 class _End(NamedTuple):
@@ -132,20 +94,24 @@ class _End(NamedTuple):
 
     role: Role
     noun: str
-    dof: _GivenDof
+    dof: GivenDof
     used: ModelDof
 
 
 def check_roles(
-    roles: Sequence[Role], *, substructures: Sequence[str] = (), passive: bool = True, distinct: bool = True
+    roles: Sequence[Role],
+    *,
+    substructures: Collection[str] = (),
+    passive: bool = True,
+    distinct: bool = True,
 ) -> None:
     """Compare the FRFs of one command with their use; every command that uses measured FRFs calls this.
 
     Parameters
     ----------
     roles : sequence of Role
-    substructures : sequence of str
-        Names of the model's substructures.
+    substructures : collection of str
+        Names of the model's substructures; as the keys of a mapping to whether each of them moves.
     passive : bool
         Whether FRFs of drive points are also checked for the power that they deliver; there is a warning where it is
         considerable.
@@ -155,76 +121,108 @@ def check_roles(
     Raises
     ------
     MeasurementError
-        The DOFs given in a file contradict its use or those of another file, the same measurement is used at two
+        The points given in a file contradict its use or those of another file, the same measurement is used at two
         places, or an FRF cannot be that of a drive point. The first contradiction is reported.
+
+    Warns
+    -----
+    UserWarning
+        A text names only other parts than the one at which the FRF is used, among words that are not understood, or an
+        axis that a planar model does not have.
     """
     fault = next(contradictions(roles, substructures=substructures, distinct=distinct), None)
     if fault is not None:
         raise MeasurementError(fault)
-    for role in roles if passive else ():
-        if role.is_drive_point:
+    for role in roles:
+        _warn_of_words(role, substructures)
+        if passive and role.is_drive_point:
             _check_passive(role)
 
 
+def _warn_of_words(role: Role, substructures: Collection[str]) -> None:
+    """Warn of words that name only another part, or another axis than a planar model has."""
+    certain, loose = (_ends(role, substructures, certain=each) for each in (True, False))
+    for end in [*certain, *loose]:
+        text = f"{role.name}: its {end.noun} is '{end.dof.text[:60]}', and it is used at {end.used.place}"
+        if end.dof.is_other_axis(end.used):
+            warnings.warn(f"{text}, in a model in one plane.", stacklevel=4)
+        elif end.dof.is_other_part(end.used):
+            warnings.warn(f"{text}.", stacklevel=4)
+
+
 def contradictions(
-    roles: Sequence[Role], *, substructures: Sequence[str] = (), distinct: bool = True
+    roles: Sequence[Role], *, substructures: Collection[str] = (), distinct: bool = True
 ) -> Iterator[Fault]:
     """Yield the first contradiction of each FRF with its use, or else with another FRF, as `check_roles` finds them."""
-    alone = [next(_faults_alone(role, substructures, distinct), None) for role in roles]
+    ends = [tuple(_ends(role, substructures)) for role in roles]
+    alone = [next(_faults_alone(role, own, distinct), None) for role, own in zip(roles, ends, strict=True)]
     yield from (fault for fault in alone if fault is not None)
-    sound = [role for role, fault in zip(roles, alone, strict=True) if fault is None]
+    sound = [(role, own) for role, own, fault in zip(roles, ends, alone, strict=True) if fault is None]
     refused = set[int]()
     for (first, one), (second, other) in combinations(enumerate(sound), 2):
         if first in refused or second in refused:
             continue
-        fault = next(_faults_between(one, other, distinct), None)
+        fault = next(_faults_between(*one, *other, distinct), None)
         if fault is not None:
             refused.add(second)
             yield fault
 
 
-def _faults_alone(role: Role, substructures: Sequence[str], distinct: bool) -> Iterator[Fault]:
+def _faults_alone(role: Role, ends: Sequence[_End], distinct: bool) -> Iterator[Fault]:
     """Yield what the file of one FRF says that contradicts its use."""
-    ends = tuple(_ends(role))
     for end in ends:
         dof, used = end.dof, end.used
+        its = f"its {end.noun}, {dof.text[:60]},"
         if dof.axis and dof.is_rotation != used.rotation:
             kinds = ("rotation or moment", "displacement or force")
             found, wanted = kinds if dof.is_rotation else kinds[::-1]
-            problem = f"its {end.noun}, {dof.text}, is a {found}, and it is used as a {wanted} at {used.place}."
+            problem = f"{its} is a {found}, and it is used as a {wanted} at {used.place}."
             yield _fault(role, problem, "Correct the 'direction' in the description, or give another FRF.")
-        if (named := _part_named(dof, substructures)) and used.part and used.part not in named:
-            problem = f"its {end.noun}, {dof.text}, is on '{named[0]}', and it is used at {used.place}."
+        if dof.is_other_part(used):
+            problem = f"{its} is on '{dof.named[0]}', and it is used at {used.place}."
             yield _fault(role, problem, "Correct the point in the description, or give another FRF.")
-        if _is_other_label(end, named):
-            problem = f"its {end.noun} is at node {dof.node}, and it is used at node {used.label}, {used.place}."
-            yield _fault(role, problem, "Correct the node in the description, or give another FRF.")
-    if len(ends) == 2:
-        yield from _faults_of_pair(role, ends[0].dof, ends[1].dof, distinct)
+        if dof.is_other_label(used):
+            problem = f"its {end.noun} is at node {dof.node or dof.label}, and it is used at node {used.label}"
+            place = f", {used.place}." if used.label not in used.place else "."
+            yield _fault(role, problem + place, "Correct the node in the description, or give another FRF.")
+        if dof.is_elsewhere(used):
+            problem = f"{its} is not at {used.place}, where it is used."
+            yield _fault(role, problem, "Correct the position in the description, or give another FRF.")
+        if dof.axis and used.direction and dof.named and dof.axis != used.direction:
+            problem = f"{its} is along {dof.axis}, and it is used along {used.direction} at {used.place}."
+            yield _fault(role, problem, "Correct the 'direction' in the description, or give another FRF.")
+    for one, other in combinations(ends, 2):
+        if one.noun == other.noun and one.dof.other_node(other.dof):
+            problem = f"its file gives two points for its {one.noun}: {one.dof.text[:60]} and {other.dof.text[:60]}."
+            yield _fault(role, problem, "Correct the file.")
+        if {one.noun, other.noun} == {"response", "force"}:
+            yield from _faults_of_pair(role, one.dof, other.dof, distinct)
 
 
-def _faults_of_pair(role: Role, response: _GivenDof, force: _GivenDof, distinct: bool) -> Iterator[Fault]:
+def _faults_of_pair(role: Role, response: GivenDof, force: GivenDof, distinct: bool) -> Iterator[Fault]:
     """Yield what the file says of response and force that contradicts its use."""
     is_same_node, is_same_place = response.same_node(force), role.response.place == role.force.place
-    if (is_same_place and not is_same_node) or (distinct and is_same_node and not is_same_place):
+    if (is_same_place and response.other_node(force)) or (distinct and is_same_node and not is_same_place):
         what = "a drive-point FRF" if is_same_node else "a transfer FRF between two points"
         problem = f"its file says {role.dofs}, {what}, and it is used as {role.use}."
         described = "'response' without 'force'" if is_same_node else "'response' and its 'force'"
         yield _fault(role, problem, f"Give the FRF of this use, or describe {described} as measured.")
-    same_kind = role.response.rotation == role.force.rotation
-    if same_kind and response.axis and force.axis and response.axis != force.axis:
-        problem = f"its file says {role.dofs}, two directions, and it is used as {role.use} along one."
-        yield _fault(role, problem, "Give the FRF of one direction.")
+    if axes_disagree((response, role.response), (force, role.force)):
+        along = "along one" if response.axis != force.axis else "along two"
+        found = "two directions" if response.axis != force.axis else "one direction"
+        problem = f"its file says {role.dofs}, {found}, and it is used as {role.use} {along}."
+        yield _fault(role, problem, "Give the FRF of one direction." if along == "along one" else "Give another FRF.")
 
 
-def _faults_between(earlier: Role, later: Role, distinct: bool) -> Iterator[Fault]:
+def _faults_between(
+    earlier: Role, ends: Sequence[_End], later: Role, other_ends: Sequence[_End], distinct: bool
+) -> Iterator[Fault]:
     """Yield what the files of two FRFs say that contradicts their use."""
-    for first in _ends(earlier):
-        for second in _ends(later):
+    for first in ends:
+        for second in other_ends:
             yield from _faults_of_ends(first, second, distinct)
-    uses = [{(role.response.place, role.response.rotation), (role.force.place, role.force.rotation)}
-            for role in (earlier, later)]  # fmt: skip
-    are_given = all(len(list(_ends(role))) == 2 for role in (earlier, later))
+    uses = [{_point_of(role.response), _point_of(role.force)} for role in (earlier, later)]
+    are_given = all({"response", "force"} <= {end.noun for end in own if end.dof.node} for own in (ends, other_ends))
     if distinct and uses[0] != uses[1] and not are_given and _equal(earlier.frf, later.frf):
         problem = (
             f"it holds the same values as {earlier.name}, which is used as {earlier.use}, and is used as {later.use}."
@@ -242,14 +240,17 @@ def _faults_of_ends(earlier: _End, later: _End, distinct: bool) -> Iterator[Faul
             f"as {earlier.used.place}."
         )
         yield _fault(later.role, problem, _EXCHANGED)
-    if not first.same_node(second) and earlier.used.place == later.used.place:
+    if first.other_node(second) and earlier.used.place == later.used.place:
         problem = (
             f"its file says {later.role.dofs}: node {second.node} is used as {later.used.place}, and so is node "
             f"{first.node} in {pair}."
         )
         yield _fault(later.role, problem, _EXCHANGED)
-    if earlier.used.rotation == later.used.rotation and first.axis and second.axis and first.axis != second.axis:
-        problem = f"its file says {later.role.dofs}, another direction than {pair}; the model has one."
+    if axes_disagree((first, earlier.used), (second, later.used)):
+        if earlier.used.direction == later.used.direction:
+            problem = f"its file says {later.role.dofs}, another direction than {pair}; the model has one."
+        else:
+            problem = f"its file says {later.role.dofs}, the same direction as {pair}; the model has two."
         yield _fault(later.role, problem, "Give FRFs of one direction.")
 
 
@@ -262,29 +263,25 @@ def _fault(role: Role, problem: str, remedy: str) -> Fault:
     return Fault(role.name, problem, remedy=f"{remedy} {role.remedy}")
 
 
-def _ends(role: Role) -> Iterator[_End]:
-    """Yield response and force as far as the file gives them."""
-    for noun, text, used in (("response", role.frf.response, role.response), ("force", role.frf.force, role.force)):
-        match = DOF.fullmatch("".join(text.split()))
-        if match and int(match[2]):
-            part, axis = (match[1] or "").lower(), (match[4] or "").lower()
-            yield _End(role, noun, _GivenDof(text, part, str(int(match[2])), axis), used)
+def _ends(role: Role, substructures: Collection[str], *, certain: bool = True) -> Iterator[_End]:
+    """Yield the points of response and force as far as the file gives them, by their names or in its note.
 
-
-def _part_named(dof: _GivenDof, substructures: Sequence[str]) -> list[str]:
-    """Return the substructures that the name in a file may mean, which it may have cut off."""
-    return [name for name in substructures if dof.part and name.lower()[:_NAME_LENGTH] == dof.part]
-
-
-def _is_other_label(end: _End, named: Sequence[str]) -> bool:
-    """Return whether a file gives another node of the model than the one it is used at.
-
-    Numbers are compared with the model's labels only if the substructure is named too, or where the description gives
-    the labels to measured points.
+    Titles, and texts with words that are not understood, are yielded only if `certain` is False.
     """
-    labels, node = end.used.labels, end.dof.node
-    is_comparable = end.used.part in named if end.used.part else True
-    return is_comparable and node in labels and end.used.label in labels and node != end.used.label
+    used = {"response": role.response, "force": role.force}
+    texts = [("response", role.frf.response, False), ("force", role.frf.force, False)]
+    if role.frf.note:
+        texts += [(one.end, one.text, one.key == "title") for one in points_of_note(role.frf.note)]
+    for noun, text, is_title in texts:
+        for at in [used[noun]] if noun in used else [role.response]:
+            dof = read_dof(text, substructures, at.labels) if text else None
+            if dof is None or (dof.is_certain and not is_title) != certain or (is_title and not dof.is_certain):
+                continue
+            if noun == "point" and not role.is_drive_point:  # of which end is open
+                if {role.response.part, role.force.part} & {*dof.named, ""}:
+                    continue
+                dof = GivenDof(dof.text, named=dof.named)
+            yield _End(role, noun, dof, at)
 
 
 def _equal(first: Frf, second: Frf) -> bool:

@@ -86,6 +86,11 @@ _PART_WORDS = frozenset(
     )
 )
 """Words of a column's name that do not distinguish signals; quantities are compared by themselves."""
+_PART = re.compile(
+    r"[(\[]?\b(?:real|re|imag|imaginary|im|amplitude|magnitude|mag|abs|modulus|phase|angle|deg|rad|db|part)\b\.?[)\]]?",
+    re.IGNORECASE,
+)
+"""The part of the values in a column's name."""
 _SHOWN = 60
 """Characters of a name that are shown."""
 _MOST_LISTED = 20
@@ -200,18 +205,21 @@ def _in_folders(candidates: Sequence[str], chosen: Iterable[str]) -> list[str]:
     return [name for name in candidates if re.sub(r"[^/.]*$", "", name) in folders]
 
 
-def check_same_signal(where: str, fields: Mapping[str, str]) -> None:
-    """Refuse values whose parts are from different signals, such as ``Point 1 (Real)`` and ``Point 2 (Imag)``.
+def check_same_signal(where: str, fields: Mapping[str, str]) -> list[str]:
+    """Return what the names of the values say besides their parts, once for all: ``Point 1`` for ``Point 1 (Real)``.
 
     Raises
     ------
     MeasurementError
+        The parts are from different signals, such as ``Point 1 (Real)`` and ``Point 2 (Imag)``.
     """
     signals = {name: signal for field, name in fields.items() if field in VALUE_FIELDS and (signal := _signal(name))}
     if len(set(signals.values())) > 1:
         shown = listing(repr(name) for name in signals)
         problem = f"{shown} are not parts of one FRF."
         raise MeasurementError(Fault(where, problem, _ACCEPTED, "Say what each column holds: `columns=` or `names=`."))
+    bare = (re.sub(r"[\W_]+$|^[\W_]+", "", _PART.sub(" ", name)) for name in signals)
+    return list(dict.fromkeys(text for text in bare if text))
 
 
 def _signal(name: str) -> str:

@@ -26,9 +26,10 @@ from dovetail.measurement.content.column_names import (
 )
 from dovetail.measurement.content.even_axis import check_other_axes, with_even_axis
 from dovetail.measurement.content.part_units import check_parts
-from dovetail.measurement.content.unused_entries import read_unused
+from dovetail.measurement.content.unused_entries import points_of_columns, read_unused
+from dovetail.measurement.point_statements import End
 from dovetail.measurement.quantity_words import axis_unit_in_name, unit_in_name
-from dovetail.measurement.recording import ReadOptions, Recording, parse_quantity
+from dovetail.measurement.recording import ReadOptions, Recording, parse_quantity, point_fields
 from dovetail.measurement.statements import check_axis, fields_of, interpret, meaning_of_file
 
 _LONGEST_TEXT = 1000
@@ -67,6 +68,7 @@ def read_recording(archive: RecordedArrays, options: ReadOptions) -> Recording:
     check_parts(names, free_text.claims, meaning.unit, where)
     scale = check_axis(meaning, mentions, _SAY_UNIT)
     check_other_axes(archive, names, fields["frequency"], scale, options.skip)
+    points = [*free_text.points, *points_of_columns(archive, names, _chosen(options))]
     return Recording(
         where=where,
         label=archive.path.name,
@@ -76,15 +78,19 @@ def read_recording(archive: RecordedArrays, options: ReadOptions) -> Recording:
         coherence=fields.get("coherence"),
         locate=locate,
         how_to_state_quantity="a text 'quantity' or 'unit' in the file",
-        note=_read_text(archive, names, "note"),
         averages=_read_averages(archive, names),
         variance=fields.get("variance"),
-        response=_read_text(archive, names, "response"),
-        force=_read_text(archive, names, "force"),
         taken=taken_for(names, list(archive.entries)),
         mentions=[one for one in mentions if not ("db" in names and one.text.lower() == "db")],
         **fields_of(meaning),
+        **point_fields({name: _read_text(archive, names, name) for name in ("response", "force", "note")}, points),
     )
+
+
+def _chosen(options: ReadOptions) -> dict[End, int]:
+    """Return the numbers of the response and the force that the options choose."""
+    given: dict[End, Any] = {"response": options.response, "force": options.force, "point": options.index}
+    return {end: int(number) for end, number in given.items() if re.fullmatch(r"[1-9]\d{0,5}", str(number))}
 
 
 def _shown(archive: RecordedArrays, name: str) -> str:

@@ -18,7 +18,8 @@ from dovetail.measurement.changed_values import find_scale
 from dovetail.measurement.content.part_units import check_parts
 from dovetail.measurement.free_text import FieldClaim, read_statements
 from dovetail.measurement.frf_units import meaning_of_unit
-from dovetail.measurement.recording import DOF, ReadOptions, Recording
+from dovetail.measurement.named_points import DOF
+from dovetail.measurement.recording import ReadOptions, Recording, point_fields
 from dovetail.measurement.statements import Meaning, check_axis, fields_of, meaning_of_file
 
 _SETS_SHOWN = 20
@@ -94,16 +95,16 @@ def _recording_of(path: Path, frf: RecordedFrf, where: str, reader: FrfReader, o
         mentions=mentions,
         **fields,
     )
+    points = point_fields({"response": frf.response, "force": frf.force, "note": frf.note}, read.points)
     if frf.is_turned is not None:
-        factor = -recording.factor if frf.is_turned else recording.factor
-        return replace(recording, response=frf.response, force=frf.force, factor=factor)
+        return replace(recording, **points, factor=-recording.factor if frf.is_turned else recording.factor)
     if any(name and not DOF.fullmatch(name) for name in (frf.response, frf.force)):
         problem = f"the reader '{reader.name}' gives the DOFs '{frf.response:.40}' and '{frf.force:.40}'."
         accepted = "a node with its direction, such as 3+x, tool:5-y or 7rz"
         raise MeasurementError(Fault(where, problem, accepted, "Another name belongs into its note."))
     if frf.response and frf.force:
-        return recording.with_dofs(frf.response, frf.force)
-    return replace(recording, response=frf.response, force=frf.force)
+        return replace(recording, note=points["note"]).with_dofs(frf.response, frf.force)
+    return replace(recording, **points)
 
 
 def _claims_of_labels(statements: Sequence[Statement]) -> list[FieldClaim]:

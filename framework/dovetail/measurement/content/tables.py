@@ -35,16 +35,19 @@ from dovetail.measurement.content.part_units import check_parts
 from dovetail.measurement.content.text_tables import TextTable, find_rows, find_table, read_rows
 from dovetail.measurement.free_text import FieldClaim, FreeText, read_texts
 from dovetail.measurement.frf_units import UnitMeaning, UnitReading, meaning_of_unit, read_unit
+from dovetail.measurement.named_points import DOF
+from dovetail.measurement.point_statements import PointStatement, points_of_column, title_points
 from dovetail.measurement.quantity_words import axis_unit_in_name, unit_in_name
 from dovetail.measurement.recording import (
-    DOF,
     ReadOptions,
     Recording,
     parse_quantity,
+    point_fields,
 )
 from dovetail.measurement.statements import check_axis, fields_of, meaning_of_file
 
 _COMMENT = re.compile(r"[#%]\s*(quantity|unit|averages|note|response|force)\s*[:=]\s*(.*?)\s*$", re.IGNORECASE)
+_NEXT_KEY = re.compile(r"[,;]\s+[^\W\d_]+\s*[:=]")
 _DECIBEL = re.compile(r"db(?:\s*(?:re|ref)?\.?:?\s*(?:1(?:\.0*)?\s*)?(?=\D)(.*))?", re.IGNORECASE)
 _PURE = ("", "-", "1", "none")
 _HEADERS = (
@@ -77,6 +80,8 @@ class Header(NamedTuple):
         What the header states.
     claims : sequence of FieldClaim
         Units of the coherence and the variance.
+    points : sequence of PointStatement
+        What the names of the columns say of the FRF's points.
     """
 
     columns: Mapping[str, int]
@@ -86,6 +91,7 @@ class Header(NamedTuple):
     taken: Sequence[str]
     statements: Sequence[Statement]
     claims: Sequence[FieldClaim] = ()
+    points: Sequence[PointStatement] = ()
 
 
 def decode_table(path: Path, text: str, options: ReadOptions) -> Recording:
@@ -123,7 +129,7 @@ def _texts_around(path: Path, table: TextTable, options: ReadOptions) -> FreeTex
     is_own = table.header[0] == "frequency_Hz" and "quantity" in _comments_above(str(path), table)
 
     def is_read(line: str) -> bool:
-        match = _COMMENT.match(line.strip()[:_LONGEST])
+        match = _own_comment(line)
         if match is None or is_own:  # a note that Dovetail wrote is a remark
             return match is not None
         return (
@@ -138,7 +144,9 @@ def _texts_around(path: Path, table: TextTable, options: ReadOptions) -> FreeTex
     )
     above, unclear = (read_texts(texts, options.skip) if texts else FreeText() for texts in (around, between))
     mentions = [*unclear.mentions, *unclear.statements]  # units of columns that the line does not name
-    return replace(above, mentions=[*above.mentions, *mentions], claims=[*above.claims, *unclear.claims])
+    titles = [point for _, text, _ in around if text.lstrip()[:1] in "#%" for point in title_points(text)]
+    claims, points = [*above.claims, *unclear.claims], [*above.points, *titles]
+    return replace(above, mentions=[*above.mentions, *mentions], claims=claims, points=points)
 
 
 def _table(path: str, lines: Sequence[str], options: ReadOptions) -> TextTable:
@@ -213,14 +221,12 @@ def recording_of(
         coherence=fields.get("coherence"),
         locate=locate,
         how_to_state_quantity="a line '# quantity: accelerance' before the header",
-        note=header.comments.get("note", ""),
         averages=_averages(header.comments),
         variance=fields.get("variance"),
-        response=header.comments.get("response", ""),
-        force=header.comments.get("force", ""),
         taken=header.taken,
         mentions=[one for one in mentions if not ("db" in header.columns and one.text.lower() == "db")],
         **fields_of(meaning),
+        **point_fields(header.comments, [*free_text.points, *header.points]),
     )
 
 
@@ -295,7 +301,7 @@ def read_header(
         units[column] = units[column] or unit
     columns = _field_columns(where, ",".join(cells), names, units, chosen)
     unit = _unit(where, units, columns, comments.get("unit", ""))
-    check_same_signal(where, {field: names[index] for field, index in columns.items() if field not in chosen})
+    signals = check_same_signal(where, {field: names[index] for field, index in columns.items() if field not in chosen})
     return Header(
         columns=columns,
         names=tuple(names),
@@ -308,6 +314,7 @@ def read_header(
             for field in ("coherence", "variance")
             if field in columns and units[columns[field]]
         ],
+        points=[point for signal in signals for point in points_of_column(signal)],
     )
 
 
@@ -334,12 +341,22 @@ def _statements(
     return statements
 
 
+def _own_comment(line: str) -> re.Match[str] | None:
+    """Return the match of a comment that is read by its key, unless it has further keys."""
+    match = _COMMENT.match(line.strip()[:_LONGEST])
+    is_one = match is None or match[1].lower() not in ("response", "force") or not _NEXT_KEY.search(match[2])
+    return match if is_one else None
+
+
 def _comments_above(path: str, table: TextTable) -> dict[str, str]:
     """Return the statements in the comments above a table, and their lines."""
     comments: dict[str, str] = {}
     for number, line in enumerate(table.lines[: table.line]):
-        if match := _COMMENT.match(line.strip()[:_LONGEST]):
+        if match := _own_comment(line):
             key = match[1].lower()
+            if comments.get(key, match[2]) != match[2] and key != "note":
+                problem = f"the file contradicts itself: {key} {comments[key][:40]!r} and {match[2][:40]!r}."
+                raise MeasurementError(Fault(f"{path}:{number + 1}", problem, remedy="Keep one of the two lines."))
             comments[key] = match[2]
             comments[f"{key} stands in"] = f"{path}:{number + 1}"
     return comments

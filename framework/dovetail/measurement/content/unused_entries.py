@@ -17,8 +17,9 @@ from dovetail.measurement.changed_values import find_change
 from dovetail.measurement.content.column_names import FIELD_NAMES, VALUE_FIELDS, plain_name
 from dovetail.measurement.free_text import SKIP, FreeText, read_texts
 from dovetail.measurement.frf_units import read_unit
+from dovetail.measurement.named_points import DOF
+from dovetail.measurement.point_statements import LISTS, End, PointStatement, end_of_key
 from dovetail.measurement.quantity_words import words_of
-from dovetail.measurement.recording import DOF
 from dovetail.measurement.text_pairs import UNIT_WORDS
 
 _FRF_WORDS = frozenset(word for field in (*VALUE_FIELDS, "frequency") for word in FIELD_NAMES[field])
@@ -34,6 +35,7 @@ _MOST_TEXTS = 100
 """Texts of an array that are read."""
 _MOST_NUMBERS = 1000
 """Numbers of an array that are looked at, such as a delay for each channel."""
+_FEWEST_OF_LIST = 2
 _SAME = 1e-4
 """Largest relative difference of a factor from that of its unit, which programs write with few digits."""
 
@@ -76,17 +78,45 @@ def read_unused(archive: RecordedArrays, fields: Mapping[str, str], skip: tuple[
             if value is None and may_act(name):
                 raise _acts(archive, name, "")
         elif value.dtype.kind in "US":
+            if value.size > 1 and end_of_key(_key(name, fields)):
+                continue  # names of columns, of which one is chosen
             key = f"dB {_key(name, fields)}" if "db" in fields and _is_reference(name) else _key(name, fields)
             texts += [(key, text, f"{archive.path}  {name}") for key, text in _keyed(key, value)]
         elif value.size == 1 and value.ravel()[0] == 1 and (value.dtype.kind == "b" or _is_flag(name)):
             texts.append(("", _as_words(_key(name, fields)), f"{archive.path}  {name}"))
         elif value.dtype.kind in "fiuc" and (match := _FACTOR.fullmatch(name)) and value.size == 1:
             factors[match[1]] = float(value.real.ravel()[0])
+        elif value.dtype.kind in "iu" and value.size == 1 and end_of_key(_key(name, fields)) and value.ravel()[0] >= 0:
+            texts.append((_key(name, fields), str(value.ravel()[0]), f"{archive.path}  {name}"))
         elif value.dtype.kind in "fiuc":
             _check_numbers(archive, name, value, is_beside=not _branch(name, values_name))
             if "db" in fields and value.size == 1 and _is_reference(name) and value.ravel()[0] != 1:
                 raise _acts(archive, name, f" = {value.ravel()[0]:.6g}")
     return _with_factors(archive, read_texts(texts, skip), factors)
+
+
+def points_of_columns(
+    archive: RecordedArrays, fields: Mapping[str, str], chosen: Mapping[End, int]
+) -> Iterator[PointStatement]:
+    """Yield the points that lists of names or nodes give for the chosen FRF among those of an array.
+
+    Parameters
+    ----------
+    archive : RecordedArrays
+    fields : mapping of str to str
+        From fields of the FRF to the names of entries.
+    chosen : mapping of str to int
+        Numbers of the chosen response and force, or of the FRF, from 1.
+    """
+    for name in _concerned(archive, fields) if chosen else ():
+        key, value = _key(name, fields), _load(archive, name)
+        end = end_of_key(key) or ("point" if LISTS & set(words_of(key)) else "")
+        if value is None or value.dtype.kind not in "USiu" or value.size < _FEWEST_OF_LIST:
+            continue
+        labels = _texts(value) if value.dtype.kind in "US" else list(map(str, value.ravel()))
+        for one, number in chosen.items():
+            if end in (one, "point") or (one == "point" and end):
+                yield from [PointStatement(one if end == "point" else end, labels[number - 1])][: number <= len(labels)]
 
 
 def _attribute_texts(archive: RecordedArrays, fields: Mapping[str, str]) -> Iterator[tuple[str, str, str]]:

@@ -18,6 +18,7 @@ from dovetail.measurement.frf_units import read_unit
 from dovetail.measurement.impact_test.records import AxisFact, Pair, Point, TimeRecord
 from dovetail.measurement.impact_test.remarks import Remarks
 from dovetail.measurement.impact_test.signal_names import Role, SignalName, read_name
+from dovetail.measurement.point_statements import PointStatement
 
 Array = NDArray[np.float64]
 _HEADERS = "time,force,response | time,force 1,response 1,..."
@@ -43,12 +44,14 @@ class _Column:
             raise MeasurementError(Fault(self.where, problem, "forces and motions in their units, or voltages"))
         label: Any = "load label" if role == "force" else "label"
         about: Any = "load unit" if role == "force" else "motion unit"
-        own = [Statement(label, self.signal.label or self.name, self.where)]
-        own += [Statement(about, unit, self.where) for unit in (self.unit, *self.signal.units) if unit]
+        statements = [Statement(label, self.signal.label or self.name, self.where)]
+        statements += [Statement(about, unit, self.where) for unit in (self.unit, *self.signal.units) if unit]
         point = remarks.point(role, Point(self.signal.point, self.signal.point, self.signal.sign))
+        if self.signal.others and not point.name and (role == "force" or role == "response"):
+            remarks.named_points.append(PointStatement(role, self.signal.others))
         is_acceleration = self.signal.is_acceleration
         return TimeRecord(
-            self.where, samples, remarks.of(role, own), tuple(axis), point, is_acceleration=is_acceleration
+            self.where, samples, remarks.of(role, statements), tuple(axis), point, is_acceleration=is_acceleration
         )
 
 

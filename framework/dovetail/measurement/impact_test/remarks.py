@@ -14,6 +14,7 @@ from dovetail.measurement.impact_test.records import AxisFact, Point
 from dovetail.measurement.impact_test.sensitivity import volts
 from dovetail.measurement.impact_test.signal_names import Role, read_name
 from dovetail.measurement.other_quantities import find_other_quantity, warn_of_exponential_window
+from dovetail.measurement.point_statements import PointStatement, point_statements
 from dovetail.measurement.quantity_words import read_label, word_set, words_of
 from dovetail.measurement.text_pairs import json_entries, sentence
 
@@ -53,6 +54,8 @@ class Remarks:
         Units of times, rates and steps that stand under a key of their own.
     numbers : list of (str, str, str)
         Keys, texts and places of numbers that may act on the samples.
+    named_points : list of PointStatement
+        Points in words, which only a model can explain.
     """
 
     skip: Sequence[str] = ()
@@ -62,6 +65,7 @@ class Remarks:
     axis: list[AxisFact] = field(default_factory=list)
     axis_units: dict[str, str] = field(default_factory=dict)
     numbers: list[tuple[str, str, str]] = field(default_factory=list)
+    named_points: list[PointStatement] = field(default_factory=list)
 
     def read_line(self, line: str, where: str) -> None:
         """Read a line of text, a key and a value or prose."""
@@ -75,6 +79,7 @@ class Remarks:
         elif (pair := sentence(text.lstrip("#%!*;/ "))) is not None:
             self.read(pair.key, pair.value, where)
         elif text:
+            self.named_points.extend(point_statements("", text))
             self._read_prose(text, where)
             warn_of_exponential_window("", text, where)
 
@@ -109,6 +114,7 @@ class Remarks:
         elif find_other_quantity(key, text):
             self.numbers.append((key, text, where))
         else:
+            self.named_points.extend(point_statements(key, text))
             if (pair := sentence(text)) is not None:
                 self.read(pair.key, pair.value, where, role)
             self._read_prose(text, where)

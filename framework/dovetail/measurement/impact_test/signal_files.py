@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,6 +24,7 @@ from dovetail.measurement.impact_test.record_tables import read_channels, read_c
 from dovetail.measurement.impact_test.records import Pair
 from dovetail.measurement.impact_test.remarks import Remarks
 from dovetail.measurement.impact_test.sensitivity import volts
+from dovetail.measurement.point_statements import PointStatement
 from dovetail.registry import PluginPaths, components
 from dovetail.registry.catalogue import label_of
 
@@ -52,6 +53,8 @@ class Signals:
         How the file was read: impacts, rate, and units.
     warnings : tuple of str
         What looks wrong in the records.
+    named_points : sequence of PointStatement
+        What texts in the file say of the points.
     """
 
     force: Array
@@ -62,6 +65,7 @@ class Signals:
     force_point: str = ""
     origin: str = ""
     warnings: tuple[str, ...] = ()
+    named_points: Sequence[PointStatement] = ()
 
 
 class _Options(NamedTuple):
@@ -147,7 +151,7 @@ def read_signals(
     scales = [tuple(scale_of(record, role, choice) for record, role, choice in zip(pair, ("force", "response"), choices,
               strict=True)) for pair in pairs]  # fmt: skip
     remarks.check_numbers(all(scale.unit for pair in scales for scale in pair))
-    return _signals(source, pairs, scales, rate)
+    return replace(_signals(source, pairs, scales, rate), named_points=tuple(remarks.named_points))
 
 
 def _signals(path: Path, pairs: Sequence[Pair], scales: Sequence[tuple[Scale, ...]], rate: float | None) -> Signals:
