@@ -9,14 +9,18 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from dovetail.problem.least_squares import SumOfSquares
+from dovetail.problem.least_squares import Linearisation, SumOfSquares
 
 _RISE = 1e-3
 """Rise of a profile on both sides of a minimum: 1 and this fraction of the lowest sum of squares."""
 _SETTLED = 0.1
 """Decrease of the sum of squares in one step, over such a rise, at which a profile is low enough."""
 _FIRST_DAMPING, _DAMPING_FACTOR = 1e-2, 10.0
-"""Levenberg-Marquardt damping along a profile, relative to the curvature, and its change after each step."""
+"""Damping along a profile, relative to the curvature, and its change after each step."""
+
+_SAME_DERIVATIVES = 6
+"""Most steps by the same derivatives. Along profiles of two end mills and six random structures (seed 777 of the
+benchmark of genuine measurements), six come as low as four steps with derivatives of their own, in less time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +86,7 @@ def profiles(
     values : (n,) array
         Increasing.
     steps : int
-        Largest number of Levenberg-Marquardt steps at each value.
+        Largest number of times that derivatives are computed at each value; they serve for several steps.
     callback : callable
         Called when all coordinates have gone on by one value, `values` times at most.
 
@@ -111,32 +115,48 @@ def profiles(
 def _stepped(
     problem: SumOfSquares, position: NDArray[np.float64], fixed: NDArray[np.intp], steps: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
-    """Take Levenberg-Marquardt steps from n positions, each with one fixed coordinate.
+    """Minimise from n positions, each with one fixed coordinate.
 
     Returns the ends, their sums of squares, and how often the derivatives were computed.
     """
-    size = position.shape[1]
-    free = fixed[:, np.newaxis] != np.arange(size)
-    damping = np.full(len(position), _FIRST_DAMPING)
-    here = problem.linearise(position)
-    gradient, curvature, cost = here.gradient.copy(), here.curvature.copy(), here.cost.copy()
-    active, computed = np.arange(len(position)), len(position)
+    position, cost = position.copy(), np.full(len(position), np.inf)
+    active, computed = np.arange(len(position)), 0
     for _ in range(steps):
+        here, computed = problem.linearise(position[active]), computed + len(active)
+        position[active], after = _with_same_derivatives(problem, position[active], fixed[active], here)
+        cost[active] = after
+        active = active[here.cost - after > _SETTLED * (_RISE * here.cost + 1.0)]
+        if not len(active):
+            break
+    return position, cost, computed
+
+
+def _with_same_derivatives(
+    problem: SumOfSquares, position: NDArray[np.float64], fixed: NDArray[np.intp], here: Linearisation
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Take damped Gauss-Newton steps by residuals alone; return the ends and their sums of squares.
+
+    The derivatives at the start serve for all of them, since the ends are near. With them, several steps take less time
+    than one more set of derivatives, and come lower.
+    """
+    free = fixed[:, np.newaxis] != np.arange(position.shape[1])
+    damping, active = np.full(len(position), _FIRST_DAMPING), np.arange(len(position))
+    gradient, cost = here.gradient.copy(), here.cost.copy()
+    for _ in range(_SAME_DERIVATIVES):
         place, slope = position[active], gradient[active]
         moving = free[active] & ~((place <= 0.0) & (slope > 0.0)) & ~((place >= 1.0) & (slope < 0.0))
-        matrix = curvature[active] * (moving[:, :, np.newaxis] & moving[:, np.newaxis])
+        matrix = here.curvature[active] * (moving[:, :, np.newaxis] & moving[:, np.newaxis])
         diagonal = np.einsum("nii->ni", matrix)
         diagonal += damping[active, np.newaxis] * diagonal + np.where(moving, np.finfo(float).tiny, 1.0)
         step = np.linalg.solve(matrix, np.where(moving, -slope, 0.0)[:, :, np.newaxis])[:, :, 0]
         tried = np.clip(place + step, 0.0, 1.0)
-        there, computed = problem.linearise(tried), computed + len(tried)
+        there = Linearisation(problem.residuals(tried), here.jacobian[active])
         decrease = cost[active] - there.cost
         lower = decrease > 0.0
         moved = active[lower]
-        position[moved], cost[moved] = tried[lower], there.cost[lower]
-        gradient[moved], curvature[moved] = there.gradient[lower], there.curvature[lower]
+        position[moved], cost[moved], gradient[moved] = tried[lower], there.cost[lower], there.gradient[lower]
         damping[active] *= np.where(lower, 1.0 / _DAMPING_FACTOR, _DAMPING_FACTOR)
         active = active[~lower | (decrease > _SETTLED * (_RISE * cost[active] + 1.0))]
         if not len(active):
             break
-    return position, cost, computed
+    return position, cost

@@ -44,8 +44,8 @@ class Settings:
     """The first of the further batches with profiles through the best minimum so far, on the same grid."""
     along_profiles: int = 8
     """Largest number of minima of the profiles from which searches begin."""
-    profile_steps: int = 4
-    """Steps of the search at each point of a profile; few suffice, since it begins near its end."""
+    profile_steps: int = 1
+    """Times that derivatives are computed at each point of a profile, where a search begins near its end."""
     widths: tuple[float, ...] = (0.01, 0.003)
     """Relative widths over which residuals are smoothed: along the profiles first, then in the searches from there."""
     first_carried: int = 2
