@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from dovetail.frf.frequency_response import Frf
@@ -66,8 +65,8 @@ def resonance_peaks(frf: Frf, prominence: float = _SETTINGS.prominence) -> NDArr
         return np.empty(0)
     floor = _SETTINGS.floor / prominence * noise_deviation(accelerance)
     level = 10.0 * np.log10(np.maximum(accelerance.amplitude**2 + floor**2, np.finfo(np.float64).tiny))
-    tops, properties = scipy.signal.find_peaks(level, prominence=prominence)
-    peaks = zip(tops.tolist(), properties["prominences"].tolist(), strict=True)
+    tops, prominences = prominent_peaks(level, prominence)
+    peaks = zip(tops.tolist(), prominences.tolist(), strict=True)
     return np.array([_peak_frequency(accelerance, top, height) for top, height in peaks])
 
 
@@ -224,3 +223,40 @@ def _lines_above(frf: Frf, top: int, drop: float) -> slice:
     while last < len(upper) - 1 and upper[last + 1]:
         last += 1
     return slice(max(min(first, top - 1), 0), min(max(last, top + 1), len(upper) - 1) + 1)
+
+
+def prominent_peaks(level: NDArray[np.float64], prominence: float) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """Return the peaks of a curve (n,) with a prominence of at least this size, and their prominences.
+
+    As by `scipy.signal.find_peaks`, whose module takes half a second to load: a peak's prominence is its height above
+    the higher one of the lowest values between it and the next higher ones, or the ends. The middle of a flat peak
+    counts, and the ends are no peaks.
+    """
+    firsts = np.flatnonzero(np.concatenate([[True], level[1:] != level[:-1]]))  # of runs of equal values
+    runs, lasts = level[firsts], np.append(firsts[1:], len(level)) - 1
+    tops = 1 + np.flatnonzero((runs[1:-1] > runs[:-2]) & (runs[1:-1] > runs[2:]))
+    heights, bases = runs[tops], np.minimum.reduceat(runs, np.concatenate([[0], tops]))
+    while True:  # leave out peaks that do not rise enough above the way to a higher neighbour
+        before, after = np.append(-np.inf, heights[:-1]), np.append(heights[1:], -np.inf)
+        low = (before > heights) & (heights - bases[:-1] < prominence)
+        low |= (after > heights) & (heights - bases[1:] < prominence)
+        if not low.any():
+            break
+        kept = np.flatnonzero(~low)
+        tops, heights = tops[kept], heights[kept]
+        bases = np.minimum.reduceat(bases, np.concatenate([[0], kept + 1]))
+    left, right = _lowest_before(heights, bases[:-1]), _lowest_before(heights[::-1], bases[:0:-1])[::-1]
+    prominences = heights - np.maximum(left, right)
+    high = prominences >= prominence
+    return ((firsts[tops] + lasts[tops]) // 2)[high], prominences[high]
+
+
+def _lowest_before(heights: NDArray[np.float64], bases: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the lowest value between each peak and the last higher one before it, given that before each peak."""
+    lowest, waiting = [], list[tuple[float, float]]()
+    for height, base in zip(heights.tolist(), bases.tolist(), strict=True):
+        while waiting and waiting[-1][0] <= height:
+            base = min(base, waiting.pop()[1])
+        waiting.append((height, base))
+        lowest.append(base)
+    return np.array(lowest)

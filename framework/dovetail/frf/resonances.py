@@ -26,6 +26,9 @@ class Settings:
     """Factors of the lowest and the highest frequency beyond which a pole belongs to the background."""
     largest_damping: float = 0.6
     """Largest ratio of a pole's imaginary part to its real part for a resonance."""
+    negligible: float = 2e-13
+    """Residue of a pole, over distance and size of the values, below which it may be spurious; `AAA` removes those
+    below half as much."""
     same_pole: float = 0.5
     """Distance, in imaginary parts of a pole, within which a pole from other frequencies is the same one."""
 
@@ -157,9 +160,21 @@ def _poles(frequency: NDArray[np.float64], values: Sequence[NDArray[np.complex12
     mixture = sum(np.exp(1j * index) * frf / size for index, (frf, size) in enumerate(zip(values, sizes, strict=True)))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # measured parts have noise, which no rational function meets
-        poles = AAA(frequency, mixture, rtol=_SETTINGS.tolerance, max_terms=_SETTINGS.most_terms).poles()
+        tolerance, most_terms = _SETTINGS.tolerance, _SETTINGS.most_terms
+        rational = AAA(frequency, mixture, rtol=tolerance, max_terms=most_terms, clean_up=False)
+        if _may_be_spurious(rational, frequency, mixture):
+            rational.clean_up()
+        poles = rational.poles()
     underdamped = (poles.imag > 0.0) & (poles.imag < _SETTINGS.largest_damping * poles.real)
     return np.sort_complex(poles[_is_within(poles, frequency) & underdamped])
+
+
+def _may_be_spurious(rational: AAA, frequency: NDArray[np.float64], values: NDArray[np.complex128]) -> bool:
+    """Return whether `AAA.clean_up`, whose modules take half a second to load, may find a pole to remove."""
+    distances = np.abs(np.subtract.outer(rational.poles(), frequency)).min(axis=1, initial=np.inf)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        mean = np.exp(np.mean(np.log(np.abs(values))))
+        return not (np.abs(rational.residues()) / distances > _SETTINGS.negligible * mean).all()
 
 
 def _is_within(poles: NDArray[np.complex128], frequency: NDArray[np.float64]) -> NDArray[np.bool_]:

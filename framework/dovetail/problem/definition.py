@@ -237,6 +237,18 @@ def values_at(parameters: Sequence[Parameter], fraction: NDArray[np.float64]) ->
     return ParameterScales(parameters).from_unit(fraction)
 
 
+def latin_hypercube(count: int, size: int, random: np.random.Generator) -> NDArray[np.float64]:
+    """Return random points (count, size) in the unit cube, one in each of `count` slices of every coordinate.
+
+    As by `scipy.stats.qmc.LatinHypercube`, whose module takes half a second to load and draws from a spawned generator.
+    """
+    within = random.uniform(size=(count, size))
+    slices = np.tile(np.arange(1, count + 1), (size, 1))
+    for of_coordinate in slices:
+        random.shuffle(of_coordinate)
+    return np.asarray((slices.T - within) / count)
+
+
 def fractions_within(parameters: Sequence[Parameter], theta: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the fractions (..., p) of SI values, those outside of their ranges brought to the nearest end."""
     lower, upper = np.transpose([(parameter.lower, parameter.upper) for parameter in parameters])

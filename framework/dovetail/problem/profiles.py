@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
+from dovetail.frf.resonance_peaks import prominent_peaks
 from dovetail.problem.least_squares import Linearisation, SumOfSquares
 
 _RISE = 1e-3
@@ -50,7 +50,7 @@ class Profiles:
         """Return the lowest minima (k, p) of the profiles, without the one at their start."""
         rise = self.cost.min() * _RISE + 1.0
         padded = -np.pad(self.cost, ((0, 0), (1, 1)), constant_values=np.inf)
-        tops_of = (scipy.signal.find_peaks(row, prominence=rise)[0] - 1 for row in padded)
+        tops_of = (prominent_peaks(row, rise)[0] - 1 for row in padded)
         tops = [(axis, top) for axis, tops in enumerate(tops_of) for top in tops]
         spacing = 1.0 / len(self.values)
         distant = [(axis, top) for axis, top in tops if abs(self.values[top] - start[axis]) > spacing]

@@ -345,7 +345,7 @@ def _unit_quantile(has_phase: bool) -> float:
     """Return the quantile of |e|^2 for E|e|^2 = 1; for an amplitude, that of the component along the phase."""
     if has_phase:
         return float(-np.log(1.0 - _SETTINGS.quantile))
-    return float(scipy.stats.chi2.ppf(_SETTINGS.quantile, 1)) / 2.0
+    return float(scipy.special.gammaincinv(0.5, _SETTINGS.quantile))  # half that of chi-squared
 
 
 def _floor_and_share(magnitude: NDArray[np.float64], variance: NDArray[np.float64]) -> tuple[float, float]:

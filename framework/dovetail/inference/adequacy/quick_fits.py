@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly, FrfModel
@@ -18,6 +17,7 @@ from dovetail.inference.fitting import Fit
 from dovetail.inference.fitting.search_lines import SearchLines, lines_represented
 from dovetail.inference.posterior.likelihood import MarginalisedResiduals
 from dovetail.problem import Problem
+from dovetail.problem.definition import latin_hypercube
 from dovetail.problem.least_squares import SumOfSquares, minimise
 from dovetail.problem.observations import Observations
 from dovetail.problem.residuals import Residual
@@ -285,8 +285,7 @@ class QuickFits:
 
     def _most_similar(self, problem: SumOfSquares) -> NDArray[np.float64]:
         """Return the points (n, p) with the smallest sums of squares among many random ones in the unit cube."""
-        hypercube = scipy.stats.qmc.LatinHypercube(len(self.best), rng=np.random.default_rng(0))
-        points = hypercube.random(_SETTINGS.candidates)
+        points = latin_hypercube(_SETTINGS.candidates, len(self.best), np.random.default_rng(0).spawn(1)[0])
         order = np.argsort(np.sum(problem.residuals(points) ** 2, axis=1))
         return np.asarray(points[order[: _SETTINGS.starts]])
 

@@ -8,14 +8,13 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from dovetail.errors import Fault, ParameterError, listing
 from dovetail.inference.fitting.whiteness import NOISE_ALARM, has_size_of_noise, is_white, log_improbability
 from dovetail.interfaces import Estimate, Progress, silent
 from dovetail.problem import Problem
-from dovetail.problem.definition import bounds_reached
+from dovetail.problem.definition import bounds_reached, latin_hypercube
 from dovetail.problem.least_squares import Minima, minimise
 from dovetail.problem.observations import Observations
 from dovetail.problem.random_error import ASSUMED_NOISE, FOURTH_DIFFERENCE
@@ -231,7 +230,7 @@ def multistart(
         variance if objective == "weighted" else _mean_of_response(target, variance)
     )
     minima = []
-    points = scipy.stats.qmc.LatinHypercube(len(problem.parameters), rng=np.random.default_rng(seed)).random(starts)
+    points = latin_hypercube(starts, len(problem.parameters), np.random.default_rng(seed).spawn(1)[0])
     for number, point in enumerate(points):
         progress("fit", number, starts)
         start = point[np.newaxis]

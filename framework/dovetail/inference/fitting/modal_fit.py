@@ -7,12 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from dovetail.inference.fitting.fit import UNFINISHED, Fit, count_agreeing, fit_at
 from dovetail.interfaces import Progress, silent
-from dovetail.problem.definition import fractions_within
+from dovetail.problem.definition import fractions_within, latin_hypercube
 from dovetail.problem.least_squares import Minima, minimise
 from dovetail.problem.modal_observations import SETTINGS, ModalProblem
 
@@ -50,8 +49,8 @@ def fit_to_modes(
     The first searches allow large errors. Modes of the table belong to the nearest ones of the model.
     """
     began, rough = time.monotonic(), problem.allowing(SETTINGS.rough)
-    cube = scipy.stats.qmc.LatinHypercube(len(problem.parameters), rng=np.random.default_rng([seed, 7]))
-    points = cube.random(8 * _SETTINGS.starts)
+    count, size = 8 * _SETTINGS.starts, len(problem.parameters)
+    points = latin_hypercube(count, size, np.random.default_rng([seed, 7]).spawn(1)[0])
     points = points[np.argsort(np.sum(rough.residuals(points) ** 2, axis=1))[: _SETTINGS.starts]]
     if starts:
         points = np.concatenate([fractions_within(problem.parameters, np.array(starts)), points])

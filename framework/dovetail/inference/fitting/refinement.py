@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from dovetail.inference.fitting.fit import SEARCH_SHARE, UNFINISHED, Fit, Pace, count_agreeing, highest_agreeing
@@ -16,7 +15,7 @@ from dovetail.inference.fitting.search_lines import SearchLines
 from dovetail.inference.fitting.whiteness import NOISE_ALARM, has_size_of_noise, is_of_few_lines, is_white
 from dovetail.interfaces import FIT_OPTIONS, FitOptions, Progress, logged, silent
 from dovetail.problem import Problem
-from dovetail.problem.definition import WithPrior, bounds_reached, fractions_within
+from dovetail.problem.definition import WithPrior, bounds_reached, fractions_within, latin_hypercube
 from dovetail.problem.least_squares import Minima, minimise
 from dovetail.problem.modal_observations import ModalProblem
 from dovetail.problem.profiles import cuts, profiles
@@ -130,8 +129,7 @@ class _Refinement:
     def __init__(self, problem: Problem, options: FitOptions, seed: int, progress: Progress) -> None:
         target = problem.observations
         self._problem, self._target, self._options = problem, target, options
-        self._hypercube = scipy.stats.qmc.LatinHypercube(len(problem.parameters), rng=np.random.default_rng(seed))
-        self._random = np.random.default_rng([seed, 1])
+        self._candidates, self._random = np.random.default_rng(seed).spawn(1)[0], np.random.default_rng([seed, 1])
         self._variance = target.variance()
         self._model_variance = np.zeros_like(self._variance)
         self._used = np.ones(len(target.frequency), dtype=np.bool_)
@@ -223,7 +221,7 @@ class _Refinement:
 
     def _most_similar(self, count: int, candidates: int) -> NDArray[np.float64]:
         """Return the points whose FRFs are most similar to the measured ones, among many random ones."""
-        points = self._hypercube.random(candidates)
+        points = latin_hypercube(candidates, len(self._problem.parameters), self._candidates)
         squares = np.sum(self._on_fewest.logarithms(self._variance[self._lines.fewest]).residuals(points) ** 2, axis=1)
         return np.asarray(points[np.argsort(squares, kind="stable")[:count]])
 

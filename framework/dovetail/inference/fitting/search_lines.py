@@ -11,6 +11,7 @@ import scipy
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from dovetail.frf.resonance_peaks import prominent_peaks
 from dovetail.problem.observations import Observations
 from dovetail.problem.residuals import Residual
 
@@ -175,8 +176,8 @@ def _level(amplitude: NDArray[np.float64], variance: NDArray[np.float64]) -> NDA
 
 def _peaks(level: NDArray[np.float64]) -> NDArray[np.intp]:
     """Return the lines of the most prominent peaks."""
-    tops, properties = scipy.signal.find_peaks(level, prominence=_SETTINGS.prominence)
-    most = np.argsort(-properties["prominences"], kind="stable")[: _SETTINGS.most_peaks]
+    tops, prominences = prominent_peaks(level, _SETTINGS.prominence)
+    most = np.argsort(-prominences, kind="stable")[: _SETTINGS.most_peaks]
     return np.asarray(tops[most])
 
 

@@ -102,7 +102,8 @@ def assess_runs(residuals: NDArray[np.float64]) -> float:
 
 def log_improbability(squares: float, degrees_of_freedom: float) -> float:
     """Return -log10 of the probability that noise gives so large a sum of squares."""
-    negative_log = -float(scipy.stats.chi2.logsf(squares, degrees_of_freedom))
+    with np.errstate(divide="ignore"):
+        negative_log = -float(np.log(scipy.special.chdtrc(degrees_of_freedom, squares)))
     return (negative_log if np.isfinite(negative_log) else squares / 2.0) / float(np.log(10.0))
 
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
@@ -29,6 +28,7 @@ from dovetail.inference.posterior.model_error import ModelError
 from dovetail.inference.posterior.separate_modes import distinct
 from dovetail.interfaces import Progress, silent
 from dovetail.problem import Problem
+from dovetail.problem.definition import latin_hypercube
 from dovetail.problem.least_squares import Linearisation, Minima, SumOfSquares, minimise
 from dovetail.problem.residuals import FrfResiduals
 
@@ -134,7 +134,7 @@ def search_modes(
         progress("modes", next(searches), total)
 
     logarithms, tempered, every = _on_few_lines(problem, likelihood)
-    points = scipy.stats.qmc.LatinHypercube(len(best), rng=random).random(_SETTINGS.searches)
+    points = latin_hypercube(_SETTINGS.searches, len(best), random.spawn(1)[0])
     tolerance, most_steps = _SETTINGS.first_tolerance, _SETTINGS.first_steps
     near = minimise(logarithms, points, tolerance=tolerance, most_steps=most_steps, callback=callback).position
     direct = cooled = _within(near, _SETTINGS.margin)
