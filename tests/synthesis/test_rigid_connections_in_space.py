@@ -286,7 +286,7 @@ def compared(make, seed, rotation=None):
 
 
 @pytest.mark.parametrize("make", SCENES, ids=lambda make: make.__name__)
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_rigid_connection_has_the_frf_of_a_dense_solution_with_constraints(make, seed):
     assembly, expected = compared(make, seed)
     assert isinstance(assembly.graph, ConstrainedGraph)
@@ -301,7 +301,7 @@ def test_a_turned_structure_has_the_same_frf(make):
         assert difference(turned.frf(), plain.frf()) < 1e-9
 
 
-@pytest.mark.sweep
+@pytest.mark.slow
 @pytest.mark.parametrize("make", SCENES, ids=lambda make: make.__name__)
 def test_many_rigid_connections_have_the_frfs_of_dense_solutions(make):
     for seed in range(100, 130):
