@@ -46,11 +46,11 @@ def test_five_bad_files_and_a_killed_worker_leave_seven_results_of_twelve(sdof, 
 
 
 def test_a_file_whose_worker_is_killed_twice_fails_with_the_cause_and_the_others_go_on(sdof, tmp_path):
-    write_measurements(tmp_path / "measured", sdof, "killed_always.npz", *GOOD[:3])
+    write_measurements(tmp_path / "measured", sdof, "killed_always.npz", GOOD[0])
     process = start(tmp_path, "measured")
     _, messages = process.communicate(timeout=PATIENCE)
     assert process.returncode == 1
-    assert summary(tmp_path) == [*GOOD[:3]]
+    assert summary(tmp_path) == [GOOD[0]]
     said = "killed_always.npz\n  its process was ended by the system (SIGKILL), and again when it was repeated alone."
     assert said in messages
 

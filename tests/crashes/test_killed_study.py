@@ -119,7 +119,7 @@ def assert_same_as_undisturbed(place: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("processes", "rounds", "values"), [(2, 1, FEW), pytest.param(3, 8, MANY, marks=pytest.mark.slow)]
+    ("processes", "rounds", "values"), [(1, 1, FEW), pytest.param(3, 8, MANY, marks=pytest.mark.slow)]
 )
 def test_killed_trials_are_repeated_and_no_others(sdof, place, processes, rounds, values):
     describe(sdof, place, values)
