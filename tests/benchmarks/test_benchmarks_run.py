@@ -73,7 +73,7 @@ def test_the_synthesis_in_torch_agrees_with_the_engine_in_double_precision():
 
 
 def test_the_cost_benchmark_prints_a_slope_for_each_quantity(tmp_path):
-    printed = start("cost.py", "--points", 2, "--rounds", 1, "-o", tmp_path)
+    printed = run("cost.py", "--points", 2, "--rounds", 1, "-o", tmp_path)
     slopes = {
         row[0]: float(row[2]) for row in cells(printed)[1:] if len(row) == 4 and re.fullmatch(r"-?\d+\.\d\d", row[2])
     }
@@ -113,6 +113,7 @@ def test_two_close_resonances_are_distinguished():
     assert rows[-1][:4] == ["all", "1 of 1", "1 of 1", "1 of 1"]
 
 
+@pytest.mark.sweep(keep=1)
 @pytest.mark.parametrize(("case", "seed"), [(7, 9137), (30, 9406), (354, 9402)])
 def test_a_resonance_that_hardly_shows_is_looked_for_along_profiles(case, seed):
     """All other searches end in minima that lack it, at a chi-squared of 2 or 1.05; the last needs smoothing."""
@@ -219,6 +220,6 @@ def test_planning_anew_is_timed_and_right():
 
 
 def test_the_benchmark_of_forecasts_compares_each_time_with_its_forecast():
-    (row,) = cells(run("forecast.py", "--cases", 2, "--seed", 3))[2:]
-    assert row[0] == "2"
+    (row,) = cells(run("forecast.py", "--cases", 1, "--seed", 3))[2:]
+    assert row[0] == "1"
     assert 0.05 < float(row[1]) <= float(row[3]) < 20.0

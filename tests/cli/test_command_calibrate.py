@@ -16,7 +16,7 @@ FILES |= {"parameters.csv", "cases.csv", "ranks.png", "coverage.png", "SHA256SUM
 
 def test_the_study_by_one_command(run, bench, tmp_path):
     folder = tmp_path / "study"
-    arguments = ["calibrate", bench.description, "--cases", 4, "--samples", 50, "--noise", 0.1, "-o", folder]
+    arguments = ["calibrate", bench.description, "--cases", 2, "--samples", 50, "--noise", 0.1, "-o", folder]
     printed = run(*arguments).stdout
     assert {file.name for file in folder.iterdir()} == FILES
     reported = json.loads((folder / "calibration.json").read_text())

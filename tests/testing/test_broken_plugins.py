@@ -55,7 +55,7 @@ def test_each_fault_is_found_by_its_check(kind, check):
 
 
 @pytest.mark.parametrize(
-    ("kind", "check"), [pytest.param(*case, marks=[pytest.mark.slow] * (at % 8 > 0)) for at, case in enumerate(CASES)]
+    ("kind", "check"), [pytest.param(*case, marks=[pytest.mark.slow] * (at % 16 > 0)) for at, case in enumerate(CASES)]
 )
 def test_no_other_check_finds_the_fault(kind, check):
     results = check_component(BROKEN[kind][check])
@@ -64,6 +64,7 @@ def test_no_other_check_finds_the_fault(kind, check):
     assert [result.name for result in results] == list(check_names(kind))
 
 
+@pytest.mark.sweep(keep=54)
 @pytest.mark.parametrize(("model", "checks"), FURTHER, ids=[f"{m.kind}-{m.__qualname__}" for m, _ in FURTHER])
 def test_a_further_fault_is_found(model, checks):
     results = []
