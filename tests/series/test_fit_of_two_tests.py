@@ -1,5 +1,6 @@
 """A mass on a mount, measured once or twice: the fitted values, and the warning when tests contradict their roles."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from dovetail.cli.app import app
 from dovetail.registry import installed_components
 from dovetail.series.description import Covariate, Role, SeriesDescription, SeriesTest
 from dovetail.series.fitted_tests import fit_test
-from dovetail.series.fitting import fit_series
+from dovetail.series.fitting import SeriesFit, fit_series
 from dovetail.series.unknowns import SeriesUnknowns
 
 ASSEMBLY = Path(__file__).parents[2] / "assemblies" / "sdof.yaml"
@@ -74,3 +75,26 @@ def test_a_collet_at_five_torques_is_fitted_as_well_as_each_test_alone():
     fit = fit_series(unknowns, fitted)
     assert fit.contradiction > 1e-3
     assert fit.squares.sum() < 1.1 * fit.squares_alone.sum()
+
+
+@pytest.mark.parametrize("role", ["varying", "{role: varying, law: linear, over: load}"])
+def test_a_stiffness_that_varies_widely_from_test_to_test_is_found_in_each(tmp_path, role):
+    """The first standard deviation is too small for it, and one near zero would hold the values together."""
+    truth = {"loose": 3e5, "usual": 1e6, "tight": 6e6}
+    series = series_of(tmp_path, truth, k=role, c="shared")
+    text = series.read_text(encoding="utf-8")
+    for number, name in enumerate(truth):
+        text = text.replace(f"{name}.csv}}", f"{name}.csv, at: {{load: {number + 1.0}}}}}")
+    series.write_text(text.replace("tests:", "covariates: {load: N}\ntests:"), encoding="utf-8")
+    result = dovetail.identify_series(series, "refined")
+    assert result.is_trustworthy, result.warning
+    for index, value in enumerate(truth.values()):
+        stiffness = result.rows_of(index)[0]
+        assert abs(stiffness.fit - value) < 5.0 * stiffness.deviation
+
+
+def test_a_poor_fit_of_all_tests_warns_without_relations_too():
+    """A law with as many numbers as tests, and deviations from it, can follow any values."""
+    fit = SeriesFit(np.zeros(1), None, np.array([1e6, 1e6]), np.array([10.0, 10.0]), constraints=-1, deviations=2)
+    assert fit.contradiction < 1e-9
+    assert replace(fit, squares=fit.squares_alone + 0.5).contradiction > 0.1

@@ -44,6 +44,8 @@ class Settings:
     """Largest number of updates of the standard deviations from test to test."""
     rise: float = 1.5
     """Sum of squares over that of the fits to each test alone above which searches by logarithms follow."""
+    grid: int = 801
+    """Deviations among which those are interpolated that keep the values of the tests."""
     settled: float = 1e-3
     """Relative change of a standard deviation at which the updates end."""
 
@@ -67,6 +69,9 @@ class SeriesFit:
         The same at the fits to each test alone.
     constraints : int
         By how many numbers the fits to each test alone are more flexible.
+    deviations : int
+        Number of deviations from means or laws among the unknowns. They are pulled towards zero, by which each raises
+        the sum of squares by 1 at most if their standard deviation is right.
     """
 
     z: Array
@@ -74,14 +79,14 @@ class SeriesFit:
     squares: Array
     squares_alone: Array
     constraints: int
+    deviations: int = 0
 
     @property
     def contradiction(self) -> float:
         """Probability of so large a rise of the sum of squares if the relations between the tests are right."""
-        if self.constraints <= 0:
-            return 1.0
         rise = float(np.sum(self.squares) - np.sum(self.squares_alone))
-        return float(scipy.stats.chi2.sf(max(rise, 0.0), self.constraints))
+        freedom = self.constraints if self.constraints > 0 else max(self.deviations, 1)
+        return float(scipy.stats.chi2.sf(max(rise, 0.0), freedom))
 
 
 def fit_series(unknowns: SeriesUnknowns, tests: Sequence[FittedTest], *, progress: Progress = silent) -> SeriesFit:
@@ -110,7 +115,8 @@ def fit_series(unknowns: SeriesUnknowns, tests: Sequence[FittedTest], *, progres
     free = unknowns.count - len(scatter)
     squares = np.array([float(np.sum(part**2)) for part in residuals.split_by_test(points.residuals)])
     progress("fit", 1, 1)
-    return SeriesFit(points.z[0], matrix, squares, np.array(alone), used - free)
+    deviations = sum(len(unknowns.deviation_columns(column)) for column in scatter)
+    return SeriesFit(points.z[0], matrix, squares, np.array(alone), used - free, deviations)
 
 
 def minimise(
@@ -224,7 +230,25 @@ def _with_scatter(residuals: SeriesResiduals, points: LinearisedPoints, prior: A
             after = float(np.clip(before * factor, definition.lower, definition.upper))
             z[0, column] = _quantile(float(definition.to_unit(np.array(after))))
             changes.append(abs(after / before - 1.0))
+        z = _with_values(residuals, z, residuals.fractions(points.z))
         points = minimise(residuals, z, prior, unknowns.scatter_columns)
         if max(changes) < _SETTINGS.settled:
             break
     return points
+
+
+def _with_values(residuals: SeriesResiduals, z: Array, fractions: Sequence[Array]) -> Array:
+    """Return unknowns (1, d) with the deviations at which each test has given values (1, p_k), as far as they can."""
+    unknowns, changed = residuals.unknowns, z.copy()
+    grid = np.repeat(z, _SETTINGS.grid, axis=0)
+    for column in unknowns.scatter_columns:
+        own = unknowns.deviation_columns(column)
+        grid[:, own] = np.linspace(-Z_LIMIT, Z_LIMIT, _SETTINGS.grid)[:, np.newaxis]
+    kept = zip(unknowns.series.tests, unknowns.columns, unknowns.own, residuals.fractions(grid), fractions, strict=True)
+    for test, columns, own, possible, wanted in kept:
+        names = [parameter.name for parameter in test.assembly.parameters]
+        for column, unknown in zip(range(columns.start, columns.stop), own, strict=True):
+            if unknown.kind == "deviation":
+                place = names.index(unknown.parameter)
+                changed[0, column] = np.interp(wanted[0, place], possible[:, place], grid[:, column])
+    return changed

@@ -141,7 +141,7 @@ class SeriesIdentification:
         if self.fit.contradiction < CONTRADICTION:
             return (
                 "The tests contradict the relations between them: with shared values and laws the sum of squares rises "
-                f"by {np.sum(self.fit.squares - self.fit.squares_alone):.0f}, where {self.fit.constraints} are "
+                f"by {np.sum(self.fit.squares - self.fit.squares_alone):.0f}, where {max(self.fit.constraints, 0)} are "
                 "expected. Make parameters 'free' or 'varying', or choose another law."
             )
         return ""
