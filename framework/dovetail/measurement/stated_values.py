@@ -1,0 +1,66 @@
+"""Values that a measured file gives under a name, such as ``# torque: 40 N m``."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from itertools import chain
+from pathlib import Path
+
+from dovetail.interfaces import Recorded, RecordedArrays, RecordedChannels, RecordedFrf, RecordedSet, Statement
+from dovetail.measurement.frf_files import read_content
+from dovetail.measurement.text_pairs import pairs_of
+from dovetail.registry import Registry
+
+_MOST_LINES = 1000
+"""Lines at the start and at the end of a text that are read."""
+_BRACKETS = re.compile(r"(.*?)\s*[\[(]([^\[\]()]*)[\])]")
+_ROW = re.compile(r"[\s\d.,;:eE+-]*")
+
+
+def stated_values(path: Path, registry: Registry, reader: str | None = None) -> Iterator[tuple[str, str, str]]:
+    """Yield names in lower case, their values as texts, and their places in the file.
+
+    Parameters
+    ----------
+    path : Path
+    registry : Registry
+        With the readers.
+    reader : str, optional
+        Name of the reader.
+
+    Raises
+    ------
+    DovetailError
+        The file cannot be read.
+    """
+    _, recorded = read_content(path, registry, reader)
+    for key, text, where in _texts(path, recorded):
+        for pair in pairs_of(key, text) if len(text) < _MOST_LINES else ():
+            match = _BRACKETS.fullmatch(pair.key)
+            name, unit = (match[1], match[2]) if match else (pair.key, "")
+            value = f"{pair.value} {unit}" if re.fullmatch(r"[-+\d.eE]+", pair.value) else pair.value
+            yield re.sub(r"[\W_]+", "_", name.lower()).strip("_"), value.strip(), where
+
+
+def _texts(path: Path, recorded: Recorded) -> Iterator[tuple[str, str, str]]:
+    if isinstance(recorded, str):
+        lines = recorded.split("\n")
+        numbers = dict.fromkeys(chain(range(len(lines))[:_MOST_LINES], range(len(lines))[-_MOST_LINES:]))
+        yield from (("", lines[n], f"{path}:{n + 1}") for n in numbers if not _ROW.fullmatch(lines[n]))
+    elif isinstance(recorded, RecordedArrays):
+        attributes = (recorded.attributes, *recorded.group_attributes.values())
+        yield from ((key, text, f"{path}  {key}") for group in attributes for key, text in group.items())
+        for name, entry in recorded.entries.items():
+            if entry.is_small and (value := entry.load()).size == 1 and value.dtype.kind in "USiuf":
+                yield re.split(r"[/.]", name)[-1], str(value.reshape(-1)[0]), f"{path}  {name}"
+    elif isinstance(recorded, (list, tuple)) and len(recorded) == 1:
+        yield from ((one.key, one.text, one.where) for one in _statements(recorded[0]) if one.about == "text")
+
+
+def _statements(part: object) -> tuple[Statement, ...]:
+    if isinstance(part, RecordedSet):
+        return _statements(part.load())
+    if isinstance(part, RecordedFrf):
+        return (*part.statements, Statement("text", part.note, part.where))
+    return tuple(part.statements) if isinstance(part, RecordedChannels) else ()

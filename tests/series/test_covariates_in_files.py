@@ -1,0 +1,102 @@
+"""A covariate that a measured file gives is compared with that of its test in the description of the series."""
+
+from __future__ import annotations
+
+import json
+
+import h5py
+import numpy as np
+import pytest
+import scipy.io
+
+import dovetail
+from dovetail.series.reading import read_series
+
+FREQUENCY = np.arange(20.0, 60.0, 2.0)
+MODEL = {
+    "dovetail": 1,
+    "name": "mass",
+    "frequency": {"start": 20.0, "stop": 58.0, "step": 2.0},
+    "substructures": {"block": {"model": "lumped", "masses": [{"mass": 1.0}]}, "base": {"model": "ground"}},
+    "joints": {
+        "foot": {
+            "model": "spring_damper",
+            "direction": "x",
+            "connect": {"a": {"to": "block", "at": 0}, "b": {"to": "base", "at": 0}},
+            "parameters": {"k": {"range": [1e4, 1e6]}, "c": {"value": 20.0}},
+        }
+    },
+    "response": {"at": "block", "position": 0, "quantity": "receptance"},
+}
+OTHER = [
+    "torque: 40 N m", "Torque = 40 N m", "torque [N m]: 40", "TORQUE: 0.04 kN m", "torque\t40", "torque: 2.0 N m",
+    "Torque (kN m): 0.04", "torque,40",
+]  # fmt: skip
+SAME = [
+    "torque: 20 N m", "torque [kN m]: 0.02", "torque: 20.0", "torque: see notebook", "torque wrench: 3", "load: 40 N",
+    "torque: 40 mm", "torque: 20.1 N m",
+]  # fmt: skip
+
+
+def load(folder, suffix, **measured):
+    series = {
+        "dovetail_series": 1,
+        "assembly": "mass.yaml",
+        "covariates": {"torque": "N m"},
+        "tests": {
+            "low": {"measured": {"file": f"low.{suffix}", **measured}, "at": {"torque": "20 N m"}},
+            "high": {"measured": {"file": "high.csv"}, "at": {"torque": 60}},
+        },
+        "parameters": {"k": {"law": "linear", "over": "torque"}},
+    }
+    for name, content in (("mass.yaml", MODEL), ("series.yaml", series)):
+        (folder / name).write_text(json.dumps(content))
+    return read_series(folder / "series.yaml")
+
+
+@pytest.fixture
+def values(tmp_path):
+    values = 1.0 / (2e5 - (2 * np.pi * FREQUENCY) ** 2 + 40j * np.pi * FREQUENCY)
+    dovetail.write_frf(dovetail.Frf(FREQUENCY, values, "receptance"), tmp_path / "high.csv")
+    return values
+
+
+def write(folder, values, line):
+    dovetail.write_frf(dovetail.Frf(FREQUENCY, values, "receptance"), folder / "low.csv", overwrite=True)
+    (folder / "low.csv").write_text(f"# {line}\n{(folder / 'low.csv').read_text()}")
+
+
+@pytest.mark.parametrize("line", OTHER)
+def test_another_value_in_a_comment_is_refused(tmp_path, values, line):
+    write(tmp_path, values, line)
+    with pytest.raises(dovetail.DovetailError, match=r"20 N m here, and '.*' at .*low\.csv:1"):
+        load(tmp_path, "csv")
+    load(tmp_path, "csv", names={"skip": "torque"})
+
+
+@pytest.mark.parametrize("line", SAME)
+def test_the_same_value_or_another_quantity_is_accepted(tmp_path, values, line):
+    write(tmp_path, values, line)
+    load(tmp_path, "csv")
+
+
+@pytest.mark.parametrize("suffix", ["npz", "mat", "h5", "uff"])
+@pytest.mark.parametrize(("value", "fits"), [("40 N m", False), ("20 N m", True)])
+def test_another_value_in_other_formats_is_refused(tmp_path, values, suffix, value, fits):
+    arrays = {"frequency": FREQUENCY, "values": values, "quantity": "receptance", "torque": value}
+    if suffix == "npz":
+        np.savez(tmp_path / "low.npz", **arrays)
+    elif suffix == "mat":
+        scipy.io.savemat(tmp_path / "low.mat", arrays)
+    elif suffix == "uff":
+        frf = dovetail.Frf(FREQUENCY, values, "receptance", note=f"torque: {value}")
+        dovetail.write_frf(frf, tmp_path / "low.uff")
+    else:
+        with h5py.File(tmp_path / "low.h5", "w") as file:
+            file["frequency"], file["values"] = FREQUENCY, values
+            file.attrs["quantity"], file.attrs["torque"] = "receptance", value
+    if fits:
+        load(tmp_path, suffix)
+    else:
+        with pytest.raises(dovetail.DovetailError, match="20 N m here, and '40 N m' at"):
+            load(tmp_path, suffix)
