@@ -100,3 +100,9 @@ def test_parameters_of_a_single_joint_are_found_by_the_joint_where_there_are_sev
         }
     )
     np.testing.assert_allclose(assembly.vector(result), result.theta)
+
+
+@pytest.mark.parametrize("values", [{"k": -3e5}, {"k": "-3e5 N/m"}, {"c": -1.0}, {"mount.k": -1.0}], ids=str)
+def test_a_negative_value_of_a_parameter_with_a_positive_range_is_refused(sdof, values):
+    with pytest.raises(dovetail.ParameterError, match="its range in the description is not negative"):
+        sdof.frf(values)

@@ -91,10 +91,11 @@ def values_by_name(
     Raises
     ------
     ParameterError
-        Unknown names, other units; an identification lacks parameters.
+        Unknown names, other units, negative values where the range is not; an identification lacks parameters.
     """
     faults, values = [], {}
     units = {parameter.name: parameter.unit for parameter in parameters}
+    positive = {parameter.name for parameter in parameters if parameter.lower >= 0.0}
     for key, value in theta.items():
         with_owner = f"{value.joint}.{key}" if isinstance(value, IdentifiedValue) else key
         name = aliases.get(key, aliases.get(with_owner, key))
@@ -105,6 +106,10 @@ def values_by_name(
             values[name] = si_value(value, units[name])
         except UnitError as error:
             faults.append(Fault(f"parameter {key}", error.faults[0].problem))
+            continue
+        if values[name] < 0.0 and name in positive:
+            problem = f"it is {values[name]:g} {units[name]}, and its range in the description is not negative."
+            faults.append(Fault(f"parameter {key}", problem))
     missing = [name for name in units if name not in values] if are_identified(theta) else []
     if missing and not faults:
         problem = f"the identified parameters lack {listing(missing)}."

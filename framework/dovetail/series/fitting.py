@@ -245,9 +245,9 @@ def _with_values(residuals: SeriesResiduals, z: Array, fractions: Sequence[Array
         own = unknowns.deviation_columns(column)
         grid[:, own] = np.linspace(-Z_LIMIT, Z_LIMIT, _SETTINGS.grid)[:, np.newaxis]
     kept = zip(unknowns.series.tests, unknowns.columns, unknowns.own, residuals.fractions(grid), fractions, strict=True)
-    for test, columns, own, possible, wanted in kept:
+    for test, columns, unshared, possible, wanted in kept:
         names = [parameter.name for parameter in test.assembly.parameters]
-        for column, unknown in zip(range(columns.start, columns.stop), own, strict=True):
+        for column, unknown in zip(range(columns.start, columns.stop), unshared, strict=True):
             if unknown.kind == "deviation":
                 place = names.index(unknown.parameter)
                 changed[0, column] = np.interp(wanted[0, place], possible[:, place], grid[:, column])
