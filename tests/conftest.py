@@ -17,6 +17,7 @@ import pytest
 from threadpoolctl import threadpool_limits
 
 import dovetail
+from dovetail.parallel import cores
 from support.waiting import processor_time
 
 # Some surroundings forbid modules to be kept as bytecode. Each process that a test starts would then compile torch,
@@ -46,6 +47,12 @@ WHOLE_SWEEP = 30
 WithSettings = Callable[..., dovetail.Assembly]
 TOO_MUCH = pytest.StashKey[bool]()
 """Whether a test of this process has been failed for it."""
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers() -> int | None:
+    """Return one worker more than processors for `-n auto`: tests that wait for other processes leave one idle."""
+    return None if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ else cores() + 1
 
 
 @pytest.hookimpl(tryfirst=True)
