@@ -223,3 +223,10 @@ def test_the_benchmark_of_forecasts_compares_each_time_with_its_forecast():
     (row,) = cells(run("forecast.py", "--cases", 1, "--seed", 3))[2:]
     assert row[0] == "1"
     assert 0.05 < float(row[1]) <= float(row[3]) < 20.0
+
+
+@pytest.mark.parametrize(("seed", "case"), [(20261127, 2), (20261127, 34), (4242, 14)])
+def test_a_fit_in_a_wrong_minimum_is_left_even_if_it_reaches_the_noise(seed, case):
+    """These searches ended elsewhere as long as the first fit down to the noise was taken."""
+    printed = run("genuine_measurements.py", "--seed", seed, "--only", case, "--lines", "200,3000")
+    assert cells(printed)[-1][:4] == ["all", "1 of 1", "1 of 1", "1 of 1"]

@@ -21,9 +21,10 @@ def test_the_quick_description_identifies_the_measurement_that_ships(assemblies)
     np.testing.assert_allclose(found, truth, rtol=0.03)
 
 
-def test_the_measurement_that_ships_needs_no_further_searches(assemblies):
-    """A further batch would take ten times as long, to find the same minimum."""
+def test_the_measurement_that_ships_needs_no_further_batch_of_searches(assemblies):
+    """Four searches begin the fit, and one from each low point along a parameter confirms it, of four at most."""
     measurement = dovetail.read_frf(assemblies / "measurements" / "h0_j_t0_60Nm.uff")
     result = dovetail.identify(dovetail.load(assemblies / "bt40_er32_quick.yaml"), measurement, "refined")
     assert result.adequacy.word == "to the noise"
-    assert result.fit.starts == 4
+    assert 4 <= result.fit.starts <= 8
+    assert result.fit.agreeing > result.fit.starts / 2

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.inference.fitting.delays import with_best_delays
 from dovetail.inference.fitting.fit import SEARCH_SHARE, UNFINISHED, Fit, Pace, count_agreeing, highest_agreeing
 from dovetail.inference.fitting.modal_fit import fit_to_modes
 from dovetail.inference.fitting.search_lines import SearchLines
@@ -49,6 +50,8 @@ class Settings:
     """Relative widths over which residuals are smoothed: along the profiles first, then in the searches from there."""
     first_carried: int = 2
     """Searches of the first batch whose minima are fitted first: those with the most similar FRFs."""
+    confirming: float = 0.5
+    """Share of the searches above which their minimum, if it reaches the noise, counts as the best one."""
     carried: int = 4
     """Searches of each further batch whose minima are fitted."""
     enough_agreeing: int = 6
@@ -61,8 +64,6 @@ class Settings:
     """Decrease of the sum of squares in one step that ends a search by logarithms; the fit continues from there."""
     search_steps: int = 40
     """Largest number of steps of such a search; one that needs more is in a wrong valley."""
-    most_delays: int = 100
-    """Largest number of delays of a response that are tried, eight for each turn of the phase at the highest line."""
     refitted: int = 4
     """Minima that are fitted again when the weights change, since another one may then be the best."""
     most_discrepancies: int = 8
@@ -153,7 +154,9 @@ class _Refinement:
         best = self._reweighted(self._fitted(minima.position[:1]))
         if self._is_doubtful(best):
             minima, best = self._search_further(self._extended(minima, ends[_SETTINGS.first_carried :]))
-        chi_squared = self._chi_squared(best)
+        elif not starts:
+            minima, best = self._confirmed(minima, best, ends[_SETTINGS.first_carried :])
+        chi_squared = float(np.sum(self._residuals(best) ** 2)) / self._freedom
         discrepancy = background = 0.0
         if not self._is_noise(best):
             best, (discrepancy, background) = self._with_discrepancy(best, minima)
@@ -178,6 +181,23 @@ class _Refinement:
             seconds=time.perf_counter() - began,
         )
 
+    def _confirmed(self, minima: Minima, best: Minima, others: NDArray[np.float64]) -> tuple[Minima, Minima]:
+        """Search for a better fit than one that reaches the noise, which a wrong minimum can do as well.
+
+        The first searches differ from it in one parameter, with the ends of earlier searches that were not fitted. If
+        it stays the only one of its kind, searches from similar FRFs follow.
+        """
+        along = self._along_axes(best.position[0])
+        ends = np.concatenate([others, self._searched(along)]) if len(along) else others
+        here = self._compared(best.position)
+        minima = Minima.ranked(here, self._compared(np.concatenate([minima.position[1:], ends])))  # with new weights
+        if count_agreeing(minima.cost) <= _SETTINGS.confirming * len(minima.cost) and not self._has_no_time():
+            similar = self._most_similar(_SETTINGS.more_starts, _SETTINGS.more_candidates)
+            minima = self._extended(minima, self._searched(similar)[: _SETTINGS.carried])
+        if here.cost[0] <= highest_agreeing(minima.cost[0]):
+            return minima, best
+        return minima, self._reweighted(self._fitted(minima.position[:1]))
+
     def _search_further(self, minima: Minima) -> tuple[Minima, Minima]:
         """Search further until a fit reaches the noise, or enough searches agree that none will.
 
@@ -191,10 +211,10 @@ class _Refinement:
                 break
             passes = self._is_noise(best)
             first_profiled, last = (1, 1) if passes else (_SETTINGS.profiled_batch, self._options.batches)
-            if batch > last or self._has_no_time(last - batch + 1):
+            if batch > last or self._has_no_time():
                 break
-            enough = count_agreeing(minima.cost) >= _SETTINGS.enough_agreeing
-            if enough and batch >= _SETTINGS.least_batches and not self._missed_resonances(best).size:
+            enough = batch >= _SETTINGS.least_batches and count_agreeing(minima.cost) >= _SETTINGS.enough_agreeing
+            if enough and not self._lines.missed_resonances(self._variance, self._values(best)).size:
                 break
             along = self._along_axes(best.position[0])
             similar = self._most_similar(_SETTINGS.more_starts, _SETTINGS.more_candidates)
@@ -206,10 +226,10 @@ class _Refinement:
                 minima = self._with_profiles(minima)
         return minima, best
 
-    def _has_no_time(self, batches: int) -> bool:
+    def _has_no_time(self) -> bool:
         """Return whether most of the time has passed, which leaves out further batches of searches."""
         if late := (limit := self._problem.limit).share(SEARCH_SHARE).is_over:
-            limit.leave_out(f"{batches} further rounds of searches for a better fit")
+            limit.leave_out("further searches for a better fit")
         return late
 
     def _first_batch(self, starts: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
@@ -270,7 +290,8 @@ class _Refinement:
     def _searched(self, batch: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return where searches by logarithms of amplitudes ended, the most promising first."""
         self._starts += len(batch)
-        return self._with_delays(self._search_ends(self._search, batch))
+        residual = self._target.weighted(self._variance, self._used).at(self._some)
+        return with_best_delays(self._on_some, residual, self._search_ends(self._search, batch))
 
     def _search_ends(self, problem: FrfResiduals, start: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return where searches end, the most promising first."""
@@ -278,20 +299,6 @@ class _Refinement:
         minima = minimise(problem, start, tolerance=tolerance, most_steps=most_steps, callback=self._report_search)
         self._steps += int(minima.steps.sum())
         return minima.position[np.argsort(minima.cost, kind="stable")]
-
-    def _with_delays(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Set delays to the values that fit best: the amplitudes of the search do not depend on them."""
-        residual = self._target.weighted(self._variance, self._used).at(self._some)
-        misfit, description = self._on_some.residuals(residual), self._problem.assembly.description
-        calibrations, owners = description.calibrations, enumerate(description.identified_parameters)
-        for column in (column for column, (owner, name) in owners if owner in calibrations and name == "delay"):
-            delay = self._problem.parameters[column]
-            turns = (delay.upper - delay.lower) * float(self._target.frequency.max())
-            tried = np.repeat(position[np.newaxis], 1 + min(_SETTINGS.most_delays, int(8 * turns) + 1), axis=0)
-            tried[1:, :, column] = np.linspace(0.0, 1.0, len(tried) - 1)[:, np.newaxis]
-            costs = np.array([np.sum(misfit.residuals(each) ** 2, axis=1) for each in tried])
-            position = tried[np.argmin(costs, axis=0), np.arange(len(position))]
-        return position
 
     def _compared(self, start: NDArray[np.float64]) -> Minima:
         """Fit on some of the lines, which suffice to compare the minima."""
@@ -342,9 +349,6 @@ class _Refinement:
         self._variance = from_scatter
         return best
 
-    def _missed_resonances(self, best: Minima) -> NDArray[np.float64]:
-        return self._lines.missed_resonances(self._variance, self._values(best))
-
     def _with_discrepancy(self, best: Minima, minima: Minima) -> tuple[Minima, tuple[float, float]]:
         """Estimate the errors of the model and fit with them, from several minima: another may then be the best."""
         starts = np.concatenate([best.position, minima.position[1 : _SETTINGS.refitted]])
@@ -377,9 +381,6 @@ class _Refinement:
     @property
     def _freedom(self) -> int:
         return max(1, self._target.residual_count(self._used) - len(self._problem.parameters))
-
-    def _chi_squared(self, best: Minima) -> float:
-        return float(np.sum(self._residuals(best) ** 2)) / self._freedom
 
     def _is_noise(self, best: Minima, false_alarm: float = NOISE_ALARM) -> bool:
         """Return whether the residuals of the best fit are no larger than the random error, and white."""
