@@ -16,12 +16,15 @@ from dovetail.assembly.overhangs import find_overhangs
 from dovetail.cli.app import app
 from dovetail.frf.resonance_peaks import PairedPeaks, resonance_peaks
 from dovetail.identification.result_file import load_result
+from dovetail.inference.adequacy.assess import judge
 from dovetail.inference.adequacy.error_effects import distance_of_lost_peaks
 from dovetail.inference.adequacy.perturbations import PerturbedResiduals, list_perturbations
 from dovetail.inference.adequacy.quick_fits import LogRatio
 from dovetail.inference.adequacy.resonances import describe_lacking, lacking_resonances
 from dovetail.inference.adequacy.verdict import Adequacy, AtPoint, Cause, ModelError
+from dovetail.inference.fitting import refine
 from dovetail.inference.fitting.whiteness import find_deviating_bands
+from dovetail.problem import Problem
 from dovetail.problem.part_quantities import list_quantities
 from dovetail.problem.residuals import Weighted
 from dovetail.report.content import adequacy_sentences
@@ -52,6 +55,18 @@ def test_lines_of_pure_noise_raise_no_doubt_about_a_fit_to_the_noise(sdof):
     assert result.adequacy.word == "to the noise"
     assert result.responses[0].mean_coherence < 0.9
     assert [warning for warning in result.warnings if "coherence" in warning] == []
+
+
+@pytest.mark.parametrize(
+    ("agreeing", "starts", "doubted"), [(3, 16, True), (4, 16, False), (1, 4, False), (0, 0, False)]
+)
+def test_a_fit_to_the_noise_in_which_few_of_many_searches_ended_is_doubted(sdof, agreeing, starts, doubted):
+    measured = noisy(sdof, sdof.frf(), 0.01, 1)
+    problem = Problem.of(sdof, measured)
+    fit = replace(refine(problem), agreeing=agreeing, starts=starts)
+    adequacy = judge(problem, fit).adequacy
+    assert adequacy.word == "to the noise"
+    assert any("3 of 16 searches ended in this fit" in reason for reason in adequacy.reasons) == (agreeing == 3)
 
 
 def test_a_good_model_is_trustworthy_with_its_errors_and_causes_in_every_output(good, with_gain, assemblies, tmp_path):

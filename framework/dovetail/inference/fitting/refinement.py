@@ -50,8 +50,6 @@ class Settings:
     """Relative widths over which residuals are smoothed: along the profiles first, then in the searches from there."""
     first_carried: int = 2
     """Searches of the first batch whose minima are fitted first: those with the most similar FRFs."""
-    confirming: float = 0.5
-    """Share of the searches above which their minimum, if it reaches the noise, counts as the best one."""
     carried: int = 4
     """Searches of each further batch whose minima are fitted."""
     enough_agreeing: int = 6
@@ -151,11 +149,12 @@ class _Refinement:
         began = time.perf_counter()
         ends = self._searched(self._first_batch(starts))
         minima = self._compared(ends[: _SETTINGS.first_carried])
-        best = self._reweighted(self._fitted(minima.position[:1]))
+        best, others = self._reweighted(self._fitted(minima.position[:1])), ends[_SETTINGS.first_carried :]
         if self._is_doubtful(best):
-            minima, best = self._search_further(self._extended(minima, ends[_SETTINGS.first_carried :]))
-        elif not starts:
-            minima, best = self._confirmed(minima, best, ends[_SETTINGS.first_carried :])
+            minima, best = self._search_further(self._extended(minima, others))
+            others = ends[:0]
+        if not (starts or self._is_doubtful(best)):
+            minima, best = self._confirmed(minima, best, others)
         chi_squared = float(np.sum(self._residuals(best) ** 2)) / self._freedom
         discrepancy = background = 0.0
         if not self._is_noise(best):
@@ -184,16 +183,16 @@ class _Refinement:
     def _confirmed(self, minima: Minima, best: Minima, others: NDArray[np.float64]) -> tuple[Minima, Minima]:
         """Search for a better fit than one that reaches the noise, which a wrong minimum can do as well.
 
-        The first searches differ from it in one parameter, with the ends of earlier searches that were not fitted. If
-        it stays the only one of its kind, searches from similar FRFs follow.
+        Searches from points that differ in one parameter come first. Unless most agree, the ends of earlier searches
+        that were not fitted follow, and searches from similar FRFs.
         """
+        here = self._compared(best.position)  # the weights may have changed
         along = self._along_axes(best.position[0])
-        ends = np.concatenate([others, self._searched(along)]) if len(along) else others
-        here = self._compared(best.position)
-        minima = Minima.ranked(here, self._compared(np.concatenate([minima.position[1:], ends])))  # with new weights
-        if count_agreeing(minima.cost) <= _SETTINGS.confirming * len(minima.cost) and not self._has_no_time():
+        ends = self._searched(along) if len(along) else along
+        minima = self._extended(here, np.concatenate([minima.position[1:], ends]))
+        if count_agreeing(minima.cost) <= len(minima.cost) / 2.0 and not self._has_no_time():
             similar = self._most_similar(_SETTINGS.more_starts, _SETTINGS.more_candidates)
-            minima = self._extended(minima, self._searched(similar)[: _SETTINGS.carried])
+            minima = self._extended(minima, np.concatenate([others, self._searched(similar)[: _SETTINGS.carried]]))
         if here.cost[0] <= highest_agreeing(minima.cost[0]):
             return minima, best
         return minima, self._reweighted(self._fitted(minima.position[:1]))
