@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from dovetail.errors import DovetailError
 from dovetail.interfaces import SparseMatrices, StructuralMatrices
-from dovetail.synthesis.natural_frequencies import dense_modes, dofs_with_inertia, lowest_modes
+from dovetail.synthesis.natural_frequencies import dense_modes, lowest_modes
+from dovetail.synthesis.pole_search import dofs_with_inertia
 
 _RIGID_BODY_MODES = 6
 

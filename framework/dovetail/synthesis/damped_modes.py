@@ -24,8 +24,8 @@ from dovetail.synthesis.joint_evaluation import (
     joint_stiffness_jacobian,
     sample_count,
 )
-from dovetail.synthesis.natural_frequencies import dofs_with_inertia, lowest_poles, searched_poles
-from dovetail.synthesis.pole_search import LEAST_TURN, Pencil, Wanted, all_poles, few_poles, placed
+from dovetail.synthesis.natural_frequencies import lowest_poles, searched_poles
+from dovetail.synthesis.pole_search import LEAST_TURN, Pencil, Wanted, all_poles, dofs_with_inertia, few_poles, placed
 from dovetail.synthesis.reference import assembly_matrices
 from dovetail.synthesis.relative_coordinates import (
     in_coordinates,

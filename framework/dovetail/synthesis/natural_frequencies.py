@@ -13,7 +13,7 @@ import scipy  # loads a part of it when that is first used
 from numpy.typing import NDArray
 
 from dovetail.errors import DovetailError
-from dovetail.synthesis.pole_search import Pencil, Wanted, few_poles, searched
+from dovetail.synthesis.pole_search import Pencil, Wanted, dofs_with_inertia, few_poles, searched
 
 _BASIS_DOFS, _DENSE_DOFS = 40, 120
 """Numbers of DOFs up to which all poles are computed if the iteration does not find them, and if neither does one from
@@ -167,14 +167,6 @@ def _sparse_shapes(K: Any, M: Any, count: int, shift: float, factors: Any) -> ND
     if values.min() < -shift:
         raise DovetailError("there are no natural frequencies: with these parameters a stiffness is negative.")
     return np.asarray(shapes[:, np.argsort(values)])
-
-
-def dofs_with_inertia(pattern: Any, inertia: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Return the DOFs that are connected with a mass; the others do not move."""
-    if (inertia > 0).all():
-        return np.arange(len(inertia))
-    _, group = scipy.sparse.csgraph.connected_components(pattern, directed=False)
-    return np.flatnonzero(np.isin(group, group[inertia > 0]))
 
 
 def _frequencies(K: Any, M: Any, shapes: NDArray[np.float64], least: float) -> Iterator[float]:

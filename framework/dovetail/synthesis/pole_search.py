@@ -296,3 +296,11 @@ def _swept(pencil: Pencil, wanted: Wanted) -> tuple[NDArray[np.complex128], NDAr
         middle *= _EXPANSIONS
     order = wanted.lowest(poles)
     return poles[order], shapes[order]
+
+
+def dofs_with_inertia(pattern: Any, inertia: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return the DOFs that are connected with a mass; the others do not move."""
+    if (inertia > 0).all():
+        return np.arange(len(inertia))
+    _, group = scipy.sparse.csgraph.connected_components(pattern, directed=False)
+    return np.flatnonzero(np.isin(group, group[inertia > 0]))

@@ -9,10 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.inference.fitting.delays import with_best_delays
 from dovetail.inference.fitting.fit import SEARCH_SHARE, UNFINISHED, Fit, Pace, count_agreeing, highest_agreeing
 from dovetail.inference.fitting.modal_fit import fit_to_modes
-from dovetail.inference.fitting.search_lines import SearchLines
+from dovetail.inference.fitting.search_lines import SearchLines, with_best_delays
 from dovetail.inference.fitting.whiteness import NOISE_ALARM, has_size_of_noise, is_of_few_lines, is_white
 from dovetail.interfaces import FIT_OPTIONS, FitOptions, Progress, logged, silent
 from dovetail.problem import Problem
@@ -136,6 +135,10 @@ class _Refinement:
         self._few, self._some = self._lines.few, self._lines.thinned(_SETTINGS.fit_lines)
         self._on_fewest = self._on_lines(self._lines.fewest)
         self._on_few, self._on_some = self._on_lines(self._few), self._on_lines(self._some)
+        description, highest = problem.assembly.description, float(target.frequency.max())
+        owners = [owner if name == "delay" else "" for owner, name in description.identified_parameters]
+        spans = (each.upper - each.lower for each in problem.parameters)
+        self._turns = {n: highest * span for n, span in enumerate(spans) if owners[n] in description.calibrations}
         self._steps = self._starts = self._searches = 0
         self._expected = options.first_starts + _SETTINGS.first_carried + 1
         self._progress = progress
@@ -290,7 +293,7 @@ class _Refinement:
         """Return where searches by logarithms of amplitudes ended, the most promising first."""
         self._starts += len(batch)
         residual = self._target.weighted(self._variance, self._used).at(self._some)
-        return with_best_delays(self._on_some, residual, self._search_ends(self._search, batch))
+        return with_best_delays(self._on_some.residuals(residual), self._turns, self._search_ends(self._search, batch))
 
     def _search_ends(self, problem: FrfResiduals, start: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return where searches end, the most promising first."""

@@ -1,8 +1,8 @@
-"""The lines of a search: few, but among them those around each resonance; and residuals smoothed over neighbours."""
+"""The lines of a search, few, but those around each resonance; residuals smoothed over neighbours; and delays."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from dovetail.frf.resonance_peaks import prominent_peaks
+from dovetail.problem.least_squares import SumOfSquares
 from dovetail.problem.observations import Observations
 from dovetail.problem.residuals import Residual
 
@@ -41,6 +42,8 @@ class Settings:
     """Distance, in widths, beyond which a line has no weight."""
     sums_at_once: int = 16
     """Number of sums of smoothed residuals in one dense product, so small that most of their weights are not 0."""
+    most_delays: int = 100
+    """Largest number of delays of a response that are tried, eight for each turn of the phase at the highest line."""
 
 
 _SETTINGS = Settings()
@@ -166,6 +169,28 @@ def lines_represented(observations: Observations, lines: NDArray[np.intp]) -> ND
             nearest = np.searchsorted((chosen[1:] + chosen[:-1]) / 2.0, np.arange(count))
             counts.append(np.bincount(nearest, minlength=chosen.size).astype(np.float64))
     return np.concatenate(counts)
+
+
+def with_best_delays(
+    misfit: SumOfSquares, turns: Mapping[int, float], position: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Set the delays at some positions (n, p), in fractions of the ranges, to the values that fit best.
+
+    The amplitudes of a search do not depend on them.
+
+    Parameters
+    ----------
+    misfit : SumOfSquares
+    turns : mapping of int to float
+        By how many turns each delay, by its column, changes the phase of the highest line over its range.
+    position : (n, p) array
+    """
+    for column, number in turns.items():
+        tried = np.repeat(position[np.newaxis], 1 + min(_SETTINGS.most_delays, int(8 * number) + 1), axis=0)
+        tried[1:, :, column] = np.linspace(0.0, 1.0, len(tried) - 1)[:, np.newaxis]
+        costs = np.array([np.sum(misfit.residuals(each) ** 2, axis=1) for each in tried])
+        position = tried[np.argmin(costs, axis=0), np.arange(len(position))]
+    return position
 
 
 def _level(amplitude: NDArray[np.float64], variance: NDArray[np.float64]) -> NDArray[np.float64]:
