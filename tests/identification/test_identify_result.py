@@ -131,6 +131,7 @@ def test_provenance_names_description_measurement_and_versions(
     assert provenance["components"]["reducer pca"].startswith("dovetail-frf")
 
 
+@pytest.mark.sweep(keep=2)
 @pytest.mark.parametrize(
     ("method", "options"), [("refined", {}), ("posterior", {"form": "laplace"}), ("multistart", {"starts": 2})]
 )

@@ -87,6 +87,7 @@ def stacked_shapes(frfs, values):
     return np.concatenate(list(error_shapes(frfs, values, typical_model_error(1e-3)).values()))
 
 
+@pytest.mark.sweep(keep=2)
 @pytest.mark.parametrize("method", ["refined", "multistart", "posterior"])
 def test_fits_find_the_joint_from_two_responses(chain, frfs, method):
     options = {"multistart": {"starts": 8, "objective": "weighted"}, "posterior": {"samples": 100, "model_error": 0.0}}

@@ -62,6 +62,7 @@ def word(gain, half_width):
     return "identified" if half_width / DAMPING <= 0.2 else "weakly identified"
 
 
+@pytest.mark.sweep(keep=3)
 @pytest.mark.parametrize(
     ("width", "noise", "expected"),
     [

@@ -159,6 +159,7 @@ def test_everything_else_goes_on_working(installed, tmp_path, assemblies):
     assert "Elastic pad" in installed.run("describe", "felt").stdout
 
 
+@pytest.mark.sweep(keep=4)
 @pytest.mark.parametrize(
     ("model", "message"),
     [

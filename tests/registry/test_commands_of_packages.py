@@ -142,6 +142,7 @@ def test_a_command_runs_with_its_options(help_, installed):
     assert "No such option" in installed.run("shout-twice", "--txt", "hey", code=2).stderr
 
 
+@pytest.mark.sweep(keep=3)
 @pytest.mark.parametrize(
     ("name", "reason"),
     [
@@ -219,6 +220,7 @@ def test_a_plugin_file_adds_a_command(tmp_path):
     assert "A command of a plugin file needs '--plugin FILE.py' before it." in said
 
 
+@pytest.mark.sweep(keep=3)
 @pytest.mark.parametrize("words", [["whisper"], ["--help"]])
 @pytest.mark.parametrize(
     ("code", "message"),
