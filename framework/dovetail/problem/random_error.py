@@ -107,7 +107,7 @@ def _scattering_averages(frf: Frf) -> int:
     if len(variance) < 2 * len(FOURTH_DIFFERENCE) or not np.all(variance > 0.0):
         return 0
     scatter = np.convolve(np.log(variance), FOURTH_DIFFERENCE, mode="valid") ** 2
-    expected = float(scipy.special.polygamma(1, frf.averages - 1)) * float(scipy.stats.chi2.ppf(0.5, 1))
+    expected = float(scipy.special.polygamma(1, frf.averages - 1)) * 2.0 * float(scipy.special.gammaincinv(0.5, 0.5))
     return frf.averages if np.median(scatter) > _SETTINGS.scattering * expected else 0
 
 

@@ -98,5 +98,5 @@ def _size(
     size = float(brentq(excess, least, 1e6)) if excess(least) > 0.0 else least
     if sd is not None:
         return size
-    tails = scipy.stats.t.ppf((1.0 + LEVEL) / 2.0, [freedom, np.inf])  # estimated from few modes, it may be far larger
+    tails = scipy.special.stdtrit([freedom, np.inf], (1.0 + LEVEL) / 2.0)  # from few modes, it may be far larger
     return max(size, min(size * float(tails[0] / tails[1]), assumed))
