@@ -9,7 +9,7 @@ from pydantic import Field
 import dovetail
 
 
-class Multistart(dovetail.IdentificationMethod[dovetail.Problem]):
+class Multistart(dovetail.IdentificationMethod["dovetail.Problem"]):
     """Bounded local searches from the points of a Latin hypercube; the best minimum counts."""
 
     name = "multistart"

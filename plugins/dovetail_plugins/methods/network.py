@@ -5,7 +5,7 @@ from __future__ import annotations
 import dovetail
 
 
-class Network(dovetail.IdentificationMethod[dovetail.Problem]):
+class Network(dovetail.IdentificationMethod["dovetail.Problem"]):
     """The answer of a trained network; it needs milliseconds, and no fit."""
 
     name = "network"

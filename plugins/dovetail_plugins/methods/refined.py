@@ -5,7 +5,7 @@ from __future__ import annotations
 import dovetail
 
 
-class Refined(dovetail.IdentificationMethod[dovetail.Problem]):
+class Refined(dovetail.IdentificationMethod["dovetail.Problem"]):
     """Least squares with exact derivatives, from starts all over the ranges or from those that are given."""
 
     name = "refined"
