@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -80,6 +80,33 @@ def check_definiteness(
         if negative is not None:
             raise _not_definite(name, matrix, negative, where[name], label)
     _check_mechanism(M, K, ties, where["K"], label, reached, rigid_body_motions)
+
+
+def check_mass(M: Any, rows: NDArray[np.intp], directions: Sequence[str], where: str) -> None:
+    """Raise an error if a motion of all DOFs of one direction has no kinetic energy, as with the stiffness for M.
+
+    Parameters
+    ----------
+    M : (d, d) sparse array
+    rows : (n,) int array
+        Rows of M in the table of DOFs.
+    directions : sequence of str
+        Of each of them, in the words of the table.
+    where : str
+        The file.
+
+    Raises
+    ------
+    DovetailError
+    """
+    words = np.asarray(directions)
+    for word in dict.fromkeys(directions):
+        moving = rows[words == word]
+        part = M.tocsr()[moving][:, moving]
+        if len(moving) > 1 and abs(part).sum() > 0 and part.sum() <= _ROUNDED * abs(part).sum():
+            problem = f"a motion of all nodes along '{word}' has the mass {part.sum():g}."
+            remedy = "Are mass and stiffness exchanged, or directions in the table?"
+            raise DovetailError(Fault(where, problem, "more than 0", remedy))
 
 
 def _without_noise(matrix: Any) -> Any:

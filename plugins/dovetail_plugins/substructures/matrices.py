@@ -28,7 +28,7 @@ from dovetail import (
     is_rotation,
 )
 from dovetail_plugins.craig_bampton import ReducedPart, reduce_part
-from dovetail_plugins.substructures.definiteness import check_definiteness
+from dovetail_plugins.substructures.definiteness import check_definiteness, check_mass
 from dovetail_plugins.substructures.imported_model import NAMES, ImportedModel, SourceFiles, import_model
 from dovetail_plugins.substructures.matrix_remarks import check_stated_units
 
@@ -215,6 +215,7 @@ class Matrices(SubstructureModel):
         self._labels = self._chosen(self._table)
         reached, motions = self._reached(model.matrices["K"].shape[0])
         check_definiteness(model.matrices, model.where, self._table.label, reached, motions)
+        check_mass(model.matrices["M"], self._table.rows, self._table.directions, model.where["M"])
         self.reduced: ReducedPart | None = None
         self._matrices = self._arranged(model)
 
