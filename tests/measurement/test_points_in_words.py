@@ -26,7 +26,8 @@ FREQUENCY = np.arange(10.0, 40.0)
 UPPER = ("upper", 0.0, "x")
 KEYS = ["response", "force", "reference", "point", "node", "response_dof", "excitation_point", "measured_at",
         "location", "input", "output_name", "rsp_ent_name", "sensor", "hammer_location", "dof", "position",
-        "substructure", "Antwort", "Anregung", "outputname", "channel", "sensor_position", "driving point"]  # fmt: skip
+        "substructure", "Antwort", "Anregung", "outputname", "channel", "sensor_position", "driving point",
+        "test point", "measuring point", "fixed point", "Messstelle"]  # fmt: skip
 NAMES = ["lower", "floor", "lower x", "LOWER-X", "lower:7+x", "lower_x", "node 5 of lower", "lower (x)", "at the floor"]
 LINES = [
     "# response lower", "# force at floor", "# measured at lower", "# excited at the floor", "# point lower",

@@ -11,19 +11,24 @@ from dovetail.measurement.quantity_words import read_label, word_set, words_of
 
 End: TypeAlias = Literal["response", "force", "point", ""]
 
-_RESPONSE = word_set("response responses resp rsp output outputs outputname antwort messpunkt messort")
+_RESPONSE = word_set(
+    "response responses resp rsp output outputs outputname antwort messpunkt messort messstelle antwortpunkt"
+)
 _FORCE = word_set(
     "force forces reference references ref excitation exc input inputs inputname kraft anregung erregung anregungspunkt"
 )
-_MEASURED = _RESPONSE | word_set("measured measurement sensor accelerometer vibrometer receiver motion moving")
+_MEASURED = _RESPONSE | word_set(
+    "measured measuring measurement acc sensor accelerometer vibrometer receiver motion moving"
+)
 _DRIVEN = _FORCE | word_set("excited driven driver impact impacted hammer shaker source load roving hit")
 _ALONE = word_set("sensor accelerometer vibrometer hammer shaker")
 """Words that may have the name of a point as their value, but usually that of an instrument."""
 _PLACES = word_set(
     "point points pt node nodes dof dofs location position place at on punkt knoten ort messpunkt messort"
+    " messstelle antwortpunkt"
     " anregungspunkt part body component substructure entity ent direction dir channel inputname outputname"
 )
-_MORE = word_set("drive driving name id number no nr of the frf was were is")
+_MORE = word_set("drive driving test fixed name id number no nr of the frf was were is")
 _TITLES = word_set("title name")
 LISTS = word_set("names labels channels dofs nodes points")
 """Names of lists with a point for each channel."""
