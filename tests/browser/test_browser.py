@@ -131,6 +131,7 @@ def test_the_report_reads_well(browser: Browser, report: str, width: int, scheme
         assert serious_faults(page) == []
 
 
+@pytest.mark.sweep(keep=4)
 @pytest.mark.parametrize(("width", "scheme"), SIZES)
 @pytest.mark.parametrize(("kind", "panels", "curves"), [("comparison", 3, 3), ("validation", 2, 3)])
 def test_reports_of_several_cases_read_well(
@@ -145,6 +146,7 @@ def test_reports_of_several_cases_read_well(
         assert serious_faults(page) == []
 
 
+@pytest.mark.sweep(keep=4)
 @pytest.mark.parametrize(("width", "scheme"), SIZES)
 @pytest.mark.parametrize(("kind", "drawings"), [("batch", 4), ("calibration", 2)])
 def test_pages_without_charts_read_well(
