@@ -20,6 +20,7 @@ from dovetail.identification.measured_lines import check_measured
 from dovetail.measurement import ModelDof, Role, check_roles
 from dovetail.measurement.impact_test.signal_files import read_signals
 from dovetail.measurement.named_points import read_dof
+from dovetail.measurement.point_statements import points_of_label
 from support.measured_files import set_58, write_sets
 
 FREQUENCY = np.arange(10.0, 40.0)
@@ -210,6 +211,13 @@ def test_lists_of_names_give_the_points_of_the_chosen_column(model, values, tmp_
     compare(model, tmp_path / "a.npz", response="1", force="1")
     for chosen in ("12", "21"):
         refused(model, tmp_path / "a.npz", response=chosen[0], force=chosen[1])
+
+
+@pytest.mark.parametrize(
+    "text", ["FRF [g/N]", "real/imag", "on/off", "m/N", "12/2024", "10 mV/g", "Acceleration/Force"]
+)
+def test_words_with_a_slash_are_not_always_points(text):
+    assert points_of_label(text) == ()
 
 
 def test_numbers_of_nodes_in_arrays_are_compared(model, values, tmp_path):

@@ -37,9 +37,13 @@ _CLAUSE = re.compile(r"[;\n]|,\s+(?=[^\W\d_])|\sand\s(?!\S+$)")
 _BETWEEN = re.compile(r"(?:frf\s+)?(?:between|from)\s+(\S+)\s+(?:and|to)\s+(\S+)", re.IGNORECASE)
 _PAIR = re.compile(
     r"(?:(?:frf|tf|fr|h\d?|g|x|a|v|transfer function|frequency response(?: function)?)\b)?\s*(?P<open>\()?\s*"
-    r"(?P<response>[^\s/,()][^/,()]{0,30}?)\s*[/,]\s*(?P<force>[^\s/,()][^/,()]{0,30}?)\s*\)?",
+    r"(?P<response>[^\s/,()\[\]][^/,()\[\]]{0,30}?)\s*[/,]\s*(?P<force>[^\s/,()\[\]][^/,()\[\]]{0,30}?)\s*\)?",
     re.IGNORECASE,
 )
+_NO_POINTS = word_set(
+    "real imag mag amplitude phase on off and or yes no input output pre post auto cross min max left right"
+)
+"""Words with a slash between them that are no points."""
 _INDICES = re.compile(r"(?:frf\s+)?[hg]_?(\d)_?(\d)", re.IGNORECASE)
 _MOST_WORDS, _MOST_OF_TITLE = 4, 3
 _LONGEST = 80
@@ -124,7 +128,10 @@ def points_of_label(text: str) -> tuple[PointStatement, ...]:
     if match := _BETWEEN.fullmatch(text):
         return PointStatement("force", match[1]), PointStatement("response", match[2])
     match = _PAIR.fullmatch(text)
-    if match is None or ("," in text and not match["open"]) or read_unit(f"{match['response']}/{match['force']}"):
+    if match is None or ("," in text and not match["open"]):
+        return ()
+    reading = read_unit(f"{match['response']}/{match['force']}")
+    if reading is not None and reading.kind != "none":
         return ()
     ends = match["response"], match["force"]
     if any(map(_is_amount, ends)):
@@ -135,7 +142,8 @@ def points_of_label(text: str) -> tuple[PointStatement, ...]:
 def _is_amount(text: str) -> bool:
     """Return whether a text is a quantity, a number or a unit, alone or behind a number."""
     label, unit = read_label(text), read_unit(text.split()[-1])
-    return bool(label.motions or label.moments or unit or re.match(r"[\d.]+(?:\s|$)", text))
+    is_word = set(words_of(text)) <= _NO_POINTS
+    return bool(is_word or label.motions or label.moments or unit or re.match(r"[\d.]+(?:\s|$)", text))
 
 
 def points_of_column(signal: str) -> tuple[PointStatement, ...]:
