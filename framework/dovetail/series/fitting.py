@@ -42,8 +42,9 @@ class Settings:
     """Distance of starts from the ends of the ranges."""
     scatter_rounds: int = 30
     """Largest number of updates of the standard deviations from test to test."""
-    rise: float = 1.5
-    """Sum of squares over that of the fits to each test alone above which searches by logarithms follow."""
+    chance: float = 1e-3
+    """Probability of a rise of the sum of squares above that of the fits to each test alone, if the relations between
+    the tests are right, below which searches by logarithms follow."""
     grid: int = 801
     """Deviations among which those are interpolated that keep the values of the tests."""
     settled: float = 1e-3
@@ -103,7 +104,9 @@ def fit_series(unknowns: SeriesUnknowns, tests: Sequence[FittedTest], *, progres
     alone = [float(np.sum(misfit.residuals(test.fraction[np.newaxis]) ** 2)) for misfit, test in pairs]
     starts = _starts(unknowns, tests)
     ends = minimise(residuals, starts, prior, scatter)
-    if _cost(residuals, ends, prior).min() > _SETTINGS.rise * sum(alone):  # perhaps a local minimum
+    constraints = sum(len(test.problem.parameters) for test in tests) - (unknowns.count - len(scatter))
+    expected = scipy.stats.chi2.isf(_SETTINGS.chance, max(constraints, 1))
+    if _cost(residuals, ends, prior).min() > sum(alone) + expected:  # perhaps a local minimum
         rough = SeriesResiduals(unknowns, [test.problem.logarithms(test.judged.fit.variance) for test in tests])
         further = minimise(residuals, minimise(rough, starts, prior, scatter).z, prior, scatter)
         ends = LinearisedPoints.joined([ends, further])
@@ -111,12 +114,10 @@ def fit_series(unknowns: SeriesUnknowns, tests: Sequence[FittedTest], *, progres
     if scatter:
         points = _with_scatter(residuals, points, prior)
     matrix, _ = normal_equations(residuals, points, prior)
-    used = sum(len(test.problem.parameters) for test in tests)
-    free = unknowns.count - len(scatter)
     squares = np.array([float(np.sum(part**2)) for part in residuals.split_by_test(points.residuals)])
     progress("fit", 1, 1)
     deviations = sum(len(unknowns.deviation_columns(column)) for column in scatter)
-    return SeriesFit(points.z[0], matrix, squares, np.array(alone), used - free, deviations)
+    return SeriesFit(points.z[0], matrix, squares, np.array(alone), constraints, deviations)
 
 
 def minimise(
