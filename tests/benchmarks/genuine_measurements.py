@@ -6,8 +6,9 @@ Every case draws parameters anywhere in their ranges, and a frequency axis of it
 of the band by default. The noise is 1 % of each value (multiplicative), 1 % of the FRF's standard deviation (additive),
 or that of an H1 estimate from 8 to 64 averages. Half of the measurements tell their variance, or coherence and
 averages; for the others it has to be estimated. The table counts the cases that are reported to be fitted down to the
-noise, those whose chi-squared per degree of freedom is 0.93 to 1.07, and those whose fit is as good as the true
-parameters. The failures follow, with the number by which `--only` repeats them alone.
+noise, those whose chi-squared per degree of freedom is 0.93 to 1.07, those whose fit is as good as the true
+parameters, and those reported as found by few of many searches. Failures come first, with the number by which `--only`
+repeats them alone.
 """
 
 from __future__ import annotations
@@ -27,8 +28,8 @@ import dovetail
 STRUCTURES = 25
 CHI_SQUARED = 0.93, 1.07
 HEADER = (
-    "| noise | reaches the noise | chi-squared 0.93 to 1.07 | right minimum | median time | longest |\n"
-    "|---|---|---|---|---|---|"
+    "| noise | reaches the noise | chi-squared 0.93 to 1.07 | right minimum | found by few | median time | longest |\n"
+    "|---|---|---|---|---|---|---|"
 )
 
 
@@ -51,6 +52,8 @@ class Case:
     at_truth : float
         Chi-squared of the true parameters, with the same variance.
     starts, agreeing : int
+    found_by_few : bool
+        Whether this is reported.
     seconds : float
         From the measurement to the verdict, without the planning of the engine.
     """
@@ -66,6 +69,7 @@ class Case:
     at_truth: float
     starts: int
     agreeing: int
+    found_by_few: bool
     seconds: float
 
     @property
@@ -88,6 +92,7 @@ class Case:
         wrong = [] if self.to_the_noise else [f"said to be '{self.word}'"]
         wrong += [] if self.inside else [f"chi-squared {self.chi_squared:.3f} (by chance +-{self.deviation:.3f})"]
         wrong += [] if self.right else [f"another minimum: {self.chi_squared:.3f}, not {self.at_truth:.3f}"]
+        wrong += ["reported as found by few searches"] if self.found_by_few else []
         given = "variance given" if self.stated else "variance unknown"
         return (
             f"case {self.number}, structure {self.number % STRUCTURES}: {'; '.join(wrong)} ({self.noise}, {given}, "
@@ -134,6 +139,7 @@ def identified(number: int, seed: int, lines: tuple[int, int]) -> Case:
         float(2.0 * np.sum(result.fit.used * squares / result.fit.variance)) / result.fit.degrees_of_freedom,
         result.fit.starts,
         result.fit.agreeing,
+        any("searches ended in this fit" in reason for reason in result.adequacy.reasons),
         seconds,
     )
 
@@ -149,7 +155,9 @@ def word(result: dovetail.Identification) -> str:
 def row(name: str, cases: list[Case]) -> str:
     """Return one line of the table."""
     seconds = [case.seconds for case in cases]
-    counts = [sum(getattr(case, what) for case in cases) for what in ("to_the_noise", "inside", "right")]
+    counts = [
+        sum(getattr(case, what) for case in cases) for what in ("to_the_noise", "inside", "right", "found_by_few")
+    ]
     cells = " | ".join(f"{count} of {len(cases)}" for count in counts)
     return f"| {name} | {cells} | {np.median(seconds):.2f} s | {max(seconds):.2f} s |"
 
