@@ -12,6 +12,7 @@ from dovetail.cli.app import app
 from dovetail.registry import installed_components
 from dovetail.series.description import Role
 from dovetail.series.fitting import fit_series
+from dovetail.series.prediction import most_central
 from dovetail.series.result import SeriesIdentification
 from dovetail.series.sampling import sample_series
 from dovetail.series.unknowns import SeriesUnknowns
@@ -54,6 +55,15 @@ def test_the_frf_at_another_level_lies_within_its_band(result, level):
     assert low < middle < high
     assert 0.98 * low < stiffness(level) < 1.02 * high
     assert bool(predicted.warnings) == (level > 5.0)
+
+
+def test_the_frf_of_a_prediction_has_the_parameters_of_one_sample():
+    """Samples along a ridge keep their natural frequency, which medians of each parameter need not have."""
+    frequency = np.linspace(100.0, 200.0, 200)
+    poles = np.array([150.0, 149.0, 151.0, 150.2, 149.7])
+    frfs = 1.0 / (1.0 - (frequency / poles[:, np.newaxis]) ** 2 + 0.01j)
+    assert most_central(frfs) == 0
+    assert most_central(frfs[[1, 2, 4]]) == 2
 
 
 def test_extrapolation_is_reported_in_the_frf_and_its_band(result):

@@ -31,7 +31,8 @@ class PredictedTest:
     Parameters
     ----------
     frf : Frf
-        At the middle of each parameter's samples; its note holds the warnings.
+        Of the sample whose FRF is nearest to the median of all: the middle of each parameter alone may lie outside a
+        narrow ridge of the posterior. Its note holds the warnings.
     band : PredictedBand
     intervals : mapping of str to (float, float, float)
         SI; median and ends of the 90 % interval of each parameter.
@@ -94,13 +95,20 @@ def predict_test(
     weight = np.full(len(theta), 1.0 / len(theta))
     low, middle, high = quantiles(theta, weight, [ends_of(LEVEL)[0], 0.5, ends_of(LEVEL)[1]])
     warnings = (*([result.warning] if result.warning else ()), *_extrapolations(result, test))
-    centre = model.description.response.frf(model.frequency, model.frf(middle), note=" ".join(warnings))
-    values = with_model_error(model.frf(theta), [centre], allowed_error(result), random)
+    frfs = model.frf(theta)
+    centre = model.description.response.frf(model.frequency, frfs[most_central(frfs)], note=" ".join(warnings))
+    values = with_model_error(frfs, [centre], allowed_error(result), random)
     lower, upper = np.quantile(np.abs(values), ends_of(level), axis=0)
     band = PredictedBand(model.frequency, lower, upper, level, " ".join(warnings))
     names = (parameter.name for parameter in model.parameters)
     ends = zip(middle.tolist(), low.tolist(), high.tolist(), strict=True)
     return PredictedTest(centre, band, dict(zip(names, ends, strict=True)), warnings)
+
+
+def most_central(frfs: NDArray[np.complex128]) -> int:
+    """Return which of some FRFs (n, f) is nearest to the median of the logarithms of their amplitudes."""
+    levels = np.log(np.maximum(np.abs(frfs), np.finfo(float).tiny))
+    return int(np.argmin(np.sum((levels - np.median(levels, axis=0)) ** 2, axis=1)))
 
 
 def checked_covariates(result: SeriesIdentification, at: Mapping[str, float | str]) -> dict[str, float]:
