@@ -239,3 +239,34 @@ def test_a_dof_that_nothing_resists_changes_no_pole():
     assert len(expected) == 2
     np.testing.assert_allclose(poles, expected, rtol=1e-9)
     assert not shapes[:, 1].any()
+
+
+@pytest.mark.parametrize("seed", [57, 127, 150, 207])
+def test_a_free_chain_that_a_damper_holds_has_its_low_modes(seed):
+    """Iteration from its undamped modes, of which four of 400 such chains have fewer, would miss one."""
+    random, count = np.random.default_rng(seed), 18
+    K = np.zeros((count, count))
+    for index, stiffness in enumerate(10 ** random.uniform(5, 9, count - 1)):
+        K[index : index + 2, index : index + 2] += stiffness * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    M, C = np.diag(10 ** random.uniform(-2, 1, count)), np.zeros((count, count))
+    held = random.integers(count)
+    C[held, held] = 10 ** random.uniform(1, 5)
+    stacks = K[np.newaxis] + 0j, C[np.newaxis], M[np.newaxis]
+    poles, _ = next(natural_frequencies.lowest_poles(*stacks, Wanted(4)))
+    np.testing.assert_allclose(poles, next(all_poles(*stacks, Wanted(4)))[0], rtol=1e-9)
+
+
+def test_a_joint_whose_ends_move_together_leaves_the_modes_of_the_rest():
+    """Its terms for their relative rotation cancel to rounding, which is neither stiffness nor inertia."""
+    description = copy.deepcopy(ONE)
+    description["substructures"]["bar"] = {"model": "lumped", "masses": [{"mass": 1.0, "position": "0 mm"}]}
+    description["joints"]["rubber"] = {
+        "model": "rubber",
+        "connect": {"a": {"to": "bar", "at": 0.0}, "b": {"to": "mass", "at": 0.0}},
+        "parameters": {"g": {"value": 0.1}, "alpha": {"value": 0.5}, "m": {"value": 0.1}},
+    }
+    description["joints"]["mount"]["parameters"] = {"k": {"value": K}, "c": {"value": 0.0}}
+    assembly = dovetail.load(description, plugins=unusual_joints.__file__).rigid()
+    mode, within = assembly.modes([1e7])
+    assert mode.natural_frequency == pytest.approx(np.sqrt(K / (MASS + 1.0 + 0.1)) / (2 * np.pi), rel=1e-3)
+    assert within.natural_frequency > 1000.0

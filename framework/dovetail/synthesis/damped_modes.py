@@ -45,8 +45,8 @@ _NEGATIVE = 1e-8
 """Eigenvalue of the stiffness, with a diagonal of ones, below which it is negative; rounding gives 1e-15."""
 _MOST_ENTRIES = 2**20
 """Entries of the matrices of all parameter vectors that are computed at once."""
-_ANY = 100.0
-"""Frequency [Hz] at which the DOFs that a joint connects are found."""
+_ANY, _ROUNDING = 100.0, 1e-14
+"""Frequency [Hz] at which the DOFs that a joint connects are found, and the part of its entries that is rounding."""
 _STIFF_DOFS, _RIGID_BODY_MODES = 120, 6
 """Number of DOFs up to which digits of soft parts next to stiff joints are kept, and number of rigid-body modes
 computed then."""
@@ -309,7 +309,7 @@ class DampedModes:
         _check_mass(M.diagonal())
         joined, inertia = abs(M) + abs(K) + abs(C) + abs(D), M.diagonal()
         for L, stiffness in laws:
-            own = placed(L, np.abs(stiffness.at(2j * np.pi * _ANY)[0]))
+            own = _without_rounding(L, stiffness.at(2j * np.pi * _ANY)[0])
             joined, inertia = joined + own, inertia + own.diagonal()  # which may have masses within
         active = dofs_with_inertia(joined != 0, inertia)
         if not len(active):
@@ -327,6 +327,12 @@ class DampedModes:
 
 
 _NONE = np.empty(0, dtype=np.complex128), np.empty((0, 0), dtype=np.complex128)
+
+
+def _without_rounding(L: Any, value: NDArray[np.complex128]) -> Any:
+    """Return the magnitudes of a joint's matrix among all DOFs; those of ends that move together cancel to zero."""
+    own = abs(placed(L, value))
+    return own * (own > _ROUNDING * placed(L, np.abs(value)))
 
 
 def _stiffness_of(

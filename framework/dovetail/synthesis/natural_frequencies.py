@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
-from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -29,6 +28,9 @@ _MOST_ITERATIONS = 12
 _NEAR = 0.5
 """Distance of a pole from that without damping, over the distance to the nearest other one, up to which the two belong
 to each other. If all do, no pole lies between them."""
+_RESISTED = 1e-9
+"""Power of dampers in a rigid-body motion, over the largest possible one with its amplitudes, above which they resist
+it."""
 _FURTHER = 6
 """Undamped modes beyond twice the wanted ones from which the search for poles starts."""
 _FIRST, _ROUNDS, _LOWEST = 100.0, 8, 1e-3
@@ -59,16 +61,20 @@ def dense_modes(K: NDArray[np.float64], M: NDArray[np.float64]) -> Iterator[tupl
     DovetailError
         The structure is not stable.
     """
+    return ((frequency, shape) for frequency, shape in _dense_motions(K, M) if frequency)
+
+
+def _dense_motions(K: NDArray[np.float64], M: NDArray[np.float64]) -> Iterator[tuple[float, NDArray[np.float64]]]:
+    """Yield the same, and rigid-body modes with the frequency 0, by increasing frequency."""
     size, active = len(K), dofs_with_inertia((K != 0) | (M != 0), np.diag(M))
     K, M = K[np.ix_(active, active)], M[np.ix_(active, active)]
     if not len(active):
         return
     shapes, shift = _dense_shapes(K, M)
     for frequency, shape in zip(_frequencies(K, M, shapes, _SHIFT_FLOOR * shift), shapes.T, strict=True):
-        if frequency:
-            whole = np.zeros(size)
-            whole[active] = shape
-            yield frequency, whole
+        whole = np.zeros(size)
+        whole[active] = shape
+        yield frequency, whole
 
 
 def lowest_modes(
@@ -181,7 +187,14 @@ def _frequencies(K: Any, M: Any, shapes: NDArray[np.float64], least: float) -> I
 def lowest_poles(A: Any, C: Any, M: Any, wanted: Wanted) -> Iterator[tuple[Any, Any]]:
     """Yield the same as `all_poles`, where iteration from each mode of the undamped assembly finds as many poles."""
     for stiffness, damping, mass in zip(A, C, M, strict=True):
-        undamped = list(islice(dense_modes(stiffness.real, mass), wanted.count + 1))
+        undamped, held = [], False
+        for frequency, shape in _dense_motions(stiffness.real, mass):
+            if frequency:
+                undamped.append((frequency, shape))
+            else:
+                held |= _is_damped(damping, shape)
+            if len(undamped) > wanted.count:
+                break
         frequencies = np.array([frequency for frequency, _ in undamped])
         starts = np.asarray(2j * np.pi * frequencies)
         number = len(wanted.lowest(starts))
@@ -189,11 +202,16 @@ def lowest_poles(A: Any, C: Any, M: Any, wanted: Wanted) -> Iterator[tuple[Any, 
         poles, shapes = _refined(stiffness, damping, mass, starts[:number], X)
         spacing = np.diff(frequencies, prepend=0.0, append=np.inf)
         nearest = 2.0 * np.pi * np.minimum(spacing[:-1], spacing[1:])[:number]
-        if (np.abs(poles - starts[:number]) < _NEAR * nearest).all():
+        if not held and (np.abs(poles - starts[:number]) < _NEAR * nearest).all():
             order = wanted.lowest(poles)
             yield poles[order], shapes[order]
         else:
             yield searched_poles(Pencil(stiffness, damping, mass), wanted)
+
+
+def _is_damped(C: NDArray[np.float64], shape: NDArray[np.float64]) -> bool:
+    """Return whether dampers resist a rigid-body motion: where they hold a part, it may turn at a low frequency."""
+    return bool(shape @ C @ shape > _RESISTED * (abs(shape) @ abs(C) @ abs(shape)))
 
 
 def _refined(A: Any, C: Any, M: Any, s: Any, X: Any) -> tuple[Any, Any]:
