@@ -17,6 +17,8 @@ from dovetail.synthesis.relative_coordinates import in_coordinates, rounded, war
 
 _DENSE_BYTES = 64e6
 """Memory for the systems that are solved at a time."""
+_SINGULAR = 0.1
+"""Change of a solution by its refinement, over the solution, above which the system is singular but for rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,9 +131,12 @@ def _solve_refined(Z: NDArray[np.complex128], loads: NDArray[np.float64]) -> NDA
     that of rounding in each entry of Z (Skeel, Iterative refinement implies numerical stability for Gaussian
     elimination, 1980).
     """
-    size = abs(Z).max(axis=2, keepdims=True)
-    scale = 1.0 / np.sqrt(np.where(size > 0.0, size, 1.0))
+    largest = abs(Z).max(axis=2, keepdims=True)
+    scale = 1.0 / np.sqrt(np.where(largest > 0.0, largest, 1.0))
     scaled = Z * scale * np.swapaxes(scale, 1, 2)
-    motion = scale * np.linalg.solve(scaled, scale * loads)
-    motion += scale * np.linalg.solve(scaled, scale * (loads - Z @ motion))
-    return np.asarray(motion)
+    solution = np.linalg.solve(scaled, scale * loads)
+    correction = np.linalg.solve(scaled, scale * (loads - Z @ (scale * solution)))
+    changed, size = (abs(each).max(axis=(1, 2), initial=0.0) for each in (correction, solution))
+    if (changed > _SINGULAR * size).any():
+        raise np.linalg.LinAlgError("nothing but rounding is left of a pivot")
+    return np.asarray(scale * (solution + correction))
