@@ -43,7 +43,7 @@ def identified(number: int, seed: int, samples: int) -> tuple[SeriesIdentificati
     unknowns = SeriesUnknowns(described)
     z, fitted = random.uniform(-1.0, 1.0, (1, unknowns.count)), []
     for index, test in enumerate(tests):
-        theta = model.from_unit(unknowns.maps[index].fractions(unknowns.of_test(index, z)))[0]
+        theta = model.from_unit(unknowns.maps[index].fractions(unknowns.for_test(index, z)))[0]
         frf = dovetail.noisy_frf(model.simulate(theta), NOISE, random)
         fitted.append(fit_test(test, [frf], number, 0.0))
     fit = fit_series(unknowns, fitted)

@@ -50,7 +50,7 @@ def comparison(names: tuple[str, str], levels: list[float], seed: int, samples: 
     true, _ = series(assembly, nothing, {"k": role(names[0])}, noise, levels)
     unknowns = SeriesUnknowns(true)
     z = random.standard_normal((1, unknowns.count))
-    fractions = [one.fractions(unknowns.of_test(number, z)) for number, one in enumerate(unknowns.maps)]
+    fractions = [one.fractions(unknowns.for_test(number, z)) for number, one in enumerate(unknowns.maps)]
     truths = [dict(zip(("k", "c"), assembly.from_unit(fraction)[0].tolist(), strict=True)) for fraction in fractions]
     described, fitted = series(assembly, truths, {}, noise, levels, seed=1000 * seed)
     models = [described.with_roles({"k": role(name)}) for name in names]

@@ -60,7 +60,7 @@ def identified(number: int, seed: int, samples: int) -> list[tuple[str, bool]]:
     unknowns = SeriesUnknowns(SeriesDescription("truth", tests, {}, chosen))
     z = random.standard_normal((1, unknowns.count))
     truths = [
-        assembly.from_unit(test_map.fractions(unknowns.of_test(k, z)))[0] for k, test_map in enumerate(unknowns.maps)
+        assembly.from_unit(test_map.fractions(unknowns.for_test(k, z)))[0] for k, test_map in enumerate(unknowns.maps)
     ]
     named = [{"k": float(theta[0]), "c": float(theta[1])} for theta in truths]
     described, fitted = series(assembly, named, chosen, NOISE, levels, seed=1000 * number)

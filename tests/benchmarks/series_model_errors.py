@@ -56,7 +56,7 @@ def outcomes(
     z = 0.6 * random.standard_normal((1, unknowns.count))
     fitted = []
     for index, (test, one) in enumerate(zip(tests, unknowns.maps, strict=True)):
-        theta = model.from_unit(one.fractions(unknowns.of_test(index, z)))[0]
+        theta = model.from_unit(one.fractions(unknowns.for_test(index, z)))[0]
         real = real_rod(random, error) if own else rod
         frf = dovetail.noisy_frf(dovetail.Frf(LINES, real.frf(theta), "accelerance"), NOISE, random)
         fitted.append(fit_test(test, [frf], number))
