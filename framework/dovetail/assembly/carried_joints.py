@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.description.joint_coordinates import JointInCoordinates, LawInCoordinates
+from dovetail.description.joint_coordinates import JointOfCarriedPoints, LawInCoordinates
 from dovetail.interfaces import DIRECTIONS, JointModel, NodeDofs, Port, SubstructureModel
 from dovetail.synthesis import Attachment, Connection
 from dovetail.synthesis.joint_evaluation import depends_on_frequency
@@ -18,7 +18,7 @@ _Node = tuple[NodeDofs, int]
 """The DOFs of a part's nodes, and one of the nodes."""
 
 
-class CarriedJoint(JointInCoordinates):
+class CarriedJoint(JointOfCarriedPoints):
     """A joint that acts at the nodes that carry those to which its model attaches.
 
     Parameters
@@ -33,7 +33,7 @@ class CarriedJoint(JointInCoordinates):
         self._nodes = nodes
 
     @cached_property
-    def _motions(self) -> list[NDArray[np.float64]]:
+    def motions(self) -> list[NDArray[np.float64]]:
         """The model's directions (n, 6) at each node by those of the node that carries it, or of the node itself."""
         motions = []
         for (dofs, node), directions in zip(self._nodes, self.model.node_dofs.directions, strict=True):
@@ -49,31 +49,7 @@ class CarriedJoint(JointInCoordinates):
     @cached_property
     def ports(self) -> tuple[Port, ...]:
         """One for each node, in the directions in which the joint acts there."""
-        acts = [np.flatnonzero(motion.any(axis=0)) for motion in self._motions]
-        return tuple(
-            Port(f"node_{number}", 1, directions=tuple(DIRECTIONS[axis] for axis in axes))
-            for number, axes in enumerate(acts)
-        )
-
-    @cached_property
-    def blocks(self) -> list[NDArray[np.float64]]:
-        """The model's DOFs at each node by those of the node that carries it."""
-        return [motion[:, motion.any(axis=0)] for motion in self._motions]
-
-    @property
-    def facing_ports(self) -> tuple[tuple[str, str], ...]:
-        """None: the nodes that face each other were compared before."""
-        return ()
-
-    @property
-    def merged_dofs(self) -> tuple[tuple[int, int], ...]:
-        """None: not DOFs are the same, but functions of them (see `pair_functions`)."""
-        return ()
-
-    @property
-    def contact_dofs(self) -> tuple[tuple[int, int], ...]:
-        """None, for the same reason."""
-        return ()
+        return self.ports_named(f"node_{number}" for number in range(len(self._nodes)))
 
 
 class CarriedLaw(LawInCoordinates, CarriedJoint):

@@ -8,12 +8,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.description.joint_coordinates import JointInCoordinates, LawInCoordinates
+from dovetail.description.joint_coordinates import JointOfCarriedPoints, LawInCoordinates
 from dovetail.interfaces import DIRECTIONS, JointModel, Port, carried
 from dovetail.synthesis.joint_evaluation import depends_on_frequency
 
 
-class CarryingJoint(JointInCoordinates):
+class CarryingJoint(JointOfCarriedPoints):
     """A joint at a point that its nodes carry, as points of rigid bodies.
 
     Parameters
@@ -29,7 +29,7 @@ class CarryingJoint(JointInCoordinates):
         self._ways = tuple(ways)
 
     @cached_property
-    def _motions(self) -> list[NDArray[np.float64]]:
+    def motions(self) -> list[NDArray[np.float64]]:
         """The model's directions (n, 6) at the point by the motion of each node."""
         rows = [[DIRECTIONS.index(direction) for direction in port.directions] for port in self.model.ports]
         return [carried(way)[row] for way, row in zip(self._ways, rows, strict=True)]
@@ -37,31 +37,7 @@ class CarryingJoint(JointInCoordinates):
     @cached_property
     def ports(self) -> tuple[Port, ...]:
         """Those of the model, with the directions of the nodes by which the point moves."""
-        acts = [np.flatnonzero(motion.any(axis=0)) for motion in self._motions]
-        return tuple(
-            Port(port.name, 1, directions=tuple(DIRECTIONS[axis] for axis in axes))
-            for port, axes in zip(self.model.ports, acts, strict=True)
-        )
-
-    @cached_property
-    def blocks(self) -> list[NDArray[np.float64]]:
-        """The model's DOFs at each node by those of this joint."""
-        return [motion[:, motion.any(axis=0)] for motion in self._motions]
-
-    @property
-    def facing_ports(self) -> tuple[tuple[str, str], ...]:
-        """None: its nodes lie apart."""
-        return ()
-
-    @property
-    def merged_dofs(self) -> tuple[tuple[int, int], ...]:
-        """None: not DOFs are the same, but functions of them (see `pair_functions`)."""
-        return ()
-
-    @property
-    def contact_dofs(self) -> tuple[tuple[int, int], ...]:
-        """None, for the same reason."""
-        return ()
+        return self.ports_named(port.name for port in self.model.ports)
 
 
 class CarryingLaw(LawInCoordinates, CarryingJoint):

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.description.changed_joint import MappedJoint, pair_functions
-from dovetail.interfaces import Coordinates, SparseMatrices, StructuralMatrices
+from dovetail.interfaces import DIRECTIONS, Coordinates, Port, SparseMatrices, StructuralMatrices
 
 
 class JointInCoordinates(MappedJoint):
@@ -39,6 +39,33 @@ class JointInCoordinates(MappedJoint):
     def mapped(self, matrices: StructuralMatrices | SparseMatrices) -> StructuralMatrices | SparseMatrices:
         """Return the matrices for the DOFs of this joint."""
         return self.coordinates.transformed(matrices)
+
+
+class JointOfCarriedPoints(JointInCoordinates):
+    """A joint whose model acts at points that nodes carry, as those of rigid bodies.
+
+    Points that face each other were compared before, and not DOFs are the same, but functions of them.
+    """
+
+    facing_ports = merged_dofs = contact_dofs = ()
+
+    @property
+    @abstractmethod
+    def motions(self) -> list[NDArray[np.float64]]:
+        """The model's directions (n, 6) at each point by the motion of the node that carries it."""
+
+    @cached_property
+    def blocks(self) -> list[NDArray[np.float64]]:
+        """The model's DOFs at each point by those DOFs of its node that move it."""
+        return [motion[:, motion.any(axis=0)] for motion in self.motions]
+
+    def ports_named(self, names: Iterable[str]) -> tuple[Port, ...]:
+        """Return a port for each node, in the directions in which the joint acts there."""
+        acts = [np.flatnonzero(motion.any(axis=0)) for motion in self.motions]
+        return tuple(
+            Port(name, 1, directions=tuple(DIRECTIONS[axis] for axis in axes))
+            for name, axes in zip(names, acts, strict=True)
+        )
 
 
 class LawInCoordinates(JointInCoordinates):
