@@ -17,9 +17,8 @@ from dovetail.registry import installed_components
 from dovetail.series import SeriesDescription
 from dovetail.series.description import FREE, Role
 from dovetail.series.fitted_tests import FittedTest, fit_tests
-from dovetail.series.fitting import fit_series, minimise
+from dovetail.series.fitting import CONTRADICTION, fit_series, minimise
 from dovetail.series.residuals import SeriesResiduals
-from dovetail.series.result import CONTRADICTION
 from dovetail.series.role_checks import check_roles
 from dovetail.series.sampling import sample_series
 from dovetail.series.unknowns import SeriesUnknowns

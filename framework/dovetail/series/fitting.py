@@ -20,6 +20,11 @@ from dovetail.series.unknowns import SeriesUnknowns
 Array = NDArray[np.float64]
 
 
+CONTRADICTION = 1e-3
+"""Probability of a rise of the sum of squares above that of the fits to each test alone, if the relations between the
+tests are right, below which they contradict each other, or the search has not ended in the best minimum."""
+
+
 @dataclass(frozen=True)
 class Settings:
     """Constants of the search."""
@@ -42,9 +47,6 @@ class Settings:
     """Distance of starts from the ends of the ranges."""
     scatter_rounds: int = 30
     """Largest number of updates of the standard deviations from test to test."""
-    chance: float = 1e-3
-    """Probability of a rise of the sum of squares above that of the fits to each test alone, if the relations between
-    the tests are right, below which searches by logarithms follow."""
     grid: int = 801
     """Deviations among which those are interpolated that keep the values of the tests."""
     settled: float = 1e-3
@@ -105,7 +107,7 @@ def fit_series(unknowns: SeriesUnknowns, tests: Sequence[FittedTest], *, progres
     starts = _starts(unknowns, tests)
     ends = minimise(residuals, starts, prior, scatter)
     constraints = sum(len(test.problem.parameters) for test in tests) - (unknowns.count - len(scatter))
-    expected = scipy.stats.chi2.isf(_SETTINGS.chance, max(constraints, 1))
+    expected = scipy.stats.chi2.isf(CONTRADICTION, max(constraints, 1))
     if _cost(residuals, ends, prior).min() > sum(alone) + expected:  # perhaps a local minimum
         rough = SeriesResiduals(unknowns, [test.problem.logarithms(test.judged.fit.variance) for test in tests])
         further = minimise(residuals, minimise(rough, starts, prior, scatter).z, prior, scatter)

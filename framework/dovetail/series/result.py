@@ -15,12 +15,9 @@ from dovetail.inference.posterior.likelihood import normal_density, unit_from_no
 from dovetail.inference.posterior.verdicts import ends_of, quantiles
 from dovetail.series.description import SeriesDescription
 from dovetail.series.fitted_tests import FittedTest
-from dovetail.series.fitting import SeriesFit
+from dovetail.series.fitting import CONTRADICTION, SeriesFit
 from dovetail.series.sampling import SeriesPosterior
 from dovetail.series.unknowns import SeriesUnknowns, Unknown
-
-CONTRADICTION = 1e-3
-"""Probability of the rise of the sum of squares below which the tests contradict the relations between them."""
 
 
 @dataclass(frozen=True)
