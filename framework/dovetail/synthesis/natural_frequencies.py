@@ -187,14 +187,10 @@ def _frequencies(K: Any, M: Any, shapes: NDArray[np.float64], least: float) -> I
 def lowest_poles(A: Any, C: Any, M: Any, wanted: Wanted) -> Iterator[tuple[Any, Any]]:
     """Yield the same as `all_poles`, where iteration from each mode of the undamped assembly finds as many poles."""
     for stiffness, damping, mass in zip(A, C, M, strict=True):
-        undamped, held = [], False
-        for frequency, shape in _dense_motions(stiffness.real, mass):
-            if frequency:
-                undamped.append((frequency, shape))
-            else:
-                held |= _is_damped(damping, shape)
-            if len(undamped) > wanted.count:
-                break
+        undamped = _undamped_modes(stiffness.real, damping, mass, wanted.count + 1)
+        if undamped is None:
+            yield searched_poles(Pencil(stiffness, damping, mass), wanted)
+            continue
         frequencies = np.array([frequency for frequency, _ in undamped])
         starts = np.asarray(2j * np.pi * frequencies)
         number = len(wanted.lowest(starts))
@@ -202,16 +198,29 @@ def lowest_poles(A: Any, C: Any, M: Any, wanted: Wanted) -> Iterator[tuple[Any, 
         poles, shapes = _refined(stiffness, damping, mass, starts[:number], X)
         spacing = np.diff(frequencies, prepend=0.0, append=np.inf)
         nearest = 2.0 * np.pi * np.minimum(spacing[:-1], spacing[1:])[:number]
-        if not held and (np.abs(poles - starts[:number]) < _NEAR * nearest).all():
+        if (np.abs(poles - starts[:number]) < _NEAR * nearest).all():
             order = wanted.lowest(poles)
             yield poles[order], shapes[order]
         else:
             yield searched_poles(Pencil(stiffness, damping, mass), wanted)
 
 
-def _is_damped(C: NDArray[np.float64], shape: NDArray[np.float64]) -> bool:
-    """Return whether dampers resist a rigid-body motion: where they hold a part, it may turn at a low frequency."""
-    return bool(shape @ C @ shape > _RESISTED * (abs(shape) @ abs(C) @ abs(shape)))
+def _undamped_modes(
+    K: NDArray[np.float64], C: NDArray[np.float64], M: NDArray[np.float64], count: int
+) -> list[tuple[float, NDArray[np.float64]]] | None:
+    """Return frequency and shape of the lowest elastic modes without damping.
+
+    None if dampers resist a rigid-body motion: a part that they hold may turn at a low frequency.
+    """
+    modes = []
+    for frequency, shape in _dense_motions(K, M):
+        if frequency:
+            modes.append((frequency, shape))
+        elif shape @ C @ shape > _RESISTED * (abs(shape) @ abs(C) @ abs(shape)):
+            return None
+        if len(modes) == count:
+            break
+    return modes
 
 
 def _refined(A: Any, C: Any, M: Any, s: Any, X: Any) -> tuple[Any, Any]:
