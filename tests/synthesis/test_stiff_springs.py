@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from contextlib import nullcontext
 from fractions import Fraction
 from typing import Any
 
@@ -11,6 +12,7 @@ import pytest
 
 import dovetail
 from dovetail.assembly import find_doubts
+from dovetail.synthesis.pivoting import _solve_refined
 
 FREQUENCIES = np.array([0.1, 1.0, 30.0, 112.0, 500.0, 1e4])
 C = 100.0
@@ -165,3 +167,14 @@ def test_a_mesh_too_fine_for_the_first_frequency_is_reported(elements, start, li
     )
     said = [doubt for doubt in find_doubts(assembly) if "rounding in its matrices changes the FRF" in doubt]
     assert bool(said) is lost
+
+
+@pytest.mark.parametrize(("softest", "singular"), [(0.0, True), (1e-17, True), (1e-12, False), (1e-6, False)])
+def test_a_system_of_which_a_pivot_is_only_rounding_is_refused(softest, singular):
+    """LAPACK divides by what rounding leaves of it."""
+    random = np.random.default_rng(3)
+    shapes, _ = np.linalg.qr(random.standard_normal((6, 6)))
+    Z = (shapes * np.array([1.0, 2.0, 3.0, 4.0, 5.0, softest])) @ shapes.T + 0j
+    with pytest.raises(np.linalg.LinAlgError) if singular else nullcontext():
+        solution = _solve_refined(Z[np.newaxis], np.eye(6))
+        np.testing.assert_allclose(Z @ solution[0], np.eye(6), atol=1e-2)
