@@ -170,7 +170,7 @@ def joint_dofs(joint: JointModel, internal: Sequence[str] = ()) -> list[tuple[st
 
 
 def _numbers(joint: JointModel | SubstructureModel, index: int) -> str:
-    dofs = joint.node_dofs.of_node(index)
+    dofs = joint.node_dofs.at_node(index)
     return f"DOFs {dofs[0]}, {dofs[1]}" if len(dofs) == 2 else f"DOFs {dofs[0]} to {dofs[-1]}"
 
 

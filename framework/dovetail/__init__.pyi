@@ -4,8 +4,8 @@
 from . import examples as examples
 from .assembly import Assembly as Assembly
 from .assembly import CallableModel as CallableModel
-from .assembly import find_doubts as find_doubts
 from .assembly import find_omissions as find_omissions
+from .assembly import find_warnings as find_warnings
 from .assembly import load as load
 from .atomic_files import read_bounded as read_bounded
 from .comparison import ComparedModel as ComparedModel

@@ -11,26 +11,20 @@ import dovetail
 @dovetail.hookimpl
 def dovetail_components() -> list[type[dovetail.Component]]:
     """Return the built-in components; they are imported here, so that the list of commands does not wait for them."""
-    from dovetail_plugins.joints.bearing import Bearing
-    from dovetail_plugins.joints.bolted import Bolted
-    from dovetail_plugins.joints.bushing import Bushing
-    from dovetail_plugins.joints.collet import Collet
-    from dovetail_plugins.joints.interference_fit import InterferenceFit
-    from dovetail_plugins.joints.rigid import BallJoint, Hinge, Rigid, RigidLink
-    from dovetail_plugins.joints.spring_damper import SpringDamper
-    from dovetail_plugins.joints.strut import Strut
     from dovetail_plugins.laws import LAWS
-    from dovetail_plugins.methods.multistart import Multistart
-    from dovetail_plugins.methods.network import Network
-    from dovetail_plugins.methods.posterior import PosteriorMethod
-    from dovetail_plugins.methods.refined import Refined
-    from dovetail_plugins.reducers.none import NoReducer
-    from dovetail_plugins.reducers.pca import PCA
-    from dovetail_plugins.reducers.scikit_learn import Transformer
-    from dovetail_plugins.reducers.umap import UMAP
-    from dovetail_plugins.regressors.flow import Flow
-    from dovetail_plugins.regressors.mlp import MLP
-    from dovetail_plugins.regressors.scikit_learn import ScikitLearnRegressor
+
+    return [
+        *_substructures(),
+        *_joints(),
+        *_estimators(),
+        *_methods(),
+        *_readers(),
+        *_matrix_readers(),
+        *LAWS,
+    ]
+
+
+def _substructures() -> list[type[dovetail.Component]]:
     from dovetail_plugins.substructures.ground import Ground
     from dovetail_plugins.substructures.lumped import Lumped
     from dovetail_plugins.substructures.matrices import Matrices
@@ -39,40 +33,42 @@ def dovetail_components() -> list[type[dovetail.Component]]:
     from dovetail_plugins.substructures.spatial_beam import SpatialBeam
     from dovetail_plugins.substructures.timoshenko_beam import TimoshenkoBeam
 
-    return [
-        TimoshenkoBeam,
-        SpatialBeam,
-        RigidBody,
-        Lumped,
-        Ground,
-        Measured,
-        Matrices,
-        Collet,
-        Bolted,
-        InterferenceFit,
-        Bearing,
-        SpringDamper,
-        Bushing,
-        Strut,
-        Rigid,
-        BallJoint,
-        Hinge,
-        RigidLink,
-        UMAP,
-        PCA,
-        NoReducer,
-        Transformer,
-        MLP,
-        Flow,
-        ScikitLearnRegressor,
-        PosteriorMethod,
-        Refined,
-        Multistart,
-        Network,
-        *_readers(),
-        *_matrix_readers(),
-        *LAWS,
-    ]
+    return [TimoshenkoBeam, SpatialBeam, RigidBody, Lumped, Ground, Measured, Matrices]
+
+
+def _joints() -> list[type[dovetail.Component]]:
+    from dovetail_plugins.joints.bearing import Bearing
+    from dovetail_plugins.joints.bolted import Bolted
+    from dovetail_plugins.joints.bushing import Bushing
+    from dovetail_plugins.joints.collet import Collet
+    from dovetail_plugins.joints.interference_fit import InterferenceFit
+    from dovetail_plugins.joints.rigid import BallJoint, Hinge, Rigid, RigidLink
+    from dovetail_plugins.joints.spring_damper import SpringDamper
+    from dovetail_plugins.joints.strut import Strut
+
+    springs = (Collet, Bolted, InterferenceFit, Bearing, SpringDamper, Bushing, Strut)
+    return [*springs, Rigid, BallJoint, Hinge, RigidLink]
+
+
+def _estimators() -> list[type[dovetail.Component]]:
+    from dovetail_plugins.reducers.none import NoReducer
+    from dovetail_plugins.reducers.pca import PCA
+    from dovetail_plugins.reducers.scikit_learn import Transformer
+    from dovetail_plugins.reducers.umap import UMAP
+    from dovetail_plugins.regressors.flow import Flow
+    from dovetail_plugins.regressors.mlp import MLP
+    from dovetail_plugins.regressors.scikit_learn import ScikitLearnRegressor
+
+    return [UMAP, PCA, NoReducer, Transformer, MLP, Flow, ScikitLearnRegressor]
+
+
+def _methods() -> list[type[dovetail.Component]]:
+    from dovetail_plugins.methods.multistart import Multistart
+    from dovetail_plugins.methods.network import Network
+    from dovetail_plugins.methods.posterior import PosteriorMethod
+    from dovetail_plugins.methods.refined import Refined
+
+    return [PosteriorMethod, Refined, Multistart, Network]
 
 
 def _readers() -> list[type[dovetail.Component]]:

@@ -356,7 +356,7 @@ def _decode(node: Any, arrays: Mapping[str, Any]) -> Any:
 
 
 def _check_libsvm(estimator: Any) -> None:
-    """Raise a ValueError for a state that fitting cannot produce, since libsvm trusts the sizes stated in it."""
+    """Raise a ValueError for a state that fitting cannot produce, since libsvm trusts the sizes given in it."""
     with _own_random_numbers():  # libsvm draws one, whatever it is for
         held, fitted = vars(estimator), vars(type(estimator)().fit([[0.0], [1.0]], [0.0, 1.0]))
     count, width = held["support_vectors_"].shape

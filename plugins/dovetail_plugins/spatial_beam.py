@@ -47,7 +47,7 @@ class SpatialSection:
     polar: NDArray[np.float64]
 
     @staticmethod
-    def of_elements(section: Section, poisson: float) -> SpatialSection:
+    def from_section(section: Section, poisson: float) -> SpatialSection:
         """Return the cross-sections at the middle of the elements of a section, (elements,) arrays."""
         if section.width is None or section.height is None:
             ring = circle(*section.diameters(), poisson)

@@ -30,7 +30,7 @@ def ratio(number: int, seed: int) -> float:
     theta = draw_theta(assembly, rng)
     assembly = assembly.on(draw_axis(assembly, rng, LINES))
     noise = NOISES[number // STRUCTURES % len(NOISES)]
-    measured = measure(assembly, theta, noise, rng, stated=number % 2 == 0)
+    measured = measure(assembly, theta, noise, rng, variance_given=number % 2 == 0)
     one = evaluation_seconds(Problem.of(assembly, measured), time.process_time)
     expected = FIXED + one * sum(PosteriorMethod(PosteriorMethod.Config()).evaluations)
     began = time.process_time()

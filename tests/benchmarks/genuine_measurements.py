@@ -4,7 +4,7 @@
 
 Every case draws parameters anywhere in their ranges, and a frequency axis of its own: start, step, 200 to 50,000 lines
 of the band by default. The noise is 1 % of each value (multiplicative), 1 % of the FRF's standard deviation (additive),
-or that of an H1 estimate from 8 to 64 averages. Half of the measurements tell their variance, or coherence and
+or that of an H1 estimate from 8 to 64 averages. Half of the measurements give their variance, or coherence and
 averages; for the others it has to be estimated. The table counts the cases that are reported to be fitted down to the
 noise, those whose chi-squared per degree of freedom is 0.93 to 1.07, those whose fit is as good as the true
 parameters, and those reported as found by few of many searches. Failures come first, with the number by which `--only`
@@ -41,7 +41,7 @@ class Case:
     ----------
     number : int
     noise : {"multiplicative", "additive", "H1"}
-    stated : bool
+    variance_given : bool
         Whether the measurement shows its random error.
     lines, unknowns : int
     word : str
@@ -60,7 +60,7 @@ class Case:
 
     number: int
     noise: Noise
-    stated: bool
+    variance_given: bool
     lines: int
     unknowns: int
     word: str
@@ -93,7 +93,7 @@ class Case:
         wrong += [] if self.inside else [f"chi-squared {self.chi_squared:.3f} (by chance +-{self.deviation:.3f})"]
         wrong += [] if self.right else [f"another minimum: {self.chi_squared:.3f}, not {self.at_truth:.3f}"]
         wrong += ["reported as found by few searches"] if self.found_by_few else []
-        given = "variance given" if self.stated else "variance unknown"
+        given = "variance given" if self.variance_given else "variance unknown"
         return (
             f"case {self.number}, structure {self.number % STRUCTURES}: {'; '.join(wrong)} ({self.noise}, {given}, "
             f"{self.lines} lines, {self.unknowns} unknowns, {self.agreeing} of {self.starts} searches agree, "
@@ -114,7 +114,7 @@ def drawn(number: int, seed: int, lines: tuple[int, int]) -> tuple[dovetail.Asse
     theta = draw_theta(assembly, rng)
     assembly = assembly.on(draw_axis(assembly, rng, lines))
     noise = NOISES[number // 2 % len(NOISES)]
-    return assembly, measure(assembly, theta, noise, rng, stated=number % 2 == 0), theta
+    return assembly, measure(assembly, theta, noise, rng, variance_given=number % 2 == 0), theta
 
 
 def identified(number: int, seed: int, lines: tuple[int, int]) -> Case:
@@ -177,10 +177,10 @@ def study(
             report(case.describe())
     report(HEADER)
     for noise in NOISES:
-        for stated in (True, False):
-            chosen = [case for case in cases if (case.noise, case.stated) == (noise, stated)]
+        for variance_given in (True, False):
+            chosen = [case for case in cases if (case.noise, case.variance_given) == (noise, variance_given)]
             if chosen:
-                report(row(f"{noise}, variance {'given' if stated else 'unknown'}", chosen))
+                report(row(f"{noise}, variance {'given' if variance_given else 'unknown'}", chosen))
     report(row("all", cases))
     return cases
 

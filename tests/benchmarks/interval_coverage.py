@@ -65,7 +65,7 @@ def identified(number: int, seed: int, structures: int, samples: int) -> Case:
     theta = draw_theta(assembly, rng)
     assembly = assembly.on(draw_axis(assembly, rng, LINES))
     noise = NOISES[number // structures % len(NOISES)]
-    measured = measure(assembly, theta, noise, rng, stated=number % 2 == 0)
+    measured = measure(assembly, theta, noise, rng, variance_given=number % 2 == 0)
     return outcome(number, number % structures, assembly, theta, measured, samples)
 
 

@@ -63,7 +63,7 @@ def study(count: int, sampled: int, mesh: int, model_error: float) -> None:
     """Print coverage with and without warning, times, and the intervals next to the sampled ones."""
     assembly = dovetail.load(ASSEMBLY)
     names = [parameter.name for parameter in assembly.parameters]
-    held, doubted, seconds, compared, same = [], [], [], [], []
+    held, warned, seconds, compared, same = [], [], [], [], []
     allowed = typical_model_error(model_error)
     for case in cases(assembly, count, mesh):
         began = time.process_time()
@@ -71,7 +71,7 @@ def study(count: int, sampled: int, mesh: int, model_error: float) -> None:
         seconds.append(time.process_time() - began)
         low, high = ends(found)
         held.append((low < case.place) & (case.place < high))
-        doubted.append([name in found.unreliable for name in names])
+        warned.append([name in found.unreliable for name in names])
         if case.index < sampled:
             other = sample_posterior(
                 Problem.of(assembly, case.measured), case.fit, model_error=allowed, seed=case.index
@@ -82,9 +82,9 @@ def study(count: int, sampled: int, mesh: int, model_error: float) -> None:
             )
             same.append([found.verdicts[name].word == other.verdicts[name].word for name in names])
     print(f"{count} cases, mesh {mesh} times finer, model error {model_error:g}")
-    table(names, np.array(held), np.array(doubted), np.array(compared))
+    table(names, np.array(held), np.array(warned), np.array(compared))
     times = f"median {1e3 * np.median(seconds):.0f} ms, 95 % below {1e3 * np.quantile(seconds, 0.95):.0f} ms"
-    alone = np.mean(np.array(doubted).all(axis=1))
+    alone = np.mean(np.array(warned).all(axis=1))
     print(f"\nProcessor time after the fit: {times}. In {alone:.1%} of the cases every parameter is warned of.")
     print(f"The verdict is that of the samples for {np.mean(same):.0%} of {np.size(same)} parameters.")
 
@@ -94,17 +94,17 @@ def distance_of_ends(low: np.ndarray, high: np.ndarray, other_low: np.ndarray, o
     return np.maximum(np.abs(low - other_low), np.abs(high - other_high)) / (other_high - other_low)
 
 
-def table(names: list[str], held: np.ndarray, doubted: np.ndarray, compared: np.ndarray) -> None:
+def table(names: list[str], held: np.ndarray, warned: np.ndarray, compared: np.ndarray) -> None:
     """Print one line for each parameter, and one for all."""
     print("| parameter | 90 % intervals hold the truth | where not warned | where warned | warned | "
           "width over the sampled one | ends apart, not warned | ends apart, warned |")  # fmt: skip
     print("|---|---|---|---|---|---|---|---|")
     rows = [(f"`{name}`", slice(column, column + 1)) for column, name in enumerate(names)] + [("all", slice(None))]
     for label, column in rows:
-        inside, doubt = held[:, column], doubted[:, column]
-        texts = [f"{inside.mean():.1%}", share(inside[~doubt]), share(inside[doubt]), f"{doubt.mean():.0%}"]
+        inside, flagged = held[:, column], warned[:, column]
+        texts = [f"{inside.mean():.1%}", share(inside[~flagged]), share(inside[flagged]), f"{flagged.mean():.0%}"]
         width, off = compared[:, 0, column], compared[:, 1, column]
-        known = doubt[: len(compared)]
+        known = flagged[: len(compared)]
         texts += [f"{np.median(width):.2f}", middle(off[~known]), middle(off[known])]
         print(f"| {label} | {' | '.join(texts)} |")
 

@@ -19,7 +19,7 @@ With `--altered` the sign, gain, unit, delay, phase, point and mass of each meas
 the table shows the cause that is named first. No cause should be named where nothing was altered. The frame with the
 masses of its drawings is left out there: a gain of 0.7 explains much of its residual. The column *rise* shows by how
 much an alteration makes the best fit worse (`QuickFit.misfit`): where that is less than the least that a cause is named
-for, the unknown parameters make up for the alteration, and no comparison of fits can tell it.
+for, the unknown parameters make up for the alteration, and no comparison of fits can show it.
 """
 
 from __future__ import annotations

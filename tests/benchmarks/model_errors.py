@@ -177,8 +177,8 @@ def judged(work: tuple[int, str, float], seed: int, method: str) -> Case | None:
     truth = wrong_structure(assembly, theta, kind, wanted, rng)
     if truth is None:
         return None
-    noise, stated = NOISES[number // 2 % len(NOISES)], number % 2 == 0
-    measured = measure(truth, theta, noise, rng, stated=stated)
+    noise, variance_given = NOISES[number // 2 % len(NOISES)], number % 2 == 0
+    measured = measure(truth, theta, noise, rng, variance_given=variance_given)
     assembly.frf_jacobian(theta)
     began = time.perf_counter()
     fit = refine(Problem.of(assembly, measured))
@@ -392,7 +392,7 @@ def caused(work: tuple[int, str, float], seed: int, limit: float) -> Named | Non
     changed = None if truth is None else altered(truth, theta, alteration, rng)
     if changed is None:
         return None
-    measured = measure(changed, theta, NOISES[number // 2 % len(NOISES)], rng, stated=number % 2 == 0)
+    measured = measure(changed, theta, NOISES[number // 2 % len(NOISES)], rng, variance_given=number % 2 == 0)
     began = time.process_time()
     adequacy = dovetail.identify(assembly, measured, "refined", cause_seconds=limit).adequacy
     causes = adequacy.causes
@@ -443,7 +443,7 @@ def foreign(number: int, seed: int) -> str:
     assembly, other = (structure(index % STRUCTURES, seed) for index in (number, number + 7))
     axis = draw_axis(assembly, rng)
     axis = axis[:: 1 + len(axis) // FOREIGN_LINES]
-    measured = measure(other.on(axis), draw_theta(other, rng), "multiplicative", rng, stated=True)
+    measured = measure(other.on(axis), draw_theta(other, rng), "multiplicative", rng, variance_given=True)
     return dovetail.identify(assembly.on(axis), measured, "refined", cause_seconds=0.0).adequacy.word
 
 

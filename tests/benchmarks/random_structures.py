@@ -283,7 +283,7 @@ def draw_axis(
 
 
 def measure(
-    assembly: dovetail.Assembly, theta: np.ndarray, noise: Noise, rng: np.random.Generator, *, stated: bool
+    assembly: dovetail.Assembly, theta: np.ndarray, noise: Noise, rng: np.random.Generator, *, variance_given: bool
 ) -> dovetail.Frf:
     """Return what a measurement of a joint gives on the assembly's lines.
 
@@ -294,19 +294,19 @@ def measure(
     noise : {"multiplicative", "additive", "H1"}
         1 % of each value; 1 % of the FRF's standard deviation; a response with noise, from 8 to 64 averages.
     rng : numpy.random.Generator
-    stated : bool
+    variance_given : bool
         Whether the measurement shows its variance, or its coherence and averages.
     """
     clean = dovetail.Frf(assembly.frequency, assembly.frf(theta), assembly.description.response.quantity)
     if noise == "H1":
-        return _averaged(clean, rng, stated)
+        return _averaged(clean, rng, variance_given)
     kind: Literal["proportional", "uniform"] = "proportional" if noise == "multiplicative" else "uniform"
     size = clean.amplitude if noise == "multiplicative" else np.full(len(clean.frequency), clean.values.std())
     values = complex_noise(clean.values, 0.01, rng, kind=kind)
-    return replace(clean, values=values, variance=(0.01 * size) ** 2 if stated else None)
+    return replace(clean, values=values, variance=(0.01 * size) ** 2 if variance_given else None)
 
 
-def _averaged(clean: dovetail.Frf, rng: np.random.Generator, stated: bool) -> dovetail.Frf:
+def _averaged(clean: dovetail.Frf, rng: np.random.Generator, variance_given: bool) -> dovetail.Frf:
     """Return H1 and the coherence, from spectra of a random force and of a response with 1 to 10 % of noise."""
     averages = int(rng.integers(8, 65))
     level = float(np.exp(rng.uniform(np.log(0.01), np.log(0.1)))) * clean.values.std()
@@ -319,4 +319,5 @@ def _averaged(clean: dovetail.Frf, rng: np.random.Generator, stated: bool) -> do
         cross = cross + np.conj(force) * response
     coherence = np.abs(cross) ** 2 / (force_power * response_power)
     values = cross / force_power
-    return replace(clean, values=values, coherence=coherence if stated else None, averages=averages if stated else None)
+    estimated = replace(clean, values=values)
+    return replace(estimated, coherence=coherence, averages=averages) if variance_given else estimated

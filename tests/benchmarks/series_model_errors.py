@@ -1,4 +1,4 @@
-"""Intervals of a series whose model is wrong, in all of its tests alike: how often they hold the true values.
+"""Intervals of a series whose model is wrong, in the same way in all of its tests: how often they hold the true values.
 
     python tests/benchmarks/series_model_errors.py [--series 30] [--seed 0] [--samples 200] [--tests 5]
 

@@ -231,8 +231,8 @@ def test_one_response_and_a_list_displace_each_other(read, sound, base, over, co
 
 @pytest.mark.parametrize(("first", "second"), [("response:", "responses: "), ("responses: null", "response: ")])
 def test_an_empty_response_counts_as_missing_without_a_base(read, sound, first, second):
-    stated = {"responses: ": LIST, "response: ": RESPONSE}[second]
-    plain = sound.replace("response: {at: tool, position: 10 mm}", f"{first}\n{second}{stated}")
+    entry = {"responses: ": LIST, "response: ": RESPONSE}[second]
+    plain = sound.replace("response: {at: tool, position: 10 mm}", f"{first}\n{second}{entry}")
     assert read(plain).responses
 
 

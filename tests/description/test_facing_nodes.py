@@ -248,15 +248,15 @@ def test_reversed_is_true_or_false(value):
     assert "substructures.right.reversed" in error.where
 
 
-def doubts(description) -> str:
-    return "\n".join(dovetail.find_doubts(dovetail.load(description)))
+def warnings(description) -> str:
+    return "\n".join(dovetail.find_warnings(dovetail.load(description)))
 
 
 WELD = {"model": "rigid"}, ("a", "b"), ()
 
 
 @pytest.mark.parametrize(
-    ("joint", "left", "right", "doubted"),
+    ("joint", "left", "right", "warned"),
     [
         (WELD, [200], [0], False),
         (WELD, [200], [200], True),
@@ -269,23 +269,23 @@ WELD = {"model": "rigid"}, ("a", "b"), ()
         (({"model": "spring_damper"}, ("a", "b"), ()), [200], [200], True),
     ],
 )
-def test_parts_that_extend_to_the_same_side_of_their_joint_are_doubted(joint, left, right, doubted):
-    assert ("extend from it to the same side" in doubts(joined(joint, left, right))) == doubted
+def test_parts_that_extend_to_the_same_side_of_their_joint_are_reported(joint, left, right, warned):
+    assert ("extend from it to the same side" in warnings(joined(joint, left, right))) == warned
 
 
 def test_a_reversed_part_extends_to_the_other_side():
     parts = {"left": beam(), "right": beam(reversed=True)}
-    assert "same side" not in doubts(joined(WELD, [200], [200], parts))
-    assert "same side" in doubts(joined(WELD, [200], [0], parts))
+    assert "same side" not in warnings(joined(WELD, [200], [200], parts))
+    assert "same side" in warnings(joined(WELD, [200], [0], parts))
 
 
-def test_two_joints_that_place_a_part_differently_are_doubted():
+def test_two_joints_that_place_a_part_differently_are_reported():
     description = joined(WELD, [100], [0])
     spring = {"model": "spring_damper", "direction": "x"}
-    for place, doubted in ((50, False), (60, True)):
+    for place, warned in ((50, False), (60, True)):
         connect = {"a": {"to": "left", "at": "150 mm"}, "b": {"to": "right", "at": f"{place} mm"}}
         joints = {**description["joints"], "spring": {**spring, "connect": connect}}
-        assert ("10 mm away along 'left'" in doubts({**description, "joints": joints})) == doubted
+        assert ("10 mm away along 'left'" in warnings({**description, "joints": joints})) == warned
 
 
 @pytest.mark.parametrize("reverse", [False, True])
@@ -294,14 +294,14 @@ def test_an_unknown_length_that_separates_facing_nodes_is_reported(reverse):
     inside = {"length": "40 mm", "outer": "20 mm", "elements": 4}
     unknown = {**inside, "length": {"range": ["38 mm", "42 mm"]}}
     labels = [f"n{node}" for node in ((5, 4, 3, 2, 1) if reverse else (9, 10, 11, 12, 13))]
-    for lap, doubted in ((inside, False), (unknown, True)):
+    for lap, warned in ((inside, False), (unknown, True)):
         left = beam(reversed=reverse)
         left["sections"] = [lap, outside] if reverse else [outside, lap]
         description = joined("bolted", labels, [0, 10, 20, 30, 40], {"left": left, "right": beam()})
         description["response"]["position"] = "n1"
-        found = doubts(description)
-        assert ("a section of its own that is known" in found) == doubted, found
-        assert ("left.sections." in found) == doubted
+        found = warnings(description)
+        assert ("a section of its own that is known" in found) == warned, found
+        assert ("left.sections." in found) == warned
 
 
 def test_tied_lengths_of_both_sides_move_together():
@@ -311,7 +311,7 @@ def test_tied_lengths_of_both_sides_move_together():
     left, right = beam(), beam()
     left["sections"], right["sections"] = [outside, unknown], [tied, outside]
     labels = [f"n{node}" for node in range(1, 14)]
-    assert "a section of its own" not in doubts(
+    assert "a section of its own" not in warnings(
         joined("bolted", labels[8:], labels[:5], {"left": left, "right": right})
     )
 
@@ -405,7 +405,7 @@ def test_an_editor_knows_the_key_reversed():
 
 
 @pytest.mark.parametrize("positions", [False, True])
-def test_nodes_without_positions_are_not_compared_and_doubted(positions, tmp_path):
+def test_nodes_without_positions_are_not_compared_but_reported(positions, tmp_path):
     part = dovetail.load(joined(WELD, [200], [0])).description.substructures["right"]
     matrices, labels = part.matrices(), [node.label for node in part.nodes for _ in "xr"]
     table = {"nodes": labels, "directions": ["x", "rz"] * len(part.nodes)}
@@ -416,12 +416,12 @@ def test_nodes_without_positions_are_not_compared_and_doubted(positions, tmp_pat
     right = ["node n1", "node n5", "node n9"]
     description = joined("rigid", [180, 190, 200], right, parts)
     said = "joints.joint: the nodes of 'right' have no positions that differ"
-    assert (said in doubts(description)) == (not positions)
+    assert (said in warnings(description)) == (not positions)
     wrong = joined("rigid", [180, 190, 200], right[::-1], parts)
     if positions:
         with pytest.raises(DescriptionError, match="the other way"):
             dovetail.load(wrong)
     else:
-        assert said in doubts(wrong)
+        assert said in warnings(wrong)
     single = joined(WELD, [200], right[:1], parts)
-    assert said not in doubts(single)
+    assert said not in warnings(single)

@@ -105,10 +105,10 @@ def test_a_turned_layer_has_the_frf_of_the_planar_one(joint):
     np.testing.assert_allclose(turned, planar, rtol=1e-9)
 
 
-@pytest.mark.parametrize(("along", "doubted"), [("z", True), ("-z", True), ("-y", False), ("x", False)])
-def test_a_joint_that_holds_the_torsion_of_a_part_but_not_its_bending_is_doubted(along, doubted):
+@pytest.mark.parametrize(("along", "warned"), [("z", True), ("-z", True), ("-y", False), ("x", False)])
+def test_a_joint_that_holds_the_torsion_of_a_part_but_not_its_bending_is_reported(along, warned):
     description = layered("bolted", along)
     connect = {"a": {"to": "left", "at": 0.2}, "b": {"to": "right", "at": 0.04}}
     description["joints"] = {"layer": {"model": "rigid", "connect": connect}}
-    found = "\n".join(dovetail.find_doubts(dovetail.load(description)))
-    assert ("the torsion of that part" in found) == doubted
+    found = "\n".join(dovetail.find_warnings(dovetail.load(description)))
+    assert ("the torsion of that part" in found) == warned

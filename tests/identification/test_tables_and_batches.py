@@ -56,12 +56,12 @@ def test_without_a_posterior_the_estimate_is_the_fit(sdof):
 
 
 def test_the_table_has_no_intervals_of_an_untrustworthy_result(result):
-    doubtful = replace(result, adequacy=dovetail.Adequacy("does not fit"))
-    assert len(doubtful.table) == len(TRUTH)
-    for row in doubtful.table:
+    untrusted = replace(result, adequacy=dovetail.Adequacy("does not fit"))
+    assert len(untrusted.table) == len(TRUTH)
+    for row in untrusted.table:
         assert (row.interval_low, row.interval_high, row.is_trustworthy) == (None, None, False)
         assert row.verdict == "not trustworthy"
-        assert row.why == doubtful.warning
+        assert row.why == untrusted.warning
 
 
 @pytest.mark.parametrize(

@@ -48,7 +48,7 @@ def good(sdof, with_gain):
     return dovetail.identify(sdof, with_gain, "refined")
 
 
-def test_lines_of_pure_noise_raise_no_doubt_about_a_fit_to_the_noise(sdof):
+def test_lines_of_pure_noise_give_no_warning_about_a_fit_to_the_noise(sdof):
     """A receptance far above its resonance is lost in an even noise, and so is its coherence with the model."""
     description = replace(sdof.description, responses=(replace(sdof.description.response, quantity="receptance"),))
     result = dovetail.identify(Assembly(description), noisy(Assembly(description), Assembly(description).frf(), 0.5, 3))
@@ -58,9 +58,9 @@ def test_lines_of_pure_noise_raise_no_doubt_about_a_fit_to_the_noise(sdof):
 
 
 @pytest.mark.parametrize(
-    ("agreeing", "starts", "doubted"), [(3, 16, True), (4, 16, False), (1, 4, False), (0, 0, False)]
+    ("agreeing", "starts", "warned"), [(3, 16, True), (4, 16, False), (1, 4, False), (0, 0, False)]
 )
-def test_a_fit_to_the_noise_in_which_few_of_many_searches_ended_is_doubted(sdof, agreeing, starts, doubted):
+def test_a_fit_to_the_noise_in_which_few_of_many_searches_ended_is_reported(sdof, agreeing, starts, warned):
     measured = noisy(sdof, sdof.frf(), 0.01, 1)
     problem = Problem.of(sdof, measured)
     fit = replace(refine(problem), agreeing=agreeing, starts=starts)

@@ -102,7 +102,7 @@ def test_errors_of_the_model_are_integrated_out_as_by_the_formula():
     np.testing.assert_allclose(np.sum(widened**2, axis=1), marginalised_squares(residuals, errors))
 
 
-def test_doubtful_parameters_are_named_everywhere(sdof, tmp_path):
+def test_unreliable_parameters_are_named_everywhere(sdof, tmp_path):
     fraction = np.random.default_rng(0).random((300, 2))
     weight = np.full(300, 1 / 300)
     options = {"model_error": ModelError(0.0), "searches": 300, "lines": 9, "seconds": 0.1}
@@ -112,7 +112,7 @@ def test_doubtful_parameters_are_named_everywhere(sdof, tmp_path):
     assert name in posterior.warnings[0]
     plain = posterior.to_dict()
     assert plain["form"] == "laplace"
-    assert [one["doubtful"] for one in plain["parameters"].values()] == [False, True]
+    assert [one["unreliable"] for one in plain["parameters"].values()] == [False, True]
 
 
 def test_the_form_is_stored_and_shown(sdof, assemblies, tmp_path):

@@ -87,8 +87,8 @@ def error_left(model, theta, true, truth):
 def check_size(reported, left):
     """Hold a size against what the fit leaves: not less than half of it.
 
-    It may be up to four times as large: three to five resonances, each of which errs on its own, tell no more exactly,
-    and what parameters can follow is no longer seen in their natural frequencies.
+    It may be up to four times as large: three to five resonances, each with an error of its own, do not determine it
+    better, and what parameters can follow is no longer seen in their natural frequencies.
     """
     assert 0.5 * left < reported < 4.0 * left
 

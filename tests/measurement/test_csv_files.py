@@ -170,14 +170,14 @@ def phase_table(lines: int, phase: np.ndarray) -> str:
     return "# quantity: mobility\nfrequency_Hz,amplitude,phase_deg\n" + rows
 
 
-def test_a_phase_in_degrees_that_looks_like_radians_is_doubted(tmp_path: Path) -> None:
+def test_a_phase_in_degrees_that_looks_like_radians_is_reported(tmp_path: Path) -> None:
     wrapped = np.angle(np.exp(1j * np.linspace(0.0, 20.0, 100)))
     message = r"a\.csv: the phase in degrees never leaves \+-3\.15 and jumps by nearly 2 pi: .* call it phase_rad"
     with pytest.warns(UserWarning, match=message):
         read(tmp_path, phase_table(100, wrapped))
 
 
-def test_a_phase_in_degrees_that_is_small_is_not_doubted(tmp_path: Path) -> None:
+def test_a_phase_in_degrees_that_is_small_is_not_reported(tmp_path: Path) -> None:
     small, wrapped = 3.0 * np.sin(np.linspace(0.0, 20.0, 100)), np.angle(np.exp(1j * np.linspace(0.0, 20.0, 99)))
     with warnings.catch_warnings():
         warnings.simplefilter("error")

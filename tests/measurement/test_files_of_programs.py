@@ -13,7 +13,7 @@ from scipy.io import savemat
 from dovetail.measurement import read_frf
 from support.matlab_files import matlab_7_3
 from support.measured_files import fault_of, set_58, write_sets
-from support.stated_files import FREQUENCY, VALUES
+from support.statement_files import FREQUENCY, VALUES
 
 pytestmark = pytest.mark.usefixtures("unguarded")
 

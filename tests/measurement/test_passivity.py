@@ -87,9 +87,9 @@ def test_transfer_frfs_of_random_structures_are_seldom_taken_for_drive_points() 
 def test_shipped_drive_points_deliver_no_power(assemblies) -> None:
     files = [*assemblies.glob("measurements/*.uff"), *assemblies.glob("campaign/measurements/*.uff")]
     frfs = [read_frf(file, index=1) for file in files]
-    stated = [frf for frf in frfs if frf.response and frf.response == frf.force]
-    assert len(stated) > 15
-    for frf in stated:
+    driving_points = [frf for frf in frfs if frf.response and frf.response == frf.force]
+    assert len(driving_points) > 15
+    for frf in driving_points:
         assert power_delivered(frf) < 0.001
     for frf in frfs:  # among them genuine ones with an unknown delay and sign
         assert power_delivered(frf) < 0.9

@@ -12,7 +12,7 @@ from dovetail.errors import MeasurementError
 from dovetail.measurement import read_frf
 from dovetail.measurement.impact_test.signal_files import read_signals
 from support.measured_files import fault_of
-from support.stated_files import LINES, TEXTS, VALUES, Said
+from support.statement_files import LINES, TEXTS, VALUES, Said
 
 pytestmark = [pytest.mark.usefixtures("unguarded"), pytest.mark.sweep]
 
@@ -20,7 +20,7 @@ NAMED = ("csv", "footer", "npz", "mat 5", "attribute", "attribute of the file")
 """Forms in which a name and a text can be anything; the others have labels of their own."""
 
 
-def stated(tmp_path: Path, form: str, name: str, text: str) -> Path:
+def with_statement(tmp_path: Path, form: str, name: str, text: str) -> Path:
     suffix, write = (LINES | TEXTS)[form]
     if form in LINES:
         return write(tmp_path / suffix, Said(lines=(f"{name}: {text}" if name else text,)))
@@ -47,7 +47,7 @@ REFUSED = [
 def test_a_remark_that_the_values_are_something_else_is_refused(
     tmp_path: Path, form: str, name: str, text: str
 ) -> None:
-    path = stated(tmp_path, form, name, text)
+    path = with_statement(tmp_path, form, name, text)
     assert path.name in fault_of(path, quantity="accelerance")
     np.testing.assert_allclose(read_frf(path, quantity="accelerance", names={"skip": text}).values, VALUES, rtol=1e-9)
 
@@ -62,7 +62,7 @@ USED = [
 @pytest.mark.parametrize(("name", "text", "factor"), USED)
 @pytest.mark.parametrize("form", NAMED)
 def test_a_unit_in_a_remark_is_used(tmp_path: Path, form: str, name: str, text: str, factor: float) -> None:
-    path = stated(tmp_path, form, name, text)
+    path = with_statement(tmp_path, form, name, text)
     unit = {"unit": "g/N"} if factor == 9.80665 else {"unit": "mm/s^2/N"} if "mm" in text else {}
     unit = unit or {"unit": "m/s^2/kN" if "kN" in text else "m/s^2/lbf"}
     np.testing.assert_allclose(read_frf(path, **unit).values, factor * VALUES, rtol=1e-9)
@@ -72,7 +72,7 @@ def test_a_unit_in_a_remark_is_used(tmp_path: Path, form: str, name: str, text: 
 @pytest.mark.parametrize("text", ["microphone Pa/N", "V/lbf"])
 @pytest.mark.parametrize("form", NAMED)
 def test_something_per_load_that_is_not_understood_is_asked_for(tmp_path: Path, form: str, text: str) -> None:
-    path = stated(tmp_path, form, "", text)
+    path = with_statement(tmp_path, form, "", text)
     assert path.name in fault_of(path, quantity="accelerance")
     np.testing.assert_allclose(read_frf(path, unit="m/s^2/N").values, VALUES, rtol=1e-9)
 
@@ -80,7 +80,7 @@ def test_something_per_load_that_is_not_understood_is_asked_for(tmp_path: Path, 
 @pytest.mark.parametrize("text", ["torque excitation", "moment excitation"])
 @pytest.mark.parametrize("form", NAMED)
 def test_excitation_by_a_moment_is_recognised_in_a_remark(tmp_path: Path, form: str, text: str) -> None:
-    assert read_frf(stated(tmp_path, form, "", text), quantity="accelerance").moment
+    assert read_frf(with_statement(tmp_path, form, "", text), quantity="accelerance").moment
 
 
 SOUND = [
@@ -100,7 +100,7 @@ SOUND = [
 @pytest.mark.parametrize(("name", "text"), SOUND)
 @pytest.mark.parametrize("form", NAMED)
 def test_a_remark_on_something_else_is_accepted(tmp_path: Path, form: str, name: str, text: str) -> None:
-    path = stated(tmp_path, form, name, text)
+    path = with_statement(tmp_path, form, name, text)
     np.testing.assert_allclose(read_frf(path, quantity="accelerance").values, VALUES, rtol=1e-9)
 
 
@@ -119,7 +119,7 @@ def test_a_flag_of_one_is_set(tmp_path: Path, flag: str) -> None:
 @pytest.mark.parametrize("text", ["Accelerance (g/N)", "acceleration [g/N]", "inertance [g/N]"])
 @pytest.mark.parametrize("form", NAMED)
 def test_a_unit_behind_a_quantity_is_used(tmp_path: Path, form: str, text: str) -> None:
-    read = read_frf(stated(tmp_path, form, "type", text))
+    read = read_frf(with_statement(tmp_path, form, "type", text))
     np.testing.assert_allclose(read.values, 9.80665 * VALUES, rtol=1e-9)
 
 
@@ -212,7 +212,7 @@ WINDOWS = [("window", "exponential"), ("", "exponential window"), ("response win
 @pytest.mark.parametrize("form", NAMED)
 def test_the_damping_of_an_exponential_window_is_reported(tmp_path: Path, form: str, name: str, text: str) -> None:
     with pytest.warns(UserWarning, match="adds to the damping of every mode"):
-        read_frf(stated(tmp_path, form, name, text), quantity="accelerance")
+        read_frf(with_statement(tmp_path, form, name, text), quantity="accelerance")
 
 
 @pytest.mark.parametrize(("name", "text"), WINDOWS)
@@ -229,5 +229,5 @@ def test_the_damping_of_an_exponential_window_of_records_is_reported(
 def test_other_windows_are_not_reported(
     tmp_path: Path, form: str, name: str, text: str, recwarn: pytest.WarningsRecorder
 ) -> None:
-    read_frf(stated(tmp_path, form, name, text), quantity="accelerance")
+    read_frf(with_statement(tmp_path, form, name, text), quantity="accelerance")
     assert not recwarn

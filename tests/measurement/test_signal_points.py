@@ -9,21 +9,21 @@ from scipy.io import savemat
 
 from dovetail.errors import MeasurementError
 from dovetail.measurement.impact_test.signal_files import read_signals
-from support.signal_writers import FORCE, LVM, RATE, RESPONSE, SAMPLES, Stated, uff_set
+from support.signal_writers import FORCE, LVM, RATE, RESPONSE, SAMPLES, Labels, uff_set
 
-SI = Stated("N", "m/s^2")
+SI = Labels("N", "m/s^2")
 
 
-def impact(path, *, force=(1, 3), response=(1, 3), reference=(0, 0), sizes=(1.0, 1.0), stated=SI, kind=12, **other):
+def impact(path, *, force=(1, 3), response=(1, 3), reference=(0, 0), sizes=(1.0, 1.0), labels=SI, kind=12, **other):
     """Write a force and a motion with their nodes and directions."""
     point = {"rsp_node": force[0], "rsp_dir": force[1]}
-    uff_set(path, 13, "Force", stated.force, sizes[0] * FORCE, stated, **point)
-    motion(path, response, reference, sizes[1], stated, kind, **other)
+    uff_set(path, 13, "Force", labels.force, sizes[0] * FORCE, labels, **point)
+    motion(path, response, reference, sizes[1], labels, kind, **other)
 
 
-def motion(path, response, reference=(0, 0), size=1.0, stated=SI, kind=12, **other):
+def motion(path, response, reference=(0, 0), size=1.0, labels=SI, kind=12, **other):
     point = {"rsp_node": response[0], "rsp_dir": response[1], "ref_node": reference[0], "ref_dir": reference[1]}
-    uff_set(path, kind, "NONE", stated.response, size * RESPONSE, stated, **point | other)
+    uff_set(path, kind, "NONE", labels.response, size * RESPONSE, labels, **point | other)
 
 
 @pytest.fixture
@@ -120,14 +120,14 @@ FAULTS = {
     "strain": ({"kind": 3}, "the data are of type 3"),
     "pressure": ({"kind": 15}, "the data are of type 15"),
     "reaction force": ({"kind": 9}, "the data are of type 9"),
-    "unknown without a label": ({"kind": 0, "stated": Stated("N", "")}, "does not say whether the response is an"),
-    "general with a strain": ({"kind": 1, "ordinate_axis_lab": "Strain", "stated": Stated("N", "")}, "'strain' is not"),
+    "unknown without a label": ({"kind": 0, "labels": Labels("N", "")}, "does not say whether the response is an"),
+    "general with a strain": ({"kind": 1, "ordinate_axis_lab": "Strain", "labels": Labels("N", "")}, "'strain' is not"),
     "rotation": ({"response": (1, 6)}, "rotation or a moment"),
-    "rotational unit": ({"stated": Stated("N", "rad/s^2")}, "rotation"),
+    "rotational unit": ({"labels": Labels("N", "rad/s^2")}, "rotation"),
     "impulse response": ({"orddenom_spec_data_type": 13}, "has a denominator"),
     "unit of the denominator": ({"orddenom_axis_units_lab": "N"}, "has a denominator"),
     "label against type": ({"ordinate_axis_lab": "Velocity"}, "contradicts itself"),
-    "unit of an FRF": ({"stated": Stated("N", "g/N")}, "is not the response"),
+    "unit of an FRF": ({"labels": Labels("N", "g/N")}, "is not the response"),
     "frequency axis": ({"abscissa_spec_data_type": 18}, "the abscissa is of type 18"),
     "axis label against unit": ({"abscissa_axis_lab": "Time (ms)", "abscissa_axis_units_lab": "s"}, "sampling rate"),
     "samples": ({"abscissa_axis_units_lab": "m"}, "the time is in 'm'"),
@@ -148,15 +148,15 @@ def test_faults_of_universal_records(file, fault):
 
 
 def test_an_abscissa_that_counts_samples_needs_a_rate(file):
-    stated = SI._replace(axis_unit="samples", axis_scale=1.0 / RATE)
-    impact(file, stated=stated)
+    labels = SI._replace(axis_unit="samples", axis_scale=1.0 / RATE)
+    impact(file, labels=labels)
     with pytest.raises(MeasurementError, match="does not say the sampling rate"):
         read_signals(file)
     assert read_signals(file, rate=RATE).rate == RATE
 
 
 def test_a_system_of_units_other_than_si_is_refused_or_converted(file):
-    impact(file, stated=Stated())
+    impact(file, labels=Labels())
     text = file.read_text()
     units = (
         "    -1\n   164\n         7Inch (pound f)               2\n"
@@ -168,7 +168,7 @@ def test_a_system_of_units_other_than_si_is_refused_or_converted(file):
 
 
 def test_a_label_in_a_file_of_si_units_is_confirmed_by_the_caller(file):
-    impact(file, stated=Stated("N", "g"))
+    impact(file, labels=Labels("N", "g"))
     head = "    -1\n   164\n         1SI                           2\n  1.0e+00  1.0e+00  1.0e+00\n  2.7e+02\n    -1\n"
     file.write_text(head + file.read_text())
     with pytest.raises(MeasurementError, match="set 164 states SI units"):
@@ -531,7 +531,7 @@ ID_LINES = {
 
 @pytest.mark.parametrize("line", ID_LINES)
 def test_id_lines_of_a_universal_file_count(file, line):
-    impact(file, stated=Stated(), id2=line)
+    impact(file, labels=Labels(), id2=line)
     if isinstance(ID_LINES[line], float):
         np.testing.assert_allclose(read_signals(file).response, [ID_LINES[line] * RESPONSE], rtol=1e-5, atol=1e-9)
     else:

@@ -9,7 +9,7 @@ import pytest
 
 from dovetail.measurement import read_frf
 from support.measured_files import fault_of, set_58, write_sets
-from support.stated_files import COLUMNS, FREQUENCY, LINES, TEXTS, VALUES, Said, npy
+from support.statement_files import COLUMNS, FREQUENCY, LINES, TEXTS, VALUES, Said, npy
 
 pytestmark = [pytest.mark.usefixtures("unguarded"), pytest.mark.sweep]
 
@@ -91,11 +91,11 @@ PAIRS = {
 def test_the_units_of_motion_and_force_are_combined(
     tmp_path: Path, form: str, names: tuple[str, str], pair: tuple[str, str]
 ) -> None:
-    stated = dict(zip(names, pair, strict=True))
+    given = dict(zip(names, pair, strict=True))
     if form in TEXTS:
-        path = written(tmp_path, TEXTS, form, Said(texts=stated))
+        path = written(tmp_path, TEXTS, form, Said(texts=given))
     else:
-        path = written(tmp_path, LINES, form, Said(lines=tuple(f"{key}: {text}" for key, text in stated.items())))
+        path = written(tmp_path, LINES, form, Said(lines=tuple(f"{key}: {text}" for key, text in given.items())))
     quantity, factor = PAIRS[pair]
     frf = read_frf(path)
     assert frf.quantity == quantity
@@ -307,10 +307,10 @@ def test_type_label_and_unit_of_a_universal_file_agree_or_are_refused(
         fault_of(path)
 
 
-@pytest.mark.parametrize(("stated", "unit"), [("response_unit", "g"), ("force_unit", "lbf"), ("motion unit", "um")])
+@pytest.mark.parametrize(("given", "unit"), [("response_unit", "g"), ("force_unit", "lbf"), ("motion unit", "um")])
 @pytest.mark.parametrize("form", [*TEXTS, "csv", "tsv"])
-def test_half_a_unit_has_to_be_completed_by_the_caller(tmp_path: Path, form: str, stated: str, unit: str) -> None:
-    said = Said(texts={stated: unit}, lines=(f"{stated}: {unit}",))
+def test_half_a_unit_has_to_be_completed_by_the_caller(tmp_path: Path, form: str, given: str, unit: str) -> None:
+    said = Said(texts={given: unit}, lines=(f"{given}: {unit}",))
     path = written(tmp_path, TEXTS if form in TEXTS else LINES, form, said)
     quantity, whole = ("receptance", "um/lbf") if unit == "um" else ("accelerance", "g/lbf")
     assert "does not give the unit of the" in fault_of(path, quantity=quantity)

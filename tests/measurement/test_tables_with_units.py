@@ -114,8 +114,8 @@ def test_an_argument_that_contradicts_the_file(refused) -> None:
     wrong = "a.csv\n  the file says that it holds {}, the argument says {}.\n"
     assert refused("a.csv", text, unit="mm/N").startswith(wrong.format("unit um/N", "mm/N"))
     assert refused("a.csv", text, quantity="mobility").startswith(wrong.format("receptance", "mobility"))
-    stated = "# quantity: mobility\nf,re,im\n1,2,3\n"
-    assert refused("a.csv", stated, unit="mm/N").startswith(wrong.format("mobility", "a unit of receptance"))
+    content = "# quantity: mobility\nf,re,im\n1,2,3\n"
+    assert refused("a.csv", content, unit="mm/N").startswith(wrong.format("mobility", "a unit of receptance"))
     assert refused("a.csv", text, unit="furlong").startswith(
         "the argument unit\n  the unit 'furlong' is not understood."
     )

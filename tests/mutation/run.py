@@ -150,7 +150,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--root", type=Path, default=ROOT, help="the checkout to test; this one by default")
     parser.add_argument("--folder", type=Path, default=ROOT / "build" / "mutation", help="where the work is done")
-    parser.add_argument("--report", action="store_true", help="only tell what a run in the folder has come to so far")
+    parser.add_argument("--report", action="store_true", help="only print what a run in the folder has found so far")
     arguments = parser.parse_args()
     folder = arguments.folder.resolve() / arguments.package
     package = PACKAGES[arguments.package]

@@ -52,7 +52,7 @@ def drawn(frf: dovetail.Frf, amplitude: float) -> np.ndarray:
 
 
 def test_noise_from_coherence_is_relative_to_each_amplitude():
-    """Of small complex noise, half of the variance is in the amplitude; 4000 draws tell it to 2.2 %."""
+    """Of small complex noise, half of the variance is in the amplitude; 4000 draws estimate it within 2.2 %."""
     share = (1.0 - coherence(AXIS)) / (coherence(AXIS) * (AVERAGES - 1))
     np.testing.assert_allclose(drawn(of_coherence(), LEVEL).var(axis=0), 0.5 * share * LEVEL**2, rtol=0.1)
     assert np.all(drawn(of_coherence(), 0.0) == 0.0)

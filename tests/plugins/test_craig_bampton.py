@@ -89,12 +89,12 @@ def test_a_reduced_part_has_nearly_the_frf_of_the_whole_one(tmp_path, monkeypatc
 
 def test_too_few_modes_are_reported(tmp_path, monkeypatch):
     few = load(tmp_path, monkeypatch, reduce={"interface": ENDS, "modes": 2})
-    (doubt,) = [text for text in dovetail.find_doubts(few) if "reduced" in text]
-    assert "reduced to 2 modes, and the next one, with the interface held, is at" in doubt
+    (warning,) = [text for text in dovetail.find_warnings(few) if "reduced" in text]
+    assert "reduced to 2 modes, and the next one, with the interface held, is at" in warning
     some = load(tmp_path, monkeypatch, reduce={"interface": ENDS, "up_to": "6 kHz"})
-    assert any("natural frequencies up to 3000 Hz may change by" in text for text in dovetail.find_doubts(some))
+    assert any("natural frequencies up to 3000 Hz may change by" in text for text in dovetail.find_warnings(some))
     many = load(tmp_path, monkeypatch, reduce={"interface": ENDS, "up_to": "40 kHz"})
-    assert not any("reduced" in text for text in dovetail.find_doubts(many))
+    assert not any("reduced" in text for text in dovetail.find_warnings(many))
 
 
 @pytest.mark.parametrize(

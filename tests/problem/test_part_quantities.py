@@ -51,7 +51,7 @@ def test_each_quantity_is_off_by_as_much_as_displaced_resonances_are_large(sdof)
 
 
 def test_intervals_hold_what_the_modulus_of_a_part_hides(assemblies):
-    """A shaft that is 0.4 % stiffer: the stiffness of the fit follows it, and the residuals tell a tenth of it."""
+    """A shaft that is 0.4 % stiffer: the stiffness of the fit follows it, and the residuals show a tenth of it."""
     assembly = dovetail.load(assemblies / "shaft_hub.yaml")
     assembly = assembly.on(assembly.frequency[::4])
     theta = assembly.from_unit(np.full(4, 0.5))

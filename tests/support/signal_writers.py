@@ -1,4 +1,4 @@
-"""Files of time records in every format, with a unit, a quantity and times stated in one of the ways of the format."""
+"""Files of time records in every format, with unit, quantity and times given in one of the ways of the format."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ WORDS = {"accelerance": "acceleration", "mobility": "velocity", "receptance": "d
 TYPES = {"displacement": 8, "velocity": 11, "acceleration": 12}
 
 
-class Stated(NamedTuple):
-    """What a file states: units, the word for the motion, the times, and the numbers that go with them."""
+class Labels(NamedTuple):
+    """What a file gives: units, the word for the motion, the times, and the numbers that go with them."""
 
     force: str = ""
     response: str = ""
@@ -55,14 +55,14 @@ class Stated(NamedTuple):
 
 
 def table(separator, style):
-    def write(path: Path, stated: Stated) -> None:
-        units = [stated.axis_unit, stated.force, stated.response]
-        names = ["time", "force", f"response {stated.word}".strip()]
-        above, below = [f"{key}: {value}" for key, value in stated.extra], []
-        if style == "word only" and stated.word:
-            names[2] = stated.word.capitalize()
+    def write(path: Path, labels: Labels) -> None:
+        units = [labels.axis_unit, labels.force, labels.response]
+        names = ["time", "force", f"response {labels.word}".strip()]
+        above, below = [f"{key}: {value}" for key, value in labels.extra], []
+        if style == "word only" and labels.word:
+            names[2] = labels.word.capitalize()
         if style == "row":
-            row = units if stated.axis == "time" else units[1:]
+            row = units if labels.axis == "time" else units[1:]
             below = [separator.join(row)] if any(row) else []
         elif style == "comment":
             above += [
@@ -79,11 +79,11 @@ def table(separator, style):
                 "word only": "{} [{}]",
             }[style]
             names = [form.format(name, unit) if unit else name for name, unit in zip(names, units, strict=True)]
-        columns = [stated.times, *stated.records]
-        if stated.axis != "time":
+        columns = [labels.times, *labels.records]
+        if labels.axis != "time":
             names, columns = names[1:], columns[1:]
             above.append(
-                f"# {'sampling rate' if stated.axis == 'rate' else 'dt'}: {axis_value(stated)!r} {stated.axis_unit}"
+                f"# {'sampling rate' if labels.axis == 'rate' else 'dt'}: {axis_value(labels)!r} {labels.axis_unit}"
             )
         rows = [separator.join(f"{value:.12g}" for value in row) for row in zip(*columns, strict=True)]
         path.write_text("\n".join([*above, separator.join(names), *below, *rows]) + "\n")
@@ -91,22 +91,22 @@ def table(separator, style):
     return write
 
 
-def axis_value(stated: Stated) -> float:
-    return RATE / stated.axis_scale if stated.axis == "rate" else 1.0 / RATE / stated.axis_scale
+def axis_value(labels: Labels) -> float:
+    return RATE / labels.axis_scale if labels.axis == "rate" else 1.0 / RATE / labels.axis_scale
 
 
-def fields_of(stated: Stated, style: str) -> dict[str, object]:
+def fields_of(labels: Labels, style: str) -> dict[str, object]:
     """Names and arrays; units as entries of their own, as endings of the names, or in brackets."""
-    force, response = stated.records
+    force, response = labels.records
     names = [
         "force",
-        f"response_{stated.word}" if stated.word else "response",
-        {"time": "time", "rate": "rate", "step": "dt"}[stated.axis],
+        f"response_{labels.word}" if labels.word else "response",
+        {"time": "time", "rate": "rate", "step": "dt"}[labels.axis],
     ]
-    units = [stated.force, stated.response, stated.axis_unit]
-    values = [force, response, stated.times if stated.axis == "time" else axis_value(stated)]
-    if style == "word only" and stated.word:
-        names[1] = stated.word
+    units = [labels.force, labels.response, labels.axis_unit]
+    values = [force, response, labels.times if labels.axis == "time" else axis_value(labels)]
+    if style == "word only" and labels.word:
+        names[1] = labels.word
     fields: dict[str, object] = {}
     for name, unit, value in zip(names, units, values, strict=True):
         full = f"{name}_{unit.replace('/', '_').replace('^', '')}" if unit and style == "suffix" else name
@@ -115,15 +115,15 @@ def fields_of(stated: Stated, style: str) -> dict[str, object]:
             fields[
                 f"{name.partition('_')[0] if style != 'word only' else {names[1]: 'response'}.get(name, name)}_unit"
             ] = unit
-    return fields | dict(stated.extra)
+    return fields | dict(labels.extra)
 
 
 def npz(style):
-    return lambda path, stated: np.savez(path, **fields_of(stated, style))
+    return lambda path, labels: np.savez(path, **fields_of(labels, style))
 
 
-def structured(path: Path, stated: Stated) -> None:
-    fields = fields_of(stated, "suffix")
+def structured(path: Path, labels: Labels) -> None:
+    fields = fields_of(labels, "suffix")
     kinds = [(name, f"U{len(value)}" if isinstance(value, str) else "f8") for name, value in fields.items()]
     array = np.empty(SAMPLES, dtype=kinds)
     for name, value in fields.items():
@@ -132,49 +132,49 @@ def structured(path: Path, stated: Stated) -> None:
 
 
 def mat(style):
-    def write(path: Path, stated: Stated) -> None:
+    def write(path: Path, labels: Labels) -> None:
         if style == "struct":
-            force, response = stated.records
+            force, response = labels.records
             signals = {
-                "force": {"data": force, "unit": stated.force},
-                "response": {"data": response, "unit": stated.response},
+                "force": {"data": force, "unit": labels.force},
+                "response": {"data": response, "unit": labels.response},
             }
-            if stated.word:
-                signals["response"]["quantity"] = stated.word
-            axis = {"time": "time", "rate": "fs", "step": "dt"}[stated.axis]
-            value = stated.times if stated.axis == "time" else axis_value(stated)
-            signals[f"{axis}_{stated.axis_unit}" if stated.axis_unit else axis] = value
-            savemat(path, {"Test": signals | dict(stated.extra)})
+            if labels.word:
+                signals["response"]["quantity"] = labels.word
+            axis = {"time": "time", "rate": "fs", "step": "dt"}[labels.axis]
+            value = labels.times if labels.axis == "time" else axis_value(labels)
+            signals[f"{axis}_{labels.axis_unit}" if labels.axis_unit else axis] = value
+            savemat(path, {"Test": signals | dict(labels.extra)})
         else:
-            savemat(path, {name[:31]: value for name, value in fields_of(stated, style).items()})
+            savemat(path, {name[:31]: value for name, value in fields_of(labels, style).items()})
 
     return write
 
 
 def hdf5(style):
-    def write(path: Path, stated: Stated) -> None:
-        force, response = stated.records
+    def write(path: Path, labels: Labels) -> None:
+        force, response = labels.records
         with h5py.File(path, "w") as file:
             if style == "entry":
-                for name, value in fields_of(stated, "entry").items():
+                for name, value in fields_of(labels, "entry").items():
                     file[name] = value
                 return
             file["test/force"], file["test/response"] = force, response
-            for name, unit in (("force", stated.force), ("response", stated.response)):
+            for name, unit in (("force", labels.force), ("response", labels.response)):
                 if unit:
                     file[f"test/{name}"].attrs["units" if style == "plural" else "unit"] = unit
-            if stated.word:
-                file["test/response"].attrs["quantity"] = stated.word
-            if stated.axis == "time":
-                file["test/time"] = stated.times
-                if stated.axis_unit:
-                    file["test/time"].attrs["unit"] = stated.axis_unit
+            if labels.word:
+                file["test/response"].attrs["quantity"] = labels.word
+            if labels.axis == "time":
+                file["test/time"] = labels.times
+                if labels.axis_unit:
+                    file["test/time"].attrs["unit"] = labels.axis_unit
             else:
-                key = {"rate": "sampling_rate", "step": "dt"}[stated.axis]
-                key += f"_{stated.axis_unit}" if stated.axis_unit else ""
+                key = {"rate": "sampling_rate", "step": "dt"}[labels.axis]
+                key += f"_{labels.axis_unit}" if labels.axis_unit else ""
                 target = file if style == "plural" else file["test/force"]
-                target.attrs[key] = axis_value(stated)
-            for key, value in stated.extra:
+                target.attrs[key] = axis_value(labels)
+            for key, value in labels.extra:
                 file["test/response"].attrs[key] = value
 
     return write
@@ -207,42 +207,42 @@ X_Value\t{force}\t{response}\tComment
 
 
 def lvm(style):
-    def write(path: Path, stated: Stated) -> None:
-        force, response = "Force", (stated.word or "Response").capitalize()
-        labels = f"X_Unit_Label\t{stated.axis_unit}\t{stated.axis_unit}\n" if stated.axis_unit else ""
-        if style == "label" and (stated.force or stated.response):
-            labels += f"Y_Unit_Label\t{stated.force}\t{stated.response}\n"
+    def write(path: Path, labels: Labels) -> None:
+        force, response = "Force", (labels.word or "Response").capitalize()
+        label_rows = f"X_Unit_Label\t{labels.axis_unit}\t{labels.axis_unit}\n" if labels.axis_unit else ""
+        if style == "label" and (labels.force or labels.response):
+            label_rows += f"Y_Unit_Label\t{labels.force}\t{labels.response}\n"
         else:
-            force = f"{force} ({stated.force})" if stated.force else force
-            response = f"{response} ({stated.response})" if stated.response else response
-        first = [f"{value:.12g}" for value in stated.times] if stated.axis == "time" else [""] * SAMPLES
-        rows = [f"{x}\t{a:.12g}\t{b:.12g}" for x, a, b in zip(first, *stated.records, strict=True)]
-        columns = "One" if stated.axis == "time" else "No"
-        step = 1.0 / RATE / stated.axis_scale
-        path.write_text(LVM.format(columns=columns, n=SAMPLES, labels=labels, step=step, force=force, response=response,
-                                   rows="\n".join(rows)))  # fmt: skip
+            force = f"{force} ({labels.force})" if labels.force else force
+            response = f"{response} ({labels.response})" if labels.response else response
+        first = [f"{value:.12g}" for value in labels.times] if labels.axis == "time" else [""] * SAMPLES
+        rows = [f"{x}\t{a:.12g}\t{b:.12g}" for x, a, b in zip(first, *labels.records, strict=True)]
+        columns = "One" if labels.axis == "time" else "No"
+        step = 1.0 / RATE / labels.axis_scale
+        texts = {"columns": columns, "labels": label_rows, "force": force, "response": response}
+        path.write_text(LVM.format(n=SAMPLES, step=step, rows="\n".join(rows), **texts))
 
     return write
 
 
-def uff_set(path: Path, kind: int, name: str, unit: str, samples: np.ndarray, stated: Stated, **other: object) -> None:
-    one = {"type": 58, "func_type": 1, "rsp_node": 1, "rsp_dir": 3, "ref_node": 0, "ref_dir": 0, "x": stated.times}
+def uff_set(path: Path, kind: int, name: str, unit: str, samples: np.ndarray, labels: Labels, **other: object) -> None:
+    one = {"type": 58, "func_type": 1, "rsp_node": 1, "rsp_dir": 3, "ref_node": 0, "ref_dir": 0, "x": labels.times}
     one |= {"data": samples, "abscissa_spec_data_type": 17, "abscissa_axis_lab": "Time", "binary": 0}
-    one |= {"abscissa_axis_units_lab": stated.axis_unit or "NONE", "ordinate_spec_data_type": kind}
+    one |= {"abscissa_axis_units_lab": labels.axis_unit or "NONE", "ordinate_spec_data_type": kind}
     one |= {"ordinate_axis_lab": name, "ordinate_axis_units_lab": unit or "NONE", "orddenom_spec_data_type": 0}
     pyuff.UFF(str(path)).write_sets(one | other, mode="add")
 
 
 def uff(binary, style):
-    def write(path: Path, stated: Stated) -> None:
-        word = stated.word or WORDS[MOTIONS[stated.response][0]]
+    def write(path: Path, labels: Labels) -> None:
+        word = labels.word or WORDS[MOTIONS[labels.response][0]]
         kind = TYPES[word] if style == "type" else 0
         names = {"type": ("Force", word.capitalize()), "label": ("Force", word.capitalize()), "unit": ("NONE", "NONE")}[
             style
         ]
         forces = 13 if style == "type" else 0
-        for role, name, unit, data in zip((forces, kind), names, stated[:2], stated.records, strict=True):
-            uff_set(path, role, name, unit, data, stated, binary=binary)
+        for role, name, unit, data in zip((forces, kind), names, labels[:2], labels.records, strict=True):
+            uff_set(path, role, name, unit, data, labels, binary=binary)
 
     return write
 

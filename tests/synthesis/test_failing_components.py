@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail.assembly import find_doubts
+from dovetail.assembly import find_warnings
 from dovetail.errors import PluginError
 from dovetail.registry import Registry
 
@@ -116,7 +116,7 @@ ANSWERS = {
     "dict": {"K": 1.0},
 }
 OF_JOINT = ("matrices", "matrices_jacobian", "dynamic_stiffness", "dynamic_stiffness_jacobian")
-OF_PART = ("matrices", "receptance", "absent_dofs", "outline", "doubts")
+OF_PART = ("matrices", "receptance", "absent_dofs", "outline", "warnings")
 SOUND = {("absent_dofs", "list"), ("absent_dofs", "objects"), ("absent_dofs", "ragged")}
 """Can be taken for what they should be."""
 
@@ -283,5 +283,5 @@ def test_wrong_results_of_a_substructure_are_errors(method, answer):
 
 def use(there: dovetail.Assembly) -> None:
     there.frf()
-    list(find_doubts(there))
+    list(find_warnings(there))
     dovetail.plot_assembly(there)

@@ -11,7 +11,7 @@ import pytest
 
 import dovetail
 from dovetail import DIRECTIONS, MeasuredDofs, couple, decouple, interface_modes
-from dovetail.assembly import find_doubts
+from dovetail.assembly import find_warnings
 from dovetail_plugins.substructures.channel_tables import read_channels, read_impacts
 from support.dense_space import DenseStructure
 
@@ -160,7 +160,7 @@ def test_a_measured_part_couples_as_the_modelled_one(joint, tmp_path):
     found = joined(measured(tmp_path, quantity="Velocity"), ("foot", "head"), joints[joint])
     whole = joined(BAR, (0.0, LENGTH), joints[joint])
     assert difference(found.frf(), whole.frf()) < 1e-6
-    assert not [doubt for doubt in find_doubts(found) if doubt.startswith("substructures.bar: ")]
+    assert not [warning for warning in find_warnings(found) if warning.startswith("substructures.bar: ")]
 
 
 def test_the_rotation_of_a_virtual_point_is_a_response(tmp_path):
@@ -304,15 +304,15 @@ def test_an_entry_of_the_archive_that_may_act_on_the_values_is_refused(name, val
 
 
 @pytest.mark.parametrize(
-    ("written", "read", "doubted"), [("m", "m", 0), ("mm", "mm", 0), ("mm", "m", 4), ("m", "mm", 4)]
+    ("written", "read", "warned"), [("m", "m", 0), ("mm", "mm", 0), ("mm", "m", 4), ("m", "mm", 4)]
 )
-def test_positions_in_another_unit_than_the_points_are_doubted(written, read, doubted, tmp_path):
+def test_positions_in_another_unit_than_the_points_are_reported(written, read, warned, tmp_path):
     section = measured(tmp_path, **({"unit_of_length": "1 mm"} if written == "mm" else {}))
     section = {**section, "unit_of_length": f"1 {read}"}
     if (written, read) == ("m", "mm"):  # the point of the foot is at the origin, near to all of its sensors
         section["points"] = {name: {"at": [0.0, 0.0, 0.0]} for name in ("foot", "head")}
-    found = find_doubts(joined(section, ("foot", "head")))
-    assert sum("Are the positions in the table in metres" in doubt for doubt in found) == doubted
+    found = find_warnings(joined(section, ("foot", "head")))
+    assert sum("Are the positions in the table in metres" in warning for warning in found) == warned
 
 
 CHANGES = {
@@ -361,9 +361,9 @@ def test_a_channel_of_the_wrong_sign_is_named(noise, tmp_path):
         return H
 
     wrong = joined(measured(tmp_path, change=reversed_channel, noise=noise), ("foot", "head"))
-    assert any("channel 's4' differs by" in doubt for doubt in find_doubts(wrong))
+    assert any("channel 's4' differs by" in warning for warning in find_warnings(wrong))
     right = joined(measured(tmp_path, noise=noise), ("foot", "head"))
-    assert not any("from what the others around its point say" in doubt for doubt in find_doubts(right))
+    assert not any("from what the others around its point say" in warning for warning in find_warnings(right))
 
 
 def test_one_receptance_of_the_wrong_sign_in_both_directions_is_reported(tmp_path):
@@ -378,8 +378,10 @@ def test_one_receptance_of_the_wrong_sign_in_both_directions_is_reported(tmp_pat
         H[:, 0, 3] *= sign
         H[:, 3, 0] *= sign
         np.savez(tmp_path / "bar.npz", frequency=FREQUENCY, receptance=H, **table)
-        doubts = find_doubts(joined({"model": "measured", "file": str(tmp_path / "bar.npz")}, ("foot", "head"), ball))
-        assert any("of the power out of the part" in doubt for doubt in doubts) == (sign < 0.0)
+        warnings = find_warnings(
+            joined({"model": "measured", "file": str(tmp_path / "bar.npz")}, ("foot", "head"), ball)
+        )
+        assert any("of the power out of the part" in warning for warning in warnings) == (sign < 0.0)
 
 
 def test_receptances_that_differ_in_both_directions_are_reported(tmp_path):
@@ -387,8 +389,8 @@ def test_receptances_that_differ_in_both_directions_are_reported(tmp_path):
         H[:, :9, 9:] *= 3.0
         return H
 
-    doubts = find_doubts(joined(measured(tmp_path, change=unequal), ("foot", "head")))
-    assert any("By reciprocity they are equal" in doubt for doubt in doubts)
+    warnings = find_warnings(joined(measured(tmp_path, change=unequal), ("foot", "head")))
+    assert any("By reciprocity they are equal" in warning for warning in warnings)
 
 
 def test_a_reversed_drive_point_is_refused(tmp_path):

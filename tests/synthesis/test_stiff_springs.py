@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail.assembly import find_doubts
+from dovetail.assembly import find_warnings
 from dovetail.synthesis.pivoting import _solve_refined
 
 FREQUENCIES = np.array([0.1, 1.0, 30.0, 112.0, 500.0, 1e4])
@@ -165,7 +165,7 @@ def test_a_mesh_too_fine_for_the_first_frequency_is_reported(elements, start, li
             "response": {"at": "beam", "position": 0.0, "quantity": "receptance"},
         }
     )
-    said = [doubt for doubt in find_doubts(assembly) if "rounding in its matrices changes the FRF" in doubt]
+    said = [warning for warning in find_warnings(assembly) if "rounding in its matrices changes the FRF" in warning]
     assert bool(said) is lost
 
 

@@ -45,7 +45,7 @@ def surroundings(monkeypatch, tmp_path):
 
 
 def red(results):
-    """Return the names of the checks that find a fault, or doubt."""
+    """Return the names of the checks that fail or warn."""
     return {result.name for result in results if result.outcome in ("failed", "warning")}
 
 

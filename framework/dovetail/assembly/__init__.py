@@ -1,7 +1,7 @@
 """Assemblies: FRFs and modes as functions of the parameters, made from descriptions."""
 
 from dovetail.assembly.callable_model import CallableModel
-from dovetail.assembly.doubts import find_doubts
+from dovetail.assembly.description_warnings import find_warnings
 from dovetail.assembly.frf_model import FrfModel
 from dovetail.assembly.loading import AssemblySource, as_assembly, load
 from dovetail.assembly.model import Assembly
@@ -25,8 +25,8 @@ __all__ = [
     "Theta",
     "VibrationMode",
     "as_assembly",
-    "find_doubts",
     "find_omissions",
+    "find_warnings",
     "largest_frf_difference",
     "load",
     "modes_in_band",

@@ -38,7 +38,7 @@ class CarriedJoint(JointOfCarriedPoints):
         motions = []
         for (dofs, node), directions in zip(self._nodes, self.model.node_dofs.directions, strict=True):
             carrier, _ = dofs.carriers.get(node, (node, None))
-            axis_of = {dof: DIRECTIONS.index(dofs[dof][1]) for dof in dofs.of_node(carrier)}
+            axis_of = {dof: DIRECTIONS.index(dofs[dof][1]) for dof in dofs.at_node(carrier)}
             motion = np.zeros((len(directions), len(DIRECTIONS)))
             for row, direction in enumerate(directions):
                 for weight, dof in dofs.terms(node, {direction: 1.0}):
@@ -58,7 +58,7 @@ class CarriedLaw(LawInCoordinates, CarriedJoint):
 
 def at_carriers(connection: Connection, parts: Mapping[str, SubstructureModel]) -> Connection:
     """Return a connection at the nodes that carry those to which it attaches; itself if nothing carries these."""
-    dofs = {at.substructure: NodeDofs.of_nodes(parts[at.substructure].nodes) for at in connection.attachments}
+    dofs = {at.substructure: NodeDofs.from_nodes(parts[at.substructure].nodes) for at in connection.attachments}
     if not any(node in dofs[at.substructure].carriers for at in connection.attachments for node in at.nodes):
         return connection
     every = [(dofs[at.substructure], node) for at in connection.attachments for node in at.nodes]

@@ -23,7 +23,7 @@ from dovetail.synthesis import Connection, Graph, Point
 from dovetail.synthesis.graph import HELD
 from dovetail.synthesis.joint_evaluation import depends_on_frequency
 
-FOLLOWS = -2
+DEPENDENT = -2
 """Global number of a DOF that moves by others."""
 _REDUNDANT = 1e-5
 """Largest coefficient of a function, of at most 1 at first, that follows from others: the points of facing nodes agree
@@ -91,21 +91,21 @@ class ConstrainedGraph(Graph):
         As in `Graph`; joints at such DOFs act on those by which these move.
     plain : Graph
         The same parts and joints without the constraints.
-    followers : mapping of int to mapping of int to float
+    dependents : mapping of int to mapping of int to float
         Global DOFs of the plain graph that move by others, with their motion by these.
     """
 
     plain: Graph
-    followers: Mapping[int, Mapping[int, float]]
+    dependents: Mapping[int, Mapping[int, float]]
 
     @cached_property
     def _numbers(self) -> NDArray[np.intp]:
         """The number of each global DOF of the plain graph; `HELD` is the last entry, so that it stays what it is."""
         numbers = np.full(self.plain.size + 1, HELD, dtype=np.intp)
-        free = np.setdiff1d(np.arange(self.plain.size), list(self.followers))
+        free = np.setdiff1d(np.arange(self.plain.size), list(self.dependents))
         numbers[free] = np.arange(len(free))
-        for follower, motion in self.followers.items():
-            numbers[follower] = FOLLOWS if motion else HELD
+        for dependent, motion in self.dependents.items():
+            numbers[dependent] = DEPENDENT if motion else HELD
         return numbers
 
     @cached_property
@@ -120,7 +120,7 @@ class ConstrainedGraph(Graph):
     @property
     def size(self) -> int:
         """Number of global DOFs."""
-        return self.plain.size - len(self.followers)
+        return self.plain.size - len(self.dependents)
 
     def with_connection(self, name: str, connection: Connection) -> Graph:
         """Return the graph with one more joint, or another one of this name."""
@@ -131,7 +131,7 @@ class ConstrainedGraph(Graph):
         return self.plain.attached_dofs(name)
 
     def substructure_dofs(self, name: str) -> NDArray[np.intp]:
-        """Return the global number of each DOF of a substructure; `HELD` or `FOLLOWS` if it has none."""
+        """Return the global number of each DOF of a substructure; `HELD` or `DEPENDENT` if it has none."""
         return self._numbers[self.plain.substructure_dofs(name)]
 
     def joint_dofs(self, name: str) -> NDArray[np.intp]:
@@ -142,13 +142,13 @@ class ConstrainedGraph(Graph):
     def terms(self, motion: Sequence[tuple[float, Point]]) -> Sequence[tuple[float, Point]]:
         """Return a weighted sum of DOFs as one of DOFs that have global numbers; of none if it is held."""
         numbers = [int(self.plain.substructure_dofs(name)[dof]) for _, (name, dof) in motion]
-        if not any(number in self.followers for number in numbers):
+        if not any(number in self.dependents for number in numbers):
             return motion
         sums, sizes = dict[int, float](), dict[int, float]()
         for number, (weight, _) in zip(numbers, motion, strict=True):
-            for leader, share in self.followers.get(number, {number: 1.0}).items() if number != HELD else ():
-                sums[leader] = sums.get(leader, 0.0) + weight * share
-                sizes[leader] = sizes.get(leader, 0.0) + abs(weight * share)
+            for independent, share in self.dependents.get(number, {number: 1.0}).items() if number != HELD else ():
+                sums[independent] = sums.get(independent, 0.0) + weight * share
+                sizes[independent] = sizes.get(independent, 0.0) + abs(weight * share)
         return [(total, self._owners[at]) for at, total in sums.items() if abs(total) > _ROUNDING * sizes[at]]
 
     def motion(self, name: str, dofs: Sequence[int]) -> tuple[NDArray[np.intp], Any]:
@@ -165,13 +165,13 @@ class ConstrainedGraph(Graph):
         return replace(connection, model=kind(connection.model, self._moved(plain)[1].toarray()))
 
     def _follow(self, plain: NDArray[np.intp]) -> bool:
-        return bool((self._numbers[plain] == FOLLOWS).any())
+        return bool((self._numbers[plain] == DEPENDENT).any())
 
     def _moved(self, plain: NDArray[np.intp]) -> tuple[NDArray[np.intp], Any]:
         """Return the global DOFs by which some of the plain graph move, and their motion as a sparse array."""
         rows, columns, weights = list[int](), list[int](), list[float]()
         for row, number in enumerate(plain.tolist()):
-            motion = {} if number == HELD else self.followers.get(number, {number: 1.0})
+            motion = {} if number == HELD else self.dependents.get(number, {number: 1.0})
             rows += [row] * len(motion)
             columns += self._numbers[list(motion)].tolist()
             weights += motion.values()
@@ -182,10 +182,10 @@ class ConstrainedGraph(Graph):
 def constrained(plain: Graph) -> Graph:
     """Return a graph with the constraints of its joints that merging DOFs does not satisfy; itself without any."""
     functions = [row for name in plain.connections for row in _functions(plain, name)]
-    followers = _solved(functions, _rotations(plain)) if functions else {}
-    if not followers:
+    dependents = _solved(functions, _rotations(plain)) if functions else {}
+    if not dependents:
         return plain
-    graph = ConstrainedGraph(plain.substructures, plain.connections, plain, followers)
+    graph = ConstrainedGraph(plain.substructures, plain.connections, plain, dependents)
     moved = {name: graph.at_leaders(name, connection) for name, connection in plain.connections.items()}
     return replace(graph, connections=moved)
 
@@ -212,7 +212,7 @@ def _rotations(plain: Graph) -> set[int]:
     """Return the global DOFs that are rotations of nodes."""
     found = set[int]()
     for name, part in plain.substructures.items():
-        found |= set(plain.substructure_dofs(name)[NodeDofs.of_nodes(part.nodes).rotations].tolist())
+        found |= set(plain.substructure_dofs(name)[NodeDofs.from_nodes(part.nodes).rotations].tolist())
     return found
 
 
@@ -234,11 +234,11 @@ def _solved(functions: Sequence[Mapping[int, float]], rotations: set[int]) -> di
     turns = np.isin(numbers, list(rotations))
     sizes = np.where(turns, _arm(rows, turns), 1.0)  # rotations become displacements at the longest arm
     rows, pivots = _eliminated(rows / sizes)
-    leaders = np.setdiff1d(np.arange(len(numbers)), pivots)
+    independents = np.setdiff1d(np.arange(len(numbers)), pivots)
     solved = {}
     for row, pivot in zip(rows, pivots, strict=False):
         weights = -row * sizes / sizes[pivot]
-        moved = leaders[weights[leaders] != 0.0]
+        moved = independents[weights[independents] != 0.0]
         solved[int(numbers[pivot])] = dict(zip(numbers[moved].tolist(), weights[moved].tolist(), strict=True))
     return solved
 

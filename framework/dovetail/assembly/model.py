@@ -124,7 +124,7 @@ class Assembly:
 
     def _frfs_at(self, responses: Sequence[Response]) -> ResponseFrfs:
         """Return the FRFs of responses that see the same structure as the first, at its frequencies."""
-        pairs = ResponsePairs.of_responses(responses, self.graph)
+        pairs = ResponsePairs.from_responses(responses, self.graph)
         engine = self.engine_of(pairs.points, pairs.pairs)
         source: FrfSource = engine
         if self._interpolation is not None:

@@ -97,10 +97,10 @@ def _can_divide(model: SubstructureModel, first: int, last: int) -> bool:
         return False
     if len(divided.nodes) != len(model.nodes):
         return False
-    matrices, of_divided = model.matrices(), divided.matrices()
-    if not (isinstance(matrices, StructuralMatrices) and isinstance(of_divided, StructuralMatrices)):
+    matrices, divided_matrices = model.matrices(), divided.matrices()
+    if not (isinstance(matrices, StructuralMatrices) and isinstance(divided_matrices, StructuralMatrices)):
         return False
-    return _are_equal(matrices.M, of_divided.M) and _are_equal(matrices.K, of_divided.K)
+    return _are_equal(matrices.M, divided_matrices.M) and _are_equal(matrices.K, divided_matrices.K)
 
 
 def _are_equal(matrix: NDArray[np.float64], other: NDArray[np.float64]) -> bool:

@@ -285,7 +285,7 @@ class ResponseFrfs:
             if response.name in calibrations and not Chain.is_identity(calibrations[response.name])
         ]
         self._calibrations = calibrations
-        self._responses, self._pairs = responses, pairs or ResponsePairs.of_responses(responses, engine.graph)
+        self._responses, self._pairs = responses, pairs or ResponsePairs.from_responses(responses, engine.graph)
         to_quantity = [conversion(engine.frequency, "receptance", response.quantity) for response in responses]
         to_accelerance = [conversion(engine.frequency, "receptance", "accelerance")] * len(responses)
         self._in_quantity, self._in_accelerance = np.stack(to_quantity), np.stack(to_accelerance)
@@ -338,15 +338,15 @@ class ResponseFrfs:
         slopes = self._map.jacobian(batch)
         if scales is not None:
             slopes = slopes * scales[:, np.newaxis]
-        of_values = slopes[:, self._graph_columns]
-        in_place = _slopes_in_place(of_values)
+        value_slopes = slopes[:, self._graph_columns]
+        in_place = _slopes_in_place(value_slopes)
         values, derivatives = (
-            self._pairs.summed(of_pairs, self._in_quantity)
-            for of_pairs in self.engine.frfs_jacobian(by_owner, self._to_quantity, in_place)
+            self._pairs.summed(jacobians, self._in_quantity)
+            for jacobians in self.engine.frfs_jacobian(by_owner, self._to_quantity, in_place)
         )
         values, jacobian = _for_each(batch, values), _for_each(batch, np.swapaxes(derivatives, 2, 3))
         if in_place is None:
-            jacobian = chain_rule(jacobian, of_values)
+            jacobian = chain_rule(jacobian, value_slopes)
         for index in self._chains:
             chain, name = self._chain(index, by_owner), self._responses[index].name
             by_chain = [values[:, index] * chain.derivative(c) for c in self._map.varying_columns(name)]

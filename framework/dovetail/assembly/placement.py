@@ -21,7 +21,7 @@ _SLIGHT = 1e-3
 """Share of a part's length within which a joint is at its end."""
 
 
-def placement_doubts(assembly: Assembly) -> Iterator[str]:
+def placement_warnings(assembly: Assembly) -> Iterator[str]:
     """Yield what looks wrong with where joints place parts, or could not be compared.
 
     Parameters
@@ -59,8 +59,8 @@ def placement_doubts(assembly: Assembly) -> Iterator[str]:
 
 
 def _moved_away(assembly: Assembly) -> Iterator[str]:
-    """Yield the doubt about unknown lengths that change the distances of the nodes of a joint, once a joint."""
-    description, doubted = assembly.description, set[str]()
+    """Yield a warning about unknown lengths that change the distances of the nodes of a joint, once a joint."""
+    description, warned = assembly.description, set[str]()
     for column, parameter in enumerate(assembly.parameters):
         if parameter.unit != "m":
             continue
@@ -71,8 +71,8 @@ def _moved_away(assembly: Assembly) -> Iterator[str]:
             for name, joint in description.joints.items():
                 sides = sides_of(joint.connection, {**description.substructures, **moved}, description.placements)
                 fault = next(facing_faults(joint.connection.model, sides), None)
-                if fault is not None and name not in doubted:
-                    doubted.add(name)
+                if fault is not None and name not in warned:
+                    warned.add(name)
                     value = format_quantity(parameter.lower if end == 0.0 else parameter.upper, "m")
                     yield (
                         f"joints.{name}: with {parameter.name} at {value} {fault[1]} Give the length within the joint "
@@ -93,7 +93,7 @@ def _parts_at(assembly: Assembly, fraction: NDArray[np.float64]) -> dict[str, Su
 
 
 def _without_positions(name: str, model: JointModel, sides: dict[str, Side]) -> Iterator[str]:
-    """Yield the doubt about nodes of which nothing shows whether they lie where the joint needs them."""
+    """Yield a warning about nodes of which nothing shows whether they lie where the joint needs them."""
     faced = {port for pair in model.facing_ports for port in pair}
     for port, side in sides.items():
         compared = port in faced or side.port.positions is not None
@@ -107,7 +107,7 @@ def _without_positions(name: str, model: JointModel, sides: dict[str, Side]) -> 
 
 
 def _twisted(name: str, side: Side) -> Iterator[str]:
-    """Yield the doubt about a joint that acts in a displacement and about the axis of a part, not about its bending."""
+    """Yield a warning about a joint that acts in a displacement and about the axis of a part, not about its bending."""
     axes = [direction for direction in side.port.directions if direction.startswith("r")]
     points = side.all_points
     if len(axes) != 1 or len(axes) == len(side.port.directions) or side.model.grounded or len(points) < 2:
@@ -122,7 +122,7 @@ def _twisted(name: str, side: Side) -> Iterator[str]:
 
 
 def _on_one_side(name: str, side: Side, other: Side) -> Iterator[str]:
-    """Yield the doubt about two parts that both end at their joint and extend to the same side of it."""
+    """Yield a warning about two parts that both end at their joint and extend to the same side of it."""
     reaches = [_reach(side), _reach(other)]
     extends = [tuple(length > _SLIGHT * sum(reach) for length in reach) for reach in reaches]
     if extends[0] != extends[1] or sum(extends[0]) != 1:
@@ -157,7 +157,7 @@ def _holds_rotations(name: str, joint: JointEntry) -> bool:
 def _placed_differently(
     description: Description, part: str, other: str, offsets: list[tuple[str, float]]
 ) -> Iterator[str]:
-    """Yield the doubt about joints between the same two parts that place one at different positions of the other."""
+    """Yield a warning about joints between the same two parts that place one at different positions of the other."""
     lengths = [
         float(np.ptp([node.position for node in description.substructures[name].nodes])) for name in (part, other)
     ]

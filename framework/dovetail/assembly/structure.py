@@ -238,7 +238,7 @@ class ResponsePairs:
     weights: NDArray[np.float64] | None
 
     @staticmethod
-    def of_responses(responses: Sequence[Response], graph: Graph) -> ResponsePairs:
+    def from_responses(responses: Sequence[Response], graph: Graph) -> ResponsePairs:
         """Return the pairs of some responses in a graph; a pair and its reciprocal one are the same in a sum.
 
         Raises

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from math import isnan
 from typing import Any
 
-from dovetail.assembly.doubts import find_doubts
+from dovetail.assembly.description_warnings import find_warnings
 from dovetail.assembly.model import Assembly
 from dovetail.assembly.natural_frequencies import modes_in_band
 from dovetail.assembly.omissions import find_omissions
@@ -58,7 +58,7 @@ def assembly_summary(assembly: Assembly) -> dict[str, Any]:
         "damping_ratios": damping,
         "without_natural_frequencies": reason,
         "omissions": list(find_omissions(assembly)),
-        "doubts": list(find_doubts(assembly)),
+        "warnings": list(find_warnings(assembly)),
     }
 
 

@@ -71,7 +71,7 @@ class SeenPoles:
 
     def __init__(self, graph: Graph) -> None:
         self._graph, self._modes = graph, DampedModes(graph)
-        every = {name: NodeDofs.of_nodes(part.nodes).directions for name, part in graph.substructures.items()}
+        every = {name: NodeDofs.from_nodes(part.nodes).directions for name, part in graph.substructures.items()}
         self._rows = {name: len(each) if len(set(each)) == 1 else 1 for name, each in every.items()}
 
     def at(self, theta: Theta, vectors: int, count: int) -> Iterator[Poles]:

@@ -41,7 +41,7 @@ def check(
         from dovetail.report.svg import FIGURE_SUFFIXES
 
         check_new_files(output, FIGURE_SUFFIXES, overwrite)
-    with unobserved():  # its doubts are part of the summary
+    with unobserved():  # its warnings are part of the summary
         loaded = dovetail.load(assembly, plugins=plugin or ())
     summary = assembly_summary(loaded)
     if as_json:
@@ -93,10 +93,10 @@ def _print(assembly: Assembly, summary: dict[str, Any]) -> None:
         heading("What the model leaves out")
         for omission in summary["omissions"]:
             say(omission)
-    if summary["doubts"]:
+    if summary["warnings"]:
         heading("What looks wrong")
-        for doubt in summary["doubts"]:
-            say(doubt)
+        for warning in summary["warnings"]:
+            say(warning)
 
 
 def _print_dofs(summary: dict[str, Any]) -> None:

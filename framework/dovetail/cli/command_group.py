@@ -16,7 +16,7 @@ from typer.core import TyperGroup
 from dovetail.cli.commands import INTERRUPTED, TYPED
 from dovetail.cli.option_names import with_options
 from dovetail.cli.terminal import say_on_stderr, waiting
-from dovetail.cli.warning_notes import doubts_as_notes, warnings_as_notes
+from dovetail.cli.warning_notes import suspicious_values_as_notes, warnings_as_notes
 from dovetail.errors import DovetailError, Fault, PluginError, contained, did_you_mean, limit_exceeded
 from dovetail.plain_text import terminal_text
 from dovetail.registry import Command, CommandOffer, CommandTable
@@ -121,7 +121,7 @@ class Commands(TyperGroup):
 
     def invoke(self, ctx: Any) -> Any:
         """Run a command, and convert exceptions to a message and an exit code."""
-        with _explained_faults(), _escaped_usage_errors(), warnings_as_notes(), doubts_as_notes(), waiting():
+        with _explained_faults(), _escaped_usage_errors(), warnings_as_notes(), suspicious_values_as_notes(), waiting():
             return super().invoke(ctx)
 
 

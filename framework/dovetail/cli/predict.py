@@ -63,12 +63,12 @@ def predict(
 
         title(f"{loaded.name}: predicted with the joint identified from {measurement_names(identified)}")
         say_warning(identified)
-        doubt = "" if identified.is_trustworthy else NOT_TRUSTWORTHY
-        rows = [(p.name, quantity_text(values[p.name], p), doubt) for p in loaded.parameters]
-        rows += [(name, f"{sign:g}", doubt) for name, sign in signs.items()]
+        remark = "" if identified.is_trustworthy else NOT_TRUSTWORTHY
+        rows = [(p.name, quantity_text(values[p.name], p), remark) for p in loaded.parameters]
+        rows += [(name, f"{sign:g}", remark) for name, sign in signs.items()]
         if rows:
             table(["parameter", "value", "note"], rows)
-        heading(f"Natural frequencies, {doubt}" if doubt else "Natural frequencies")
+        heading(f"Natural frequencies, {remark}" if remark else "Natural frequencies")
         say_natural_frequencies(natural, damping, reason)
     for file in (*files, *bands):
         note(f"Written: {file}")

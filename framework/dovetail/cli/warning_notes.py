@@ -41,17 +41,17 @@ def warnings_as_notes() -> Iterator[None]:
 
 
 @contextmanager
-def doubts_as_notes() -> Iterator[None]:
+def suspicious_values_as_notes() -> Iterator[None]:
     """Print on stderr what looks wrong in each description that a command loads, once."""
     printed: set[str] = set()
 
     def show(assembly: Assembly) -> None:
-        from dovetail.assembly import find_doubts
+        from dovetail.assembly import find_warnings
 
-        for doubt in find_doubts(assembly):
-            if doubt not in printed:
-                note(f"This looks wrong: {doubt}")
-            printed.add(doubt)
+        for warning in find_warnings(assembly):
+            if warning not in printed:
+                note(f"This looks wrong: {warning}")
+            printed.add(warning)
 
     with observing_loads(show):
         yield

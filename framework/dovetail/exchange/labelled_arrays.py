@@ -140,7 +140,7 @@ def _posterior_arrays(posterior: Posterior) -> Any:
     structured = {
         "model_error": asdict(posterior.model_error),
         "evidence": None if posterior.evidence is None else asdict(posterior.evidence),
-        "doubts": dict(posterior.doubts),
+        "moved_by_causes": dict(posterior.moved_by_causes),
         "unreliable": posterior.unreliable,
         "normal": posterior.normal,
     }
@@ -159,7 +159,7 @@ def _posterior_from(arrays: Any) -> Posterior:
         **{name: attributes[name] for name in _SCALARS},
         model_error=ModelError(**json.loads(attributes["model_error"])),
         evidence=None if evidence is None else Evidence(**evidence),
-        doubts=json.loads(attributes["doubts"]),
+        moved_by_causes=json.loads(attributes["moved_by_causes"]),
         unreliable=tuple(json.loads(attributes["unreliable"])),
         normal=tuple(json.loads(attributes["normal"])),
     )

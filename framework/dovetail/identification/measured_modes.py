@@ -42,7 +42,7 @@ class MeasuredModes:
     @cached_property
     def problem(self) -> ModalProblem:
         """The problem of these modes."""
-        return ModalProblem.of_table(self.described, self.table)
+        return ModalProblem.from_table(self.described, self.table)
 
     def result(
         self,

@@ -216,7 +216,7 @@ def parameter_table(
     estimates = {} if posterior is None else dict(zip(posterior.names, posterior.estimate.tolist(), strict=True))
     verdicts = {} if posterior is None else posterior.verdicts
     groups = {} if posterior is None or warning else posterior.groups
-    doubtful = () if posterior is None else posterior.unreliable
+    unreliable = () if posterior is None else posterior.unreliable
     unjudged = Verdict(NOT_TRUSTWORTHY, 0.0, warning) if warning else None
     rows = []
     for name, parameter in parameters.items():
@@ -235,7 +235,7 @@ def parameter_table(
                 precision="" if judged is None else judged.precision,
                 factor=None if judged is None or warning else judged.factor,
                 verdict="" if judged is None else judged.word,
-                why=f"{why} The interval is not to be trusted." if name in doubtful else why,
+                why=f"{why} The interval is not to be trusted." if name in unreliable else why,
                 range_low=parameter.lower,
                 range_high=parameter.upper,
                 scale=parameter.scale,

@@ -126,19 +126,19 @@ class Identification:
     def __post_init__(self) -> None:
         """Make mappings read-only, order the warnings, and hand the warning to what may be used by itself.
 
-        That is the posterior, with the doubts, and the reconstructed FRFs. Where a model is off that does not fit is
-        where its FRFs and the measured ones agree poorly.
+        These are the posterior, which also gets the parameters that causes move, and the reconstructed FRFs. The bands
+        of a model that does not fit are those in which its FRFs and the measured ones agree poorly.
         """
         self.__setstate__(dict(self.__dict__))
         object.__setattr__(self, "warnings", by_importance(self.warnings))
         if self.posterior is not None:
             definitions = [parameter.definition for parameter in self.parameters.values()]
-            doubts = (
+            moved = (
                 {}
                 if self.adequacy is None
                 else self.adequacy.parameters_moved_by_causes(self.posterior.interval(), definitions)
             )
-            object.__setattr__(self, "posterior", replace(self.posterior, warning=self.warning, doubts=doubts))
+            object.__setattr__(self, "posterior", replace(self.posterior, warning=self.warning, moved_by_causes=moved))
         if self.adequacy is not None and not self.is_trustworthy:
             bands = tuple(band for response in self.responses for band in response.poor_bands)
             object.__setattr__(self, "adequacy", replace(self.adequacy, bands=bands))

@@ -78,7 +78,7 @@ class _StoredSamples(_Stored):
 
 
 class _StoredParameter(_Stored):
-    doubtful: bool = False
+    unreliable: bool = False
 
 
 class _StoredPosterior(_Stored):
@@ -343,7 +343,7 @@ def _posterior(file: Path, parameters: Mapping[str, IdentifiedParameter], stored
         form=stored.form,
         mode=None if stored.mode is None else np.array(stored.mode),
         log_likelihood=None if log_likelihood is None else np.array(log_likelihood),
-        unreliable=tuple(name for name, parameter in stored.parameters.items() if parameter.doubtful),
+        unreliable=tuple(name for name, parameter in stored.parameters.items() if parameter.unreliable),
         normal=tuple(parameter.name for parameter in ranges if parameter.prior == "normal"),
         evidence=stored.evidence,
         effective=stored.effective_samples,

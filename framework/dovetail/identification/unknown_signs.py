@@ -57,6 +57,6 @@ def _sign(problem: Problem, theta: NDArray[np.float64]) -> float:
     agreements = np.cos(np.angle(np.conj(model) * values)).mean(axis=1)
     sign = 1.0 if not frf.has_phase or agreements.max() >= -agreements.min() else -1.0
     if frf.has_phase and (agreement := float((sign * agreements).max())) < _CLEAR_SIGN:
-        doubt = f"phases agree with the model's as little with one sign as with the other (mean cosine {agreement:.2f})"
-        warnings.warn(f"{frf.label or response.name}: {doubt}; {sign:+g} was taken. State the sign.", stacklevel=2)
+        agree = f"phases agree with the model's as little with one sign as with the other (mean cosine {agreement:.2f})"
+        warnings.warn(f"{frf.label or response.name}: {agree}; {sign:+g} was taken. State the sign.", stacklevel=2)
     return sign

@@ -77,7 +77,7 @@ class NodeDofs:
     carriers: Mapping[int, tuple[int, tuple[float, float, float]]] = field(default_factory=dict, compare=False)
 
     @staticmethod
-    def of_nodes(nodes: Sequence[Any]) -> NodeDofs:
+    def from_nodes(nodes: Sequence[Any]) -> NodeDofs:
         """Return the DOFs of nodes with `directions`, `coordinates` and `carrier`."""
         carriers = {
             number: (node.carrier, tuple(np.subtract(node.coordinates, nodes[node.carrier].coordinates).tolist()))
@@ -95,7 +95,7 @@ class NodeDofs:
         """Number of DOFs."""
         return self._first[-1]
 
-    def of_node(self, node: int) -> range:
+    def at_node(self, node: int) -> range:
         """Return the DOFs of a node."""
         return range(self._first[node], self._first[node + 1])
 
@@ -129,7 +129,7 @@ class NodeDofs:
             return tuple(zip(weights.values(), self.among([node], weights), strict=True))
         carrier, way = self.carriers[node]
         motion = sum(weight * carried(np.asarray(way))[DIRECTIONS.index(each)] for each, weight in weights.items())
-        return tuple((float(motion[axis]), self.of_node(carrier)[axis]) for axis in np.flatnonzero(motion))
+        return tuple((float(motion[axis]), self.at_node(carrier)[axis]) for axis in np.flatnonzero(motion))
 
     @cached_property
     def _owners(self) -> tuple[tuple[int, str], ...]:

@@ -144,7 +144,7 @@ class SubstructureModel(Component):
         """Return the same part with a mesh `factor` times as fine, or None if it has no mesh."""
         return None
 
-    def doubts(self, frequency: float) -> Sequence[str]:  # noqa: ARG002
+    def warnings(self, frequency: float) -> Sequence[str]:  # noqa: ARG002
         """Return warnings about this part for frequencies up to `frequency` [Hz]; by default none."""
         return ()
 
@@ -174,7 +174,7 @@ class SubstructureModel(Component):
     @property
     def node_dofs(self) -> NodeDofs:
         """The numbers of the nodes' DOFs."""
-        return NodeDofs.of_nodes(self.nodes)
+        return NodeDofs.from_nodes(self.nodes)
 
     @abstractmethod
     def matrices(self) -> StructuralMatrices | SparseMatrices | None:

@@ -102,7 +102,7 @@ class FreeText:
         Units and quantities in running text, which count only if nothing else gives one, and units that are not
         understood.
     sentences : list of Statement
-        Units in sentences such as "values are in g/N", which must not contradict what is stated elsewhere; without
+        Units in sentences such as "values are in g/N", which must not contradict what is given elsewhere; without
         such a statement they are mentions.
     claims : list of FieldClaim
         Units of the phase, the coherence and the variance, and scales of the amplitude.
@@ -153,8 +153,8 @@ def read_statements(statements: Sequence[Statement], skip: Sequence[str] = ()) -
         As in `read_texts`.
     """
     found = read_texts(((one.key, one.text, one.where) for one in statements if one.about == "text"), skip)
-    stated = [*(one for one in statements if one.about != "text"), *found.statements]
-    return replace(found, statements=stated)
+    joined = [*(one for one in statements if one.about != "text"), *found.statements]
+    return replace(found, statements=joined)
 
 
 def _read_pair(free_text: FreeText, pair: Pair, where: str) -> None:

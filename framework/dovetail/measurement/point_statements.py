@@ -97,8 +97,8 @@ def title_points(text: str) -> tuple[PointStatement, ...]:
     """Return what a title, or a line of a few words, says of points."""
     if re.search(r"[:=\t]", _bare(text)):
         return ()
-    if stated := tuple(_in_sentence(text)):
-        return stated
+    if found := tuple(_in_sentence(text)):
+        return found
     is_short = 0 < len(words_of(text)) <= _MOST_OF_TITLE
     return (PointStatement("point", _bare(text), "title"),) if is_short else ()
 

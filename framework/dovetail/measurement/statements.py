@@ -126,12 +126,12 @@ def meaning_of_file(statements: Sequence[Statement], free_text: FreeText) -> tup
     MeasurementError
         As `interpret`.
     """
-    stated = [*statements, *free_text.statements]
-    meaning, mentions = interpret(stated), list(free_text.mentions)
+    every = [*statements, *free_text.statements]
+    meaning, mentions = interpret(every), list(free_text.mentions)
     for sentence in free_text.sentences:
         is_axis = sentence.about == "axis unit"
         if meaning.axis_factor is not None if is_axis else meaning.unit:
-            interpret([*stated, sentence])
+            interpret([*every, sentence])
         elif is_axis or (reading := read_unit(sentence.text)) is None or reading.factor != 1.0:
             mentions.append(sentence if is_axis else sentence._replace(about="unit"))
     return meaning, mentions

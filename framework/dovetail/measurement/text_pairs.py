@@ -94,8 +94,8 @@ def pairs_of(name: str, text: str) -> Iterator[Pair]:
         yield from (Pair(*entry) for entry in entries)
         return
     clauses = [_UNIT_IS.fullmatch(part.strip(" .")) for part in re.split(r"[,;]\s+|\sand\s", line)]
-    if stated := [Pair(one["key"], one["unit"]) for one in clauses if one is not None and _is_unit(one["unit"])]:
-        yield from stated
+    if pairs := [Pair(one["key"], one["unit"]) for one in clauses if one is not None and _is_unit(one["unit"])]:
+        yield from pairs
         return
     parts = _NEXT_KEY.split(line)
     if len(parts) > 1 and all(map(_KEY.fullmatch, parts)):

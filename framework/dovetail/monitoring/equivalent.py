@@ -128,9 +128,9 @@ def _tabulated(
         here, own = unknowns.elsewhere(test, {**test.covariates, over: covariate})
         fractions, jacobian = here.linearise(np.append(known, np.zeros(len(own)))[np.newaxis])
         slopes = jacobian[0][columns]
-        of_laws, scatter = slopes[:, : len(known)], slopes[:, len(known) :]
+        law_slopes, scatter = slopes[:, : len(known)], slopes[:, len(known) :]
         positions[row] = fractions[0, columns]
-        covariance[row] = of_laws @ shared @ of_laws.T + scatter @ scatter.T
+        covariance[row] = law_slopes @ shared @ law_slopes.T + scatter @ scatter.T
     return LawCurve(over, series.covariates[over].unit, grid, columns, positions, covariance)
 
 

@@ -244,8 +244,8 @@ def latin_hypercube(count: int, size: int, random: np.random.Generator) -> NDArr
     """
     within = random.uniform(size=(count, size))
     slices = np.tile(np.arange(1, count + 1), (size, 1))
-    for of_coordinate in slices:
-        random.shuffle(of_coordinate)
+    for fractions in slices:
+        random.shuffle(fractions)
     return np.asarray((slices.T - within) / count)
 
 

@@ -259,8 +259,8 @@ class _Searches:
         self._steps[rows] += 1
         decrease, count = self._cost[rows] - there.cost, there.residuals.shape[1]
         with np.errstate(over="ignore"):
-            of_barrier = np.sum(barrier * (step / np.maximum(scale, _TINY)) ** 2, axis=1)
-            ratio = (decrease - of_barrier) / np.maximum(model.decrease(velocity), _TINY)
+            barrier_cost = np.sum(barrier * (step / np.maximum(scale, _TINY)) ** 2, axis=1)
+            ratio = (decrease - barrier_cost) / np.maximum(model.decrease(velocity), _TINY)
         grown = np.where((ratio > 0.75) & (length > 0.95 * radius), 2.0 * radius, radius)
         grown = np.where(trusted, grown, np.minimum(grown, 0.5 * length))
         self._radius[rows] = np.where(ratio >= 0.25, grown, 0.25 * length)

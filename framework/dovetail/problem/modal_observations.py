@@ -129,11 +129,11 @@ class ModelModes(ModelFrfs):
             matched, lacking = self.matched(poles), np.zeros((1, theta.shape[1]))
             s, ds = np.append(poles, 0.0)[matched], np.vstack([derivatives, lacking])[matched]
             size = np.maximum(np.abs(s), np.finfo(float).tiny)
-            of_size = (np.conj(s)[:, None] * ds).real / size[:, None]
-            numbers, jacobian = [np.abs(s) / (2.0 * np.pi)], [of_size / (2.0 * np.pi)]
+            size_jacobian = (np.conj(s)[:, None] * ds).real / size[:, None]
+            numbers, jacobian = [np.abs(s) / (2.0 * np.pi)], [size_jacobian / (2.0 * np.pi)]
             if self.table.damping_ratio is not None:
                 numbers.append(-s.real / size)
-                jacobian.append((-ds.real + (s.real / size)[:, None] * of_size) / size[:, None])
+                jacobian.append((-ds.real + (s.real / size)[:, None] * size_jacobian) / size[:, None])
             yield np.concatenate(numbers).astype(complex), np.concatenate(jacobian).astype(complex)
 
 
@@ -250,7 +250,7 @@ class ModalProblem(Problem):
     observations: ModalObservations
 
     @staticmethod
-    def of_table(assembly: Assembly, table: ModalParameters) -> ModalProblem:
+    def from_table(assembly: Assembly, table: ModalParameters) -> ModalProblem:
         """Return the problem of a table.
 
         Raises

@@ -93,7 +93,7 @@ class StackedResiduals(Residual, Generic[_Kind]):
         if all(factors is None for factors, _ in pairs):
             return None, self
         each = zip(pairs, self.counts, strict=True)
-        factors = [np.ones(count) if of_one is None else of_one for (of_one, _), count in each]
+        factors = [np.ones(count) if factor is None else factor for (factor, _), count in each]
         return joined(factors, axis=0), StackedResiduals(tuple(residual for _, residual in pairs), self.counts)
 
     @property
@@ -123,8 +123,8 @@ class StackedResiduals(Residual, Generic[_Kind]):
     @property
     def _lines(self: StackedResiduals[Weighted]) -> NDArray[np.intp]:
         """(m,) the line of each residual."""
-        of_each = np.repeat([2 if residual.has_phase else 1 for residual in self.responses], self.counts)
-        return np.repeat(np.arange(sum(self.counts)), of_each)
+        numbers_per_line = np.repeat([2 if residual.has_phase else 1 for residual in self.responses], self.counts)
+        return np.repeat(np.arange(sum(self.counts)), numbers_per_line)
 
     def _split(self, values: NDArray[np.complex128]) -> list[NDArray[np.complex128]]:
         return [values] if len(self.counts) == 1 else np.split(values, np.cumsum(self.counts)[:-1], axis=-1)

@@ -14,7 +14,7 @@ import numpy as np
 from dovetail.documents.fault_list import FaultList
 from dovetail.errors import DovetailError, UnitError, listing
 from dovetail.interfaces import Parameter
-from dovetail.measurement.stated_values import stated_values
+from dovetail.measurement.named_values import named_values
 from dovetail.registry import Registry
 from dovetail.series.description import Covariate, Role, SeriesTest
 from dovetail.units import to_si
@@ -121,7 +121,7 @@ def check_covariates_of_file(
     if not wanted:
         return
     with suppress(DovetailError):  # where the file is read, this is reported
-        for key, text, where in stated_values(file, registry, options.get("reader")):
+        for key, text, where in named_values(file, registry, options.get("reader")):
             name = wanted.get(key)
             if name is None or (given := _in_si(text, covariates[name].unit)) is None:
                 continue

@@ -149,7 +149,7 @@ def sample_series(
         sampler = _Sampler(unknowns, tests, fit, np.random.default_rng([seed, 21]), progress)
         points, log_weight = sampler.search(samples)
         log_density = log_weight + sampler.log_constant
-        evidence = Evidence.of_weights(log_density, samples), least_log_evidence(log_density, samples)
+        evidence = Evidence.from_weights(log_density, samples), least_log_evidence(log_density, samples)
         effective = effective_sample_size(log_weight)
         z, efficiency = points.z, effective / samples
         if efficiency < _SETTINGS.even_weights:

@@ -198,7 +198,7 @@ def substructure_matrices(substructure: SubstructureModel) -> StructuralMatrices
     where = f"substructure model '{substructure.name}'"
     if not isinstance(matrices, (StructuralMatrices, SparseMatrices)):
         raise PluginError(Fault(where, f"it returns {type(matrices).__name__}.", "StructuralMatrices, SparseMatrices"))
-    least = NodeDofs.of_nodes(substructure.nodes).size
+    least = NodeDofs.from_nodes(substructure.nodes).size
     if matrices.K.ndim != 2 or matrices.size < least:
         problem = (
             f"its matrices have the shape {matrices.K.shape}, but its {len(substructure.nodes)} nodes need {least}"

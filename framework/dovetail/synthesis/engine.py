@@ -294,11 +294,11 @@ class Engine:
 
     def _block_size(self, plan: Plan, count: int, *, derivatives: bool) -> int:
         """Return the number of samples in a block: enough to use the cache well, and some for every thread."""
-        of_sample = len(self.system.frequency) * plan.program.multiplications
-        of_sample *= SETTINGS.with_derivatives if derivatives else 1
-        if not plan.spectral.joints and count * of_sample < SETTINGS.threaded_multiplications:
+        multiplications = len(self.system.frequency) * plan.program.multiplications
+        multiplications *= SETTINGS.with_derivatives if derivatives else 1
+        if not plan.spectral.joints and count * multiplications < SETTINGS.threaded_multiplications:
             return count
-        fewest = min(SETTINGS.fewest_samples, -(-SETTINGS.threaded_multiplications // of_sample))
+        fewest = min(SETTINGS.fewest_samples, -(-SETTINGS.threaded_multiplications // multiplications))
         size = min(SETTINGS.most_samples, max(int(fewest), -(-count // self.threads)))
         if plan.spectral.joints:
             size = min(size, int(SETTINGS.spectral_bytes / plan.spectral.bytes_per_sample(derivatives=derivatives)))

@@ -69,7 +69,7 @@ class Graph:
     @cached_property
     def _dofs(self) -> dict[str, NodeDofs]:
         """The DOFs of each substructure's nodes."""
-        return {name: NodeDofs.of_nodes(part.nodes) for name, part in self.substructures.items()}
+        return {name: NodeDofs.from_nodes(part.nodes) for name, part in self.substructures.items()}
 
     @cached_property
     def _numbering(self) -> tuple[dict[str, NDArray[np.intp]], dict[str, NDArray[np.intp]], int]:

@@ -129,12 +129,12 @@ class SuperposedJoints:
         """Return the pairs of a joint with entries that are not planned for."""
         functions, sets = self._pairs[name]
         planned = self._system.sparsity[name]
-        of_set = planned.derivatives if self._slopes else planned.matrices[np.newaxis]
+        filled = planned.derivatives if self._slopes else planned.matrices[np.newaxis]
         return np.array(
             [
                 pair
                 for pair, (function, number) in enumerate(zip(functions, sets, strict=True))
-                if number >= 0 and (self._joints[name].filled([function], MATRICES) & ~of_set[number]).any()
+                if number >= 0 and (self._joints[name].filled([function], MATRICES) & ~filled[number]).any()
             ],
             dtype=np.intp,
         )
@@ -204,18 +204,18 @@ class KernelInputs:
 
     def static(self) -> tuple[tuple[tuple[int, int], ...], Iterator[NDArray[np.float64]]]:
         """Return slot and part (0 real, 1 imaginary) of the substructures' non-zero rows, and these rows (n_freq,)."""
-        of_slots = defaultdict[int, list[NDArray[np.complex128]]](list)
+        slot_values = defaultdict[int, list[NDArray[np.complex128]]](list)
         for boundary in self._system.condensed.values():
             local, indices = self._system.locate(boundary.numbers)
             entry = boundary.entry[np.ix_(local, local)]
             for row, column, slot in self._entries(indices, entry >= 0):
-                of_slots[slot].append(boundary.values[entry[row, column]])
+                slot_values[slot].append(boundary.values[entry[row, column]])
 
         def row_of(slot: int, half: int) -> NDArray[np.float64]:
-            parts = [values.view(np.float64)[half::2] for values in of_slots[slot]]
+            parts = [values.view(np.float64)[half::2] for values in slot_values[slot]]
             return np.asarray(np.sum(parts, axis=0)) if len(parts) > 1 else parts[0]
 
-        keys = tuple((slot, half) for slot in sorted(of_slots) for half in (0, 1) if row_of(slot, half).any())
+        keys = tuple((slot, half) for slot in sorted(slot_values) for half in (0, 1) if row_of(slot, half).any())
         return keys, (row_of(*key) for key in keys)
 
     @cached_property

@@ -249,7 +249,7 @@ def _outcome(label: str, name: str, check: _Check, subjects: Sequence[tuple[Any,
     """Run one check over all subjects: (its argument, the component whose code it runs, words for the example)."""
     reasons: list[str] = []
     remarks: list[str] = []
-    doubts: list[CheckResult] = []
+    reservations: list[CheckResult] = []
     for subject, component, example in subjects:
         try:
             with plugin_errors(component, label), warnings.catch_warnings():
@@ -258,14 +258,16 @@ def _outcome(label: str, name: str, check: _Check, subjects: Sequence[tuple[Any,
                     remarks.append(f"{example}{measured}")
         except NotApplicable as reason:
             reasons.append(str(reason))
-        except Reservation as doubt:
-            doubts.append(CheckResult(label, name, "warning", f"{example}{doubt.problem}", doubt.remedy))
+        except Reservation as reservation:
+            reservations.append(
+                CheckResult(label, name, "warning", f"{example}{reservation.problem}", reservation.remedy)
+            )
         except Nonconformity as fault:
             return CheckResult(label, name, "failed", f"{example}{fault.problem}", fault.remedy)
         except Exception as error:  # a plugin may raise or return anything
             return CheckResult(label, name, "failed", f"{example}{_failure_text(error)}", _REMEDY)
-    if doubts:
-        return doubts[0]
+    if reservations:
+        return reservations[0]
     if len(reasons) == len(subjects):
         return CheckResult(label, name, "not applicable", reasons[0])
     return CheckResult(label, name, "passed", "; ".join(remarks))

@@ -83,5 +83,5 @@ def _along_first(part: SubstructureModel) -> NDArray[np.float64]:
 
 def _at_the_ends(part: SubstructureModel) -> NDArray[np.complex128]:
     positions = [node.position for node in part.nodes]
-    ends = [part.node_dofs.of_node(int(choose(positions)))[0] for choose in (np.argmin, np.argmax)]
+    ends = [part.node_dofs.at_node(int(choose(positions)))[0] for choose in (np.argmin, np.argmax)]
     return part.receptance(FREQUENCY.copy(), ends)

@@ -67,7 +67,7 @@ def check_every_node_and_dof_is_used(specimen: SubstructureSpecimen) -> None:
     _only_if_movable(specimen)
     filled = np.any([(dense(getattr(matrices, part)) != 0).any(axis=0) for part in PARTS], axis=0)
     own = [node for node in range(len(dofs.directions)) if node not in dofs.carriers]
-    idle = ~np.array([filled[list(dofs.of_node(node))].any() for node in own])
+    idle = ~np.array([filled[list(dofs.at_node(node))].any() for node in own])
     if idle.any():
         label = specimen.component.nodes[own[int(np.argmax(idle))]].label
         raise Nonconformity(f"no matrix has an entry for the node '{label}'.", "Connect it to the part, or remove it.")

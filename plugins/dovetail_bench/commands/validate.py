@@ -91,8 +91,8 @@ def _print(done: Validation) -> None:
     title(done.title)
     say_warning(done)
     print_table(validation_table(done.cases))
-    if doubtful := [result.case.name for result in done.cases if not result.is_trustworthy]:
-        say(f"Joints {NOT_TRUSTWORTHY}: {', '.join(doubtful)}.")  # a narrow terminal cuts the last column off
+    if untrusted := [result.case.name for result in done.cases if not result.is_trustworthy]:
+        say(f"Joints {NOT_TRUSTWORTHY}: {', '.join(untrusted)}.")  # a narrow terminal cuts the last column off
 
 
 def _markdown(done: Validation) -> str:

@@ -78,12 +78,12 @@ def calibration_times(calibration: Calibration) -> str:
     """Return sentences on the time of the cases, the effective samples, and the results that are not trustworthy."""
     plain = calibration.to_dict()
     seconds, effective, count = plain["seconds"], plain["effective_samples"], plain["not_trustworthy"]
-    doubt = f" Results that are not trustworthy: {count}; they count like the others." if count else ""
+    note = f" Results that are not trustworthy: {count}; they count like the others." if count else ""
     at_once = "on a cluster" if calibration.workers is None else f"{calibration.workers} at once"
     return (
         f"{plain['cases']} cases in {calibration.wall_seconds:.0f} s, {at_once}; each "
         f"{seconds['median']:.1f} s in the median, {seconds['most']:.1f} s at most. Effective samples: "
-        f"{effective['median']:.0f} in the median, {effective['least']:.0f} at least.{doubt}"
+        f"{effective['median']:.0f} in the median, {effective['least']:.0f} at least.{note}"
     )
 
 

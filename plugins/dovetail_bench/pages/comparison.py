@@ -91,16 +91,16 @@ def _not_trustworthy(rows: Iterable[Compared], name: Callable[[Compared], str]) 
 def comparison_tables(comparison: Comparison) -> dict[str, Table]:
     """Return mean coherence (Table 4), resonances (Table 5), times and parameters, by the names of their files."""
     method = Column("method", "method", is_number=False)
-    doubt = Column("not trustworthy", "not_trustworthy", is_number=False)
+    untrusted = Column("not trustworthy", "not_trustworthy", is_number=False)
     case = Column("case", "case", is_number=False)
     peaks = [Column("mode", "mode"), Column("measured [Hz]", "measured_Hz")]
     times = [Column("training", "training_s"), Column("one identification (median)", "identification_s")]
     cases = [Column(case.name, case.name) for case in comparison.cases]
     methods = [Column(name, name) for name in comparison.methods]
     return {
-        "coherence": Table([method, *cases, doubt], list(_coherence_rows(comparison))),
-        "frequencies": Table([case, *peaks, *methods, doubt], list(_frequency_rows(comparison))),
-        "times": Table([method, *times, doubt], list(_time_rows(comparison))),
+        "coherence": Table([method, *cases, untrusted], list(_coherence_rows(comparison))),
+        "frequencies": Table([case, *peaks, *methods, untrusted], list(_frequency_rows(comparison))),
+        "times": Table([method, *times, untrusted], list(_time_rows(comparison))),
         "parameters": Table([Column(name, name) for name in _PARAMETERS], list(parameter_value_rows(comparison))),
     }
 
@@ -125,8 +125,8 @@ def _frequency_rows(comparison: Comparison) -> Iterator[Row]:
         compared = comparison.of(case)
         for index, (measured, _) in enumerate(next(iter(compared.values())).peaks):
             errors = [_error(compared[method].peaks[index]) for method in comparison.methods]
-            doubted = _not_trustworthy(compared.values(), lambda row: row.method)
-            yield [case.name, index + 1, hertz(measured), *errors, doubted]
+            untrusted = _not_trustworthy(compared.values(), lambda row: row.method)
+            yield [case.name, index + 1, hertz(measured), *errors, untrusted]
 
 
 def _error(peak: tuple[float, float | None]) -> str:

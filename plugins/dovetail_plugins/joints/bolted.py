@@ -179,6 +179,6 @@ class Bolted(JointModel):
             (dof, 0.5 / len(middle))
             for side in (0, 1)
             for node in middle
-            for dof in self.node_dofs.of_node(side * nodes + node)
+            for dof in self.node_dofs.at_node(side * nodes + node)
             if self.node_dofs[dof][1] in DIRECTIONS[:3]
         ]

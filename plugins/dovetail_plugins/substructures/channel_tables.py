@@ -50,7 +50,7 @@ class ChannelTable:
         """Names of the channels or impacts."""
         return self.dofs.names
 
-    def of_group(self, group: str) -> tuple[int, ...]:
+    def rows_in_group(self, group: str) -> tuple[int, ...]:
         """Return the numbers of those in a group."""
         return tuple(number for number, each in enumerate(self.groups) if each == group)
 

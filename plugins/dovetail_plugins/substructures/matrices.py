@@ -219,7 +219,7 @@ class Matrices(SubstructureModel):
         self.reduced: ReducedPart | None = None
         self._matrices = self._arranged(model)
 
-    def doubts(self, frequency: float) -> list[str]:
+    def warnings(self, frequency: float) -> list[str]:
         """Report a reduction that leaves out too much for frequencies up to `frequency` [Hz]."""
         if self.reduced is None or (shift := self.reduced.largest_shift(frequency)) <= _LARGEST_SHIFT:
             return []

@@ -34,9 +34,9 @@ def check_stated_units(texts: Iterator[tuple[str, str]]) -> None:
         match = _ABOUT_UNITS.search(text.replace("_", " "))
         if match is None:
             continue
-        stated = text.replace("_", " ")[match.end() :].strip(" :=,;'\"")
-        short = [word for word in _WORDS.findall(stated) if len(word) <= 4]
-        if stated and short and not {word.lower() for word in short} <= _SI:
+        remark = text.replace("_", " ")[match.end() :].strip(" :=,;'\"")
+        short = [word for word in _WORDS.findall(remark) if len(word) <= 4]
+        if remark and short and not {word.lower() for word in short} <= _SI:
             problem = f"the file says '{text.strip()[:80]}', and its numbers are read in SI units."
             remedy = "Give 'units' in the description: {length: 1 mm, mass: 1 t, stiffness: 1 N/mm}, or those of SI."
             raise DovetailError(Fault(where, problem, "m, kg, N/m", remedy))

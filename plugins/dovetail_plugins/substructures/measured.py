@@ -23,7 +23,7 @@ from dovetail import (
     SubstructureModel,
     write_receptance,
 )
-from dovetail_plugins.substructures.measured_checks import check_drive_points, matrix_doubts, reciprocal
+from dovetail_plugins.substructures.measured_checks import check_drive_points, matrix_warnings, reciprocal
 from dovetail_plugins.substructures.receptance_files import (
     KnownReceptance,
     from_archive,
@@ -179,7 +179,7 @@ class Measured(SubstructureModel):
             check_drive_points(matrix, names, file, most=0.5)
         except DovetailError as error:
             (fault,) = error.faults
-            worst = " ".join(interface.doubts(np.inf))
+            worst = " ".join(interface.warnings(np.inf))
             remedy = f"{worst[:1].upper()}{worst[1:]}" or fault.remedy
             raise DovetailError(Fault(fault.where, fault.problem, fault.accepted, remedy)) from None
         places = {name: tuple(section.at) for name, section in self.config.points.items()}
@@ -195,16 +195,16 @@ class Measured(SubstructureModel):
         """The DOFs that were not measured."""
         return frozenset(range(self.node_dofs.size)) - set(self._known.dofs)
 
-    def doubts(self, frequency: float) -> Sequence[str]:
+    def warnings(self, frequency: float) -> Sequence[str]:
         """Return warnings about channels that do not fit the others, about reciprocity and about power."""
         wanted = self._known.matrix.frequency <= frequency
         if not wanted.any():
             return ()
         names = [f"{self.nodes[node].label} {each}" for node, each in map(self.node_dofs.__getitem__, self._known.dofs)]
         if self._interface is None:
-            return (*matrix_doubts(self._known.matrix.values[wanted], names),)
+            return (*matrix_warnings(self._known.matrix.values[wanted], names),)
         values = self._interface.matrix("").values[wanted]
-        return (*self._interface.doubts(frequency), *matrix_doubts(values, names))
+        return (*self._interface.warnings(frequency), *matrix_warnings(values, names))
 
     def matrices(self) -> StructuralMatrices | None:
         """Return None: a measurement has no matrices."""

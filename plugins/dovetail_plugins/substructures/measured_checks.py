@@ -79,7 +79,7 @@ def reciprocal(matrix: ReceptanceMatrix, names: Sequence[str], file: str) -> Rec
     return replace(matrix, values=(matrix.values + mirrored) / 2.0)
 
 
-def matrix_doubts(values: NDArray[np.complex128], names: Sequence[str]) -> Iterator[str]:
+def matrix_warnings(values: NDArray[np.complex128], names: Sequence[str]) -> Iterator[str]:
     """Yield warnings about receptances (n_freq, n, n) that differ in both directions, or together deliver power."""
     scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diagonal(values, axis1=1, axis2=2)), np.finfo(np.float64).tiny))
     balanced = values * scale[:, :, np.newaxis] * scale[:, np.newaxis, :]

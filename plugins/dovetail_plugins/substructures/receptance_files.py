@@ -66,7 +66,7 @@ class KnownReceptance:
             directions = PLANAR if planar else tuple(each for each in DIRECTIONS if each in own)
             point = at if isinstance(at, tuple) else None
             nodes.append(Node(label, 0.0 if isinstance(at, tuple) else at, directions, point))
-        numbers, labels = NodeDofs.of_nodes(nodes), list(place_of)
+        numbers, labels = NodeDofs.from_nodes(nodes), list(place_of)
         dofs = tuple(numbers.among([labels.index(node)], [each])[0] for node, each in pairs)
         return KnownReceptance(matrix, tuple(nodes), dofs)
 

@@ -67,7 +67,7 @@ class RigidBody(SubstructureModel):
 
     @classmethod
     def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
-        """Return a body with one node, and one with two nodes beside its centre of mass."""
+        """Return a body with one node, and one with two nodes away from its centre of mass."""
         cube = {"mass": "2 kg", "inertia": ["3e-3 kg m^2", "3e-3 kg m^2", "3e-3 kg m^2"]}
         ends = {"left": ["-30 mm", "0 mm", "10 mm"], "right": ["30 mm", "0 mm", "10 mm"]}
         return cube, {**cube, "nodes": ends, "products": ["1e-4 kg m^2", "0 kg m^2", "0 kg m^2"]}

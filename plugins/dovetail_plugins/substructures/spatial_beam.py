@@ -29,7 +29,7 @@ _Length = Annotated[float, InUnit("m")]
 
 
 class OffsetSection(Section):
-    """A length of beam whose centroid may lie beside the line of the nodes.
+    """A length of beam whose centroid may lie off the line of the nodes.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class SpatialBeam(SubstructureModel):
 
     Bending in each plane is that of `timoshenko_beam`. Warping of rectangular sections is not resisted, and bending and
     torsion are not coupled within a section, whose centroid and shear centre coincide. With an `offset` the nodes lie
-    beside the centroids, as on the face of a bar, and their extension then bends it.
+    away from the centroids, as on the face of a bar, and their extension then bends it.
     """
 
     name = "spatial_beam"
@@ -92,9 +92,9 @@ class SpatialBeam(SubstructureModel):
         """The same beam in the plane of x."""
         return TimoshenkoBeam(TimoshenkoBeam.Config(material=self.config.material, sections=self.config.sections))
 
-    def doubts(self, frequency: float) -> list[str]:
+    def warnings(self, frequency: float) -> list[str]:
         """Report what `timoshenko_beam` does for the plane of x."""
-        return self._planar.doubts(frequency)
+        return self._planar.warnings(frequency)
 
     def refined(self, factor: int) -> SpatialBeam:
         """Return the same beam with `factor` times as many elements in each section."""
@@ -119,7 +119,7 @@ class SpatialBeam(SubstructureModel):
         """Return the (d, d) matrices of the free beam: 6 DOFs of each node, then 2 inner ones of each element."""
         material, elements = self.config.material, list[StructuralMatrices]()
         for section in self.config.sections:
-            shape = SpatialSection.of_elements(section, material.poisson)
+            shape = SpatialSection.from_section(section, material.poisson)
             at_centroids = spatial_element_matrices(section.length / section.elements, shape, material)
             x, z = section.offset
             both_ends = Coordinates(np.asarray(np.kron(np.eye(2), carried(np.array([x, 0.0, z])))))

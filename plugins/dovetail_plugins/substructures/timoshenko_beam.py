@@ -57,7 +57,7 @@ class TimoshenkoBeam(SubstructureModel):
         bar = {"length": "200 mm", "width": "30 mm", "height": "10 mm", "elements": 2}
         return {"material": steel, "sections": [tube, taper]}, {"material": steel, "sections": [bar]}
 
-    def doubts(self, frequency: float) -> list[str]:
+    def warnings(self, frequency: float) -> list[str]:
         """Report a modulus too small for the density, and elements longer than a sixth of a bending wave."""
         young, density = self.config.material.young, self.config.material.density
         if density > _NO_PLASTIC and 1e6 <= young < _SOFTEST_METAL:

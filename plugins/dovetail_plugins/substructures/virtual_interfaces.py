@@ -90,7 +90,7 @@ class MeasuredInterface:
         """Return the receptance between the motions of the points, as measured in both directions."""
         return ReceptanceMatrix(self.frequency, self.points.transformed(self.values), note)
 
-    def doubts(self, frequency: float) -> Sequence[str]:
+    def warnings(self, frequency: float) -> Sequence[str]:
         """Return warnings about unusual distances, and about the one that fits the others around its point worst.
 
         The deformation of the interface, noise, and a wrong position, direction or sign do that.
@@ -112,7 +112,7 @@ class MeasuredInterface:
         )
 
     def _unusual_distances(self) -> Iterator[str]:
-        """Yield the doubt about positions that are probably in another unit than the points."""
+        """Yield a warning about positions that are probably in another unit than the points."""
         for name, point in self.points.points.items():
             sides = ("channels", self.points.channels, point.channels), ("impacts", self.points.impacts, point.impacts)
             for noun, dofs, around in sides:
@@ -155,9 +155,9 @@ def read_interface(
     impacts = read_impacts(tables[1], sheets[1], unit_of_length)
     chosen = {}
     for name, section in points.items():
-        around, of_impacts = (_around(table, name, section, len(points) == 1) for table in (channels, impacts))
+        around, impact_rows = (_around(table, name, section, len(points) == 1) for table in (channels, impacts))
         x, y, z = section.at
-        chosen[name] = VirtualPoint((x, y, z), around, of_impacts, tuple(section.directions), section.flexible)
+        chosen[name] = VirtualPoint((x, y, z), around, impact_rows, tuple(section.directions), section.flexible)
     try:
         virtual = VirtualPoints(channels.dofs, impacts.dofs, chosen, tolerance)
     except DovetailError as error:
@@ -169,7 +169,7 @@ def read_interface(
 def _around(table: ChannelTable, name: str, section: PointSection, is_only: bool) -> tuple[int, ...]:
     """Return the rows of a table that belong to a point."""
     group = str(section.group) if section.group != "" else name
-    rows = table.of_group(group)
+    rows = table.rows_in_group(group)
     if rows:
         return rows
     if is_only and section.group == "":

@@ -338,7 +338,7 @@ class LossySpring(SoundJoint):
     parameters = SoundJoint.parameters[:2]
 
     class Config(SoundJoint.Config):
-        """The layer, and where the loss is stated.
+        """The layer, and where the loss is given.
 
         Attributes
         ----------

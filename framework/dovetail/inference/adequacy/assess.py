@@ -54,7 +54,7 @@ class Settings:
     """Error of the phase [rad] that is worth a sentence."""
     many_searches: int = 5
     few_agree: float = 0.2
-    """Number of searches, and part of them that end in the same fit, for a doubt about it. Chosen on measurements of
+    """Number of searches, and part of them that end in the same fit, for a warning about it. Chosen on measurements of
     random structures: the seeds 4242, 7001, 8123 and 20261127 of the benchmark of genuine measurements."""
     exceeds: float = 2.0
     """Ratio of the error that the measurement shows to the one allowed above which this is reported."""
@@ -312,7 +312,7 @@ def _compensating_gain(problem: Problem, theta: NDArray[np.float64]) -> list[str
 
 
 def _reached_by_few(fit: Fit) -> Iterator[str]:
-    """Yield a doubt about a fit to the noise in which few of many searches ended: another one may be right."""
+    """Yield a warning about a fit to the noise in which few of many searches ended: another one may be right."""
     if fit.starts >= _SETTINGS.many_searches and fit.agreeing < _SETTINGS.few_agree * fit.starts:
         yield (
             f"Only {fit.agreeing} of {fit.starts} searches ended in this fit, and none in a better one. It reaches the "

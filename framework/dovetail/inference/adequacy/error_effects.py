@@ -75,8 +75,8 @@ class ErrorEffects:
         values = self.target.split(self.values)
         pairs, unmatched = list[PeakPair](), 0
         for frf, modelled in zip(self.target.frfs, values, strict=True):
-            of_response, others = pair_peaks(frf, replace(frf, values=modelled))
-            pairs, unmatched = pairs + of_response, unmatched + others
+            paired, others = pair_peaks(frf, replace(frf, values=modelled))
+            pairs, unmatched = pairs + paired, unmatched + others
         poles = fit_resonances(self.target.frfs, values).poles
         with_pole = pairs if len(poles) else []
         nearest = [int(np.argmin(np.abs(poles.real - pair.modelled))) for pair in with_pole]

@@ -38,17 +38,17 @@ def try_levels(fits: QuickFits) -> Iterator[Candidate]:
     level = repetitions(fits.assembly)
     if not level.max():
         return
-    of_response, resonances = dict[int, NDArray[np.complex128]](), list[Resonances]()
+    fitted_by_number, resonances = dict[int, NDArray[np.complex128]](), list[Resonances]()
     for numbers in (np.flatnonzero(level == one).tolist() for one in range(level.max() + 1)):
         part = fits.with_responses(numbers)
         theta = part.fit(part.problem, [fits.best, fits.shape]).theta
         fitted = part.target.split(part.values(theta))
-        of_response |= dict(zip(numbers, fitted, strict=True))
+        fitted_by_number |= dict(zip(numbers, fitted, strict=True))
         resonances.append(fit_resonances(part.target.frfs, fitted))
     words = f"each of {len(resonances)} measurements at one point fitted alone"
     if all(len(found.poles) for found in resonances):
         words += _drift(resonances)
-    fitted_alone = np.concatenate([of_response[number] for number in range(len(level))])
+    fitted_alone = np.concatenate([fitted_by_number[number] for number in range(len(level))])
     yield "level", f"{words} (does it depend on the amplitude?)", fits.judged(fits.best, fitted_alone)
 
 

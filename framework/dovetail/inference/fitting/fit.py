@@ -315,11 +315,11 @@ def is_noise(problem: Problem, fit: Fit) -> bool:
     frf, jacobian = problem.model.frf_by_fractions(fit.theta[np.newaxis])
     weighted = target.weighted(fit.variance, fit.used)
     residuals = weighted.of(frf)[0]
-    of_responses = target.by_line(without(residuals, weighted.jacobian(frf, jacobian)[0]))
-    squares, lines = sum(float(np.sum(block**2)) for block in of_responses), int(np.count_nonzero(fit.used))
+    blocks = target.by_line(without(residuals, weighted.jacobian(frf, jacobian)[0]))
+    squares, lines = sum(float(np.sum(block**2)) for block in blocks), int(np.count_nonzero(fit.used))
     if not has_size_of_noise(squares, fit.degrees_of_freedom, lines, variance_known=fit.variance_known):
         return False
-    return all(is_white(_scaled_to_scatter(block)) for block in of_responses)
+    return all(is_white(_scaled_to_scatter(block)) for block in blocks)
 
 
 def shows_structure(target: Observations, fit: Fit, *, fits: bool) -> bool:
@@ -340,10 +340,10 @@ def shows_structure(target: Observations, fit: Fit, *, fits: bool) -> bool:
     variance = fit.variance if target.variance_known else _even_variance(target)
     weighted = target.weighted(variance, fit.used)
     values = weighted.of(np.zeros((1, len(variance)), dtype=np.complex128))[0]
-    of_responses = target.by_line(values)
-    squares, lines = sum(float(np.sum(block**2)) for block in of_responses), int(np.count_nonzero(fit.used))
+    blocks = target.by_line(values)
+    squares, lines = sum(float(np.sum(block**2)) for block in blocks), int(np.count_nonzero(fit.used))
     known = target.variance_known
-    if not has_size_of_noise(squares, len(values), lines, variance_known=known) or not all(map(is_white, of_responses)):
+    if not has_size_of_noise(squares, len(values), lines, variance_known=known) or not all(map(is_white, blocks)):
         return True
     explained = squares - fit.chi_squared * fit.degrees_of_freedom
     return fits and known and log_improbability(explained, len(fit.theta)) > np.log10(max(1, lines) / NOISE_ALARM)

@@ -391,10 +391,10 @@ class _Refinement:
 
     def _is_doubtful(self, best: Minima) -> bool:
         """Return whether another minimum may be the right one."""
-        of_few_lines = not self._target.variance_known and is_of_few_lines(self._variance)
-        return of_few_lines or not self._is_noise(best, _SETTINGS.doubtful)
+        few_lines = not self._target.variance_known and is_of_few_lines(self._variance)
+        return few_lines or not self._is_noise(best, _SETTINGS.doubtful)
 
     def _has_size_of_noise(self, residuals: NDArray[np.float64], false_alarm: float = NOISE_ALARM) -> bool:
-        squares = sum(float(np.sum(of_response**2)) for of_response in self._target.by_line(residuals))
+        squares = sum(float(np.sum(block**2)) for block in self._target.by_line(residuals))
         lines, known = self._target.residual_count(self._used) // 2, self._target.variance_known
         return has_size_of_noise(squares, self._freedom, lines, variance_known=known, false_alarm=false_alarm)

@@ -67,9 +67,9 @@ class SearchLines:
     def __init__(self, observations: Observations, variance: NDArray[np.float64]) -> None:
         self._observations = observations
         responses = zip(observations.firsts, observations.frfs, observations.split(variance), strict=True)
-        few = [first + _search_lines(_level(frf.amplitude, of_response)) for first, frf, of_response in responses]
+        few = [first + _search_lines(_level(frf.amplitude, error)) for first, frf, error in responses]
         self.few: NDArray[np.intp] = np.concatenate(few)
-        self.fewest: NDArray[np.intp] = np.concatenate([of_response[:: _SETTINGS.similar] for of_response in few])
+        self.fewest: NDArray[np.intp] = np.concatenate([lines[:: _SETTINGS.similar] for lines in few])
 
     def thinned(self, most: int) -> NDArray[np.intp]:
         """Return every n-th line, about `most` of each response at most, and in addition the few lines."""
@@ -85,9 +85,9 @@ class SearchLines:
         """Return the frequencies [Hz] of clear resonances that a model's FRFs (n_lines,) do not have."""
         missed: list[float] = []
         target = self._observations
-        for frf, of_response, fitted in zip(target.frfs, target.split(variance), target.split(values), strict=True):
-            measured = frf.frequency[_peaks(_level(frf.amplitude, of_response))]
-            modelled = frf.frequency[_peaks(_level(np.abs(fitted), of_response))]
+        for frf, error, fitted in zip(target.frfs, target.split(variance), target.split(values), strict=True):
+            measured = frf.frequency[_peaks(_level(frf.amplitude, error))]
+            modelled = frf.frequency[_peaks(_level(np.abs(fitted), error))]
             missed += [at for at in measured.tolist() if not np.any(abs(modelled - at) <= _SETTINGS.closeness * at)]
         return np.array(missed)
 

@@ -103,7 +103,7 @@ class Posterior:
         Parameters for which the Laplace approximation fails; their intervals are not to be trusted.
     warning : str
         That of the `Identification`: why no interval is trustworthy; empty if they may be.
-    doubts : mapping of str to str
+    moved_by_causes : mapping of str to str
         By parameter, what the `Identification` says of a change with which it lies far beyond its interval.
     log_likelihood : (n,) array or None
         Of the measurement at each sample, up to a constant; None with the form
@@ -133,7 +133,7 @@ class Posterior:
     mode: NDArray[np.float64] | None = None
     unreliable: tuple[str, ...] = ()
     warning: str = ""
-    doubts: Mapping[str, str] = field(default_factory=dict)
+    moved_by_causes: Mapping[str, str] = field(default_factory=dict)
     log_likelihood: NDArray[np.float64] | None = None
     normal: tuple[str, ...] = ()
     evidence: Evidence | None = None
@@ -293,8 +293,8 @@ class Posterior:
             word, precision = word_for_groups(groups), f"{len(groups)} groups"
             several = _NUMBERS.get(len(groups), str(len(groups)))
             reasons.append(f"its likely values are in {several} separate groups; the estimate is that of the likeliest")
-        if name in self.doubts:
-            reasons.append(self.doubts[name])
+        if name in self.moved_by_causes:
+            reasons.append(self.moved_by_causes[name])
             word = "weakly identified" if word == "identified" else word
         reason = "; ".join(reasons)
         sentence = f"{reason[0].upper()}{reason[1:]}." if reason else FIXED
@@ -328,7 +328,7 @@ class Posterior:
                     "groups": [asdict(group) for group in self.groups.get(name, ())],
                     "gain": self.verdicts[name].gain,
                     "reason": self.verdicts[name].reason,
-                    "doubtful": name in self.unreliable,
+                    "unreliable": name in self.unreliable,
                     "halves_apart": self.split_half_difference[name],
                 }
                 for name, estimate in zip(self.names, self.estimate, strict=True)

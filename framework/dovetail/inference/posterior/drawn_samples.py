@@ -69,7 +69,7 @@ def draw_about_modes(posterior: PosteriorResiduals, modes: NDArray[np.float64], 
     mixture = TangentMixture(posterior, separate, separate.z, random)
     mixture.sample(count, count)
     points, log_weight = mixture.ends, mixture.log_weight
-    evidence = Evidence.of_weights(log_weight, mixture.begun)
+    evidence = Evidence.from_weights(log_weight, mixture.begun)
     least, converged = least_log_evidence(log_weight, mixture.begun), len(log_weight)
     if not converged:
         points, log_weight = separate, separate.log_posterior

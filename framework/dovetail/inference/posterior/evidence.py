@@ -31,7 +31,7 @@ class Evidence:
     error: float
 
     @staticmethod
-    def of_weights(log_weight: NDArray[np.float64], searches: int) -> Evidence | None:
+    def from_weights(log_weight: NDArray[np.float64], searches: int) -> Evidence | None:
         """Return the evidence from the weights of independent samples; None if too few of them count.
 
         Parameters

@@ -92,9 +92,9 @@ def weigh(
     width = _SETTINGS.width * size.natural_frequency
     lines, averaged = [], []
     responses = zip(target.firsts, target.frfs, *map(target.split, (variance, used, deviation)), strict=True)
-    for first, frf, of_response, counted, unshaped in responses:
+    for first, frf, noise, counted, unshaped in responses:
         needed = _needed_lines(frf.frequency, poles, width)
-        averaged.append(AveragedResiduals(frf, of_response, counted, needed, width, unshaped))
+        averaged.append(AveragedResiduals(frf, noise, counted, needed, width, unshaped))
         lines.append(first + needed)
     return np.concatenate(lines), StackedResiduals(tuple(averaged), tuple(len(needed) for needed in lines))
 
@@ -119,8 +119,8 @@ def _needed_lines(frequency: NDArray[np.float64], poles: NDArray[np.complex128],
     """Return the indices of the lines on which averages of FRFs with resonances near `poles` are computed."""
     spacing = width * frequency / _SETTINGS.lines_per_deviation
     for pole in poles:
-        beside = np.abs(frequency - pole.real) - _SETTINGS.wander * width * pole.real
-        spacing = np.minimum(spacing, np.maximum(pole.imag, beside) / _SETTINGS.lines_per_width)
+        off_resonance = np.abs(frequency - pole.real) - _SETTINGS.wander * width * pole.real
+        spacing = np.minimum(spacing, np.maximum(pole.imag, off_resonance) / _SETTINGS.lines_per_width)
     step = _steps(frequency)
     density = np.cumsum(step / np.maximum(spacing, step))
     lines = np.searchsorted(density, np.arange(density[0], density[-1]) - 1e-9)
@@ -166,7 +166,7 @@ class AveragedResiduals(Residual):
         values = measured.values if measured.has_phase else measured.amplitude
         self._measured = weights @ values[used]
         self._count = len(averages) * (2 if measured.has_phase else 1)
-        self._used, self._of_used, self._variance = used, weights, variance[used]
+        self._used, self._used_weights, self._variance = used, weights, variance[used]
         self._factor = self._factor_with(deviation)
 
     def with_deviation(self, deviation: NDArray[np.float64]) -> AveragedResiduals:
@@ -182,8 +182,8 @@ class AveragedResiduals(Residual):
         return -parts * float(np.sum(np.log(self._factor[0])) + len(self._factor[0]) * np.log(2.0 * np.pi) / 2.0)
 
     def _factor_with(self, deviation: NDArray[np.float64]) -> NDArray[np.float64]:
-        of_error = (self._of_used @ deviation[self._used]) ** 2
-        return _cholesky(self._of_used, self._variance / 2.0, of_error / 2.0)
+        error_power = (self._used_weights @ deviation[self._used]) ** 2
+        return _cholesky(self._used_weights, self._variance / 2.0, error_power / 2.0)
 
     def of(self, frf: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Return the residuals (n, m) of FRFs (n, f)."""
@@ -194,8 +194,8 @@ class AveragedResiduals(Residual):
         if self._has_phase:
             return self._scaled(self._averaged(frf_jacobian))
         amplitude = np.maximum(np.abs(frf), np.finfo(float).tiny)
-        of_amplitude = np.real(frf_jacobian * (np.conj(frf) / amplitude)[:, np.newaxis])
-        return self._scaled(self._averaged(of_amplitude))
+        amplitude_jacobian = np.real(frf_jacobian * (np.conj(frf) / amplitude)[:, np.newaxis])
+        return self._scaled(self._averaged(amplitude_jacobian))
 
     def _averaged(self, values: NDArray[Any]) -> NDArray[Any]:
         """Return averages (..., n_averages) of values (..., f)."""
@@ -248,12 +248,14 @@ def _gaussian_weights(frequency: NDArray[np.float64], averages: Sequence[Average
     return csr_array((np.concatenate(weights), indices), shape=(len(rows), len(frequency)))
 
 
-def _cholesky(weights: csr_array, variance: NDArray[np.float64], of_error: NDArray[np.float64]) -> NDArray[np.float64]:
+def _cholesky(
+    weights: csr_array, variance: NDArray[np.float64], error_power: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Return the Cholesky factor of the averages' covariance, banded, as `scipy.linalg.solve_banded` takes it."""
     covariance = ((weights * variance) @ weights.T).tocoo()
     below = covariance.row - covariance.col
     lower = below >= 0
     bands = np.zeros((int(below.max()) + 1, covariance.shape[0]))
     bands[below[lower], covariance.col[lower]] = covariance.data[lower]
-    bands[0] = (1.0 + _SETTINGS.jitter) * bands[0] + of_error
+    bands[0] = (1.0 + _SETTINGS.jitter) * bands[0] + error_power
     return np.asarray(cholesky_banded(bands, lower=True))

@@ -180,8 +180,8 @@ def half_about_the_fit(
     """
     target, values = problem.observations, problem.frf_at(fit.theta)
     pairs = zip(target.frfs, target.split(values), strict=True)
-    of_fit = [replace(frf, values=modelled if frf.has_phase else np.abs(modelled)) for frf, modelled in pairs]
-    residuals = build_likelihood(problem.with_frfs(of_fit), fit, model_error).posterior
+    fitted_frfs = [replace(frf, values=modelled if frf.has_phase else np.abs(modelled)) for frf, modelled in pairs]
+    residuals = build_likelihood(problem.with_frfs(fitted_frfs), fit, model_error).posterior
     starts = starts_near(problem.to_unit(fit.theta))
     mode = maximise_posterior(residuals, starts, tolerance=_SETTINGS.tolerance)[0]
     both, halves, order = z.copy(), weight / weight.sum(), Alternating(len(z))

@@ -144,8 +144,8 @@ def build_likelihood(problem: Problem, fit: Fit, model_error: ModelError) -> Lik
     if model_error.quantities:
         displaced = errors[: len(shapes["natural_frequency"])]  # the first kind
         displaced = model_error.quantities / model_error.natural_frequency * displaced
-        of_parts = added(quantity_derivatives(problem.assembly, fit.theta, lines))
-        errors = np.concatenate([errors, _scaled_to_errors(of_parts, displaced)])
+        part_derivatives = added(quantity_derivatives(problem.assembly, fit.theta, lines))
+        errors = np.concatenate([errors, _scaled_to_errors(part_derivatives, displaced)])
     variance = fit.variance + unshaped_deviation(target, values, model_error) ** 2
     by_line = None if needs_average(model_error) else target.weighted(variance, fit.used)
     return Likelihood(target, variance, problem.model.at(lines), residual, by_line, errors)
@@ -326,23 +326,23 @@ def _few_lines(
 def _few_lines_of_averages(
     likelihood: Likelihood,
     differences: NDArray[np.float64],
-    of_frf: NDArray[np.complex128],
+    frf_differences: NDArray[np.complex128],
     origin: NDArray[np.complex128],
 ) -> _FewLines:
     """Return the lines that determine the FRF, and the changes of the averages with the vectors of its basis.
 
     FRFs are scaled so that their differences (n, f) are as large as those of the residuals (n, m).
     """
-    of_responses = np.split(np.abs(origin), np.cumsum(likelihood.model.counts)[:-1])
-    amplitude = np.concatenate([np.maximum(one, _SETTINGS.least_amplitude * one.max()) for one in of_responses])
-    gain = np.linalg.norm(differences) / max(float(np.linalg.norm(of_frf / amplitude)), np.finfo(float).tiny)
+    magnitudes = np.split(np.abs(origin), np.cumsum(likelihood.model.counts)[:-1])
+    amplitude = np.concatenate([np.maximum(one, _SETTINGS.least_amplitude * one.max()) for one in magnitudes])
+    gain = np.linalg.norm(differences) / max(float(np.linalg.norm(frf_differences / amplitude)), np.finfo(float).tiny)
     scaled = _ScaledValues(amplitude / gain)
-    of_lines = _basis(scaled.of(of_frf))
-    lines = np.unique(_pivots(of_lines) // 2)
+    line_basis = _basis(scaled.of(frf_differences))
+    lines = np.unique(_pivots(line_basis) // 2)
     rows = np.stack([2 * lines, 2 * lines + 1], axis=1).ravel()
-    vectors = np.ascontiguousarray(of_lines.T).view(np.complex128) * scaled.scale
+    vectors = np.ascontiguousarray(line_basis.T).view(np.complex128) * scaled.scale
     added = likelihood.residual.jacobian(origin[np.newaxis], vectors[np.newaxis])[0]
-    to_vectors, on_few = np.asarray(np.linalg.pinv(of_lines[rows]).T), _ScaledValues(scaled.scale[lines])
+    to_vectors, on_few = np.asarray(np.linalg.pinv(line_basis[rows]).T), _ScaledValues(scaled.scale[lines])
     return _FewLines(likelihood.model.at(lines), on_few, on_few.of(origin[np.newaxis, lines])[0], to_vectors, added)
 
 
@@ -379,8 +379,8 @@ class PosteriorResiduals:
         """Return residuals (n, p + m) and their derivatives (n, p, p + m) at z (n, p)."""
         misfit = self.misfit.linearise(unit_from_normal(z))
         density = normal_density(z)
-        of_prior = np.broadcast_to(np.eye(z.shape[1]), (len(z), z.shape[1], z.shape[1]))
-        jacobian = np.concatenate([of_prior, misfit.jacobian * density[:, :, np.newaxis]], axis=2)
+        prior_jacobian = np.broadcast_to(np.eye(z.shape[1]), (len(z), z.shape[1], z.shape[1]))
+        jacobian = np.concatenate([prior_jacobian, misfit.jacobian * density[:, :, np.newaxis]], axis=2)
         return Linearisation(np.concatenate([z, misfit.residuals], axis=1), jacobian)
 
 

@@ -125,9 +125,9 @@ def search_modes(
     (n, p) array
         Normal quantiles of the fractions, the highest mode first. The same mode may occur several times.
     """
-    of_fit, exchanged = starts_near(best), _within(_exchanged(problem.assembly, best), _SETTINGS.margin)
+    near_fit_starts, exchanged = starts_near(best), _within(_exchanged(problem.assembly, best), _SETTINGS.margin)
     refined = _SETTINGS.refined_modes + len(exchanged)
-    total = _SETTINGS.searches * (3 + len(_SETTINGS.tempering)) + len(exchanged) + len(of_fit) + refined
+    total = _SETTINGS.searches * (3 + len(_SETTINGS.tempering)) + len(exchanged) + len(near_fit_starts) + refined
     searches = itertools.count(1)
 
     def callback() -> None:
@@ -146,12 +146,12 @@ def search_modes(
         cooled = _different(maxima, rough["worth"])
     if problem.limit.is_over:
         problem.limit.leave_out("the search for other groups of likely values")
-        return maximise_posterior(likelihood.posterior, of_fit)
+        return maximise_posterior(likelihood.posterior, near_fit_starts)
     ends = np.concatenate([direct, cooled, exchanged])
     ends = _different(_maxima(tempered(1.0), ends, most_steps=_SETTINGS.rough_steps, **rough))
-    found = _promising(tempered(1.0), np.concatenate([of_fit, ends[:refined]]), every)
+    found = _promising(tempered(1.0), np.concatenate([near_fit_starts, ends[:refined]]), every)
     if every == 1:  # the ends are modes on all lines
-        near_fit = maximise_posterior(likelihood.posterior, of_fit, callback=callback)
+        near_fit = maximise_posterior(likelihood.posterior, near_fit_starts, callback=callback)
         modes = _highest_first(likelihood.posterior, np.concatenate([near_fit, found]))
     else:
         modes = maximise_posterior(likelihood.posterior, found, tolerance=_SETTINGS.near, callback=callback)

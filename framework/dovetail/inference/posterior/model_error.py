@@ -199,8 +199,8 @@ def error_shapes(
     resonances, hats = fit_resonances(frfs, values), [hat_functions(frequency, band) for frequency in axes]
     level, alone = size.natural_frequency, _SETTINGS.individual * size.natural_frequency
     displaced, together = resonances.pole_shift(level), hat_functions(resonances.poles.real, band)
-    of_response = zip(hats, values, resonances.terms, strict=True)
-    shapes = [np.concatenate([hat * frf, _SETTINGS.individual_magnitude * terms]) for hat, frf, terms in of_response]
+    by_response = zip(hats, values, resonances.terms, strict=True)
+    shapes = [np.concatenate([hat * frf, _SETTINGS.individual_magnitude * terms]) for hat, frf, terms in by_response]
     if size.background:  # a single resonance, whose gain and phase are those of all lines
         shapes = [frf[np.newaxis] for frf in values]
     scaled = np.concatenate([_in_response(shape, index, counts) for index, shape in enumerate(shapes)])

@@ -145,22 +145,15 @@ def sample_posterior(
         likelihood, best = likelihood_at_mode(problem, fit, model_error)
         random = np.random.default_rng([seed, 3])
         modes = search_modes(problem, likelihood, best, random, progress)
-    began, wanted = time.perf_counter(), samples
+    began = time.perf_counter()
     with logged(__name__, f"{samples} samples of the posterior"):
-        if isinstance(problem, ModalProblem):
-            drawn = draw_about_modes(likelihood.posterior, modes, samples, seed)
-            lines, samples = len(likelihood.variance), 0 if problem.limit.is_over else samples
-        else:
-            sampler = _Sampler(likelihood, modes, fit.information, np.random.default_rng([seed, 2]), progress)
-            drawn, lines = sampler.draw(samples), sampler.lines
-            samples -= sampler.missing
+        drawn, lines, finished = _draw(problem, fit, likelihood, modes, samples, seed, progress)
     z, weight = drawn.z, from_logarithms(drawn.log_weight)
-    if samples < wanted:
-        few = not len(z) or samples < min(_SETTINGS.fewest, wanted)
-        finished = f"{samples} of {wanted} samples"
-        problem.limit.leave_out("samples (a Gaussian at the best fit takes their place)" if few else finished)
-        if few:
-            return laplace_posterior(problem, fit, samples=wanted, model_error=model_error, seed=seed)
+    if finished < samples:
+        if not len(z) or finished < min(_SETTINGS.fewest, samples):
+            problem.limit.leave_out("samples (a Gaussian at the best fit takes their place)")
+            return laplace_posterior(problem, fit, samples=samples, model_error=model_error, seed=seed)
+        problem.limit.leave_out(f"{finished} of {samples} samples")
     log_likelihood, evidence = drawn.log_likelihood, drawn.evidence
     if model_error.quantities:
         z, weight = half_about_the_fit(problem, fit, model_error, z, weight, seed)
@@ -171,7 +164,7 @@ def sample_posterior(
         fraction,
         weight / weight.sum(),
         model_error=model_error,
-        searches=round(len(weight) * (drawn.searches or samples) / max(drawn.converged, 1)),
+        searches=round(len(weight) * (drawn.searches or finished) / max(drawn.converged, 1)),
         lines=lines,
         seconds=time.perf_counter() - began,
         log_likelihood=likelihood.log(fraction) if log_likelihood is None else log_likelihood,
@@ -181,14 +174,31 @@ def sample_posterior(
     )
 
 
+def _draw(
+    problem: Problem,
+    fit: Fit,
+    likelihood: Likelihood,
+    modes: NDArray[np.float64],
+    samples: int,
+    seed: int,
+    progress: Progress,
+) -> tuple[DrawnSamples, int, int]:
+    """Return samples near the modes, the number of lines they are from, and the searches that ended in time."""
+    if isinstance(problem, ModalProblem):
+        drawn = draw_about_modes(likelihood.posterior, modes, samples, seed)
+        return drawn, len(likelihood.variance), 0 if problem.limit.is_over else samples
+    sampler = _Sampler(likelihood, modes, fit.information, np.random.default_rng([seed, 2]), progress)
+    return sampler.draw(samples), sampler.lines, samples - sampler.missing
+
+
 def _log_constant(
     likelihood: Likelihood, used: tuple[Problem, Fit], measured: tuple[Problem, Fit], model_error: ModelError
 ) -> float:
     """Return the constant of a likelihood, as a density of the measured lines if means of these were used."""
     if used == measured:
         return likelihood.log_constant
-    of_lines = log_density_at_fit(build_likelihood(*measured, model_error), *measured)
-    return likelihood.log_constant + of_lines - log_density_at_fit(likelihood, *used)
+    on_lines = log_density_at_fit(build_likelihood(*measured, model_error), *measured)
+    return likelihood.log_constant + on_lines - log_density_at_fit(likelihood, *used)
 
 
 class _Sampler:
@@ -285,7 +295,7 @@ class _Sampler:
         z, log_density, log_weight = mixture.ends.z[order], mixture.log_density[order], mixture.log_weight[order]
         log_likelihood, effective = self._log_likelihood(z), np.inf
         on_all_lines = log_likelihood - squared_norms(z) / 2.0 - log_density
-        evidence = Evidence.of_weights(on_all_lines, mixture.begun)
+        evidence = Evidence.from_weights(on_all_lines, mixture.begun)
         least = least_log_evidence(on_all_lines, mixture.begun)
         even = mixture.is_complete and are_even(log_weight, min(mixture.begun, count))
         if not even and self._limit.is_over:

@@ -173,18 +173,18 @@ class TangentMixture:
         """Begin a number of searches by the maps of some anchors; return False if the time limit ended them."""
         searches = np.bincount(np.arange(number) % len(anchors.z))
         anchors = anchors.at_rows(np.arange(len(searches)))
-        maps, of_anchor = self._maps_at(anchors, searches), np.repeat(np.arange(len(searches)), searches)
+        maps, anchored = self._maps_at(anchors, searches), np.repeat(np.arange(len(searches)), searches)
         self._learn(anchors)
         target = self._random.standard_normal((number, anchors.z.shape[1]))
-        starts = LinearisedPoints.at(self._posterior, self._nearest(maps, of_anchor, target))
-        map_of_each, orientation = maps.maps.at_rows(of_anchor), maps.orientation[of_anchor]
-        folded = np.flatnonzero(map_of_each.signed_log_determinant(starts)[0] != orientation)
-        starts.overwrite(folded, anchors.at_rows(of_anchor[folded]))
-        ends, ended = map_of_each.solve(target, starts, _SETTINGS.iterations, self._limit)
+        starts = LinearisedPoints.at(self._posterior, self._nearest(maps, anchored, target))
+        map_by_search, orientation = maps.maps.at_rows(anchored), maps.orientation[anchored]
+        folded = np.flatnonzero(map_by_search.signed_log_determinant(starts)[0] != orientation)
+        starts.overwrite(folded, anchors.at_rows(anchored[folded]))
+        ends, ended = map_by_search.solve(target, starts, _SETTINGS.iterations, self._limit)
         if self._limit.is_over:
             return False
-        ended &= map_of_each.signed_log_determinant(ends)[0] == orientation
-        ended &= nearest_modes(self._modes, ends.z) == maps.modes[of_anchor]
+        ended &= map_by_search.signed_log_determinant(ends)[0] == orientation
+        ended &= nearest_modes(self._modes, ends.z) == maps.modes[anchored]
         self._add(maps, ends.at_rows(np.flatnonzero(ended)))
         self.begun += number
         return True
@@ -221,8 +221,8 @@ class TangentMixture:
         """Add the ends of searches by new maps, with the density of all maps at all ends."""
         self._maps.append(maps)
         before, modes = nearest_modes(self._modes, self.ends.z), nearest_modes(self._modes, ends.z)
-        of_ends = np.logaddexp.reduce([each.log_density(ends, modes) for each in self._maps])
-        self._log_sum = np.concatenate([np.logaddexp(self._log_sum, maps.log_density(self.ends, before)), of_ends])
+        at_ends = np.logaddexp.reduce([each.log_density(ends, modes) for each in self._maps])
+        self._log_sum = np.concatenate([np.logaddexp(self._log_sum, maps.log_density(self.ends, before)), at_ends])
         self.ends = LinearisedPoints.joined([self.ends, ends])
         self._learn(ends)
 
@@ -231,12 +231,12 @@ class TangentMixture:
         z, residuals = self._known
         self._known = np.concatenate([z, points.z]), np.concatenate([residuals, points.residuals])
 
-    def _nearest(self, maps: _Maps, of_anchor: NDArray[np.intp], target: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _nearest(self, maps: _Maps, anchored: NDArray[np.intp], target: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return for each target (n, d) the known point about the anchor's mode whose components are nearest."""
         z, residuals = self._known
         components, modes = maps.maps.all_components(residuals), nearest_modes(self._modes, z)
         starts = np.empty_like(target)
         for number, mode in enumerate(maps.modes):
-            known, searches = np.flatnonzero(modes == mode), of_anchor == number
+            known, searches = np.flatnonzero(modes == mode), anchored == number
             starts[searches] = z[known[nearest_rows(components[known, number], target[searches])]]
         return starts

@@ -94,7 +94,7 @@ class UnknownChain:
 
 
 def _factor(frf: Frf, values: NDArray[np.complex128], variance: NDArray[np.float64]) -> complex:
-    """Return the complex factor by which a model's values (n_freq,) fit an FRF best beside a background."""
+    """Return the complex factor by which a model's values (n_freq,) fit an FRF best, with a background added."""
     columns = np.vstack([values, background_shapes(frf)]) / np.sqrt(variance)
     sizes = np.linalg.norm(columns, axis=1)
     found = np.linalg.lstsq((columns / sizes[:, np.newaxis]).T, frf.values / np.sqrt(variance), rcond=1e-12)[0]

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from dovetail.assembly.model import Assembly
-from dovetail.assembly.placement import placement_doubts
+from dovetail.assembly.placement import placement_warnings
 from dovetail.documents.option_fields import numbers_within
 from dovetail.errors import DovetailError, Fault, PluginError
 from dovetail.interfaces import Parameter, plugin_errors
@@ -32,7 +32,7 @@ _MOST_LINES = 5_000
 """Lines on which digits are looked for that rounding takes; what they need of memory grows with their number."""
 
 
-def find_doubts(assembly: Assembly) -> tuple[str, ...]:
+def find_warnings(assembly: Assembly) -> tuple[str, ...]:
     """Return what looks wrong in an assembly's description, a sentence each; none of it is an error.
 
     Parameters
@@ -44,29 +44,29 @@ def find_doubts(assembly: Assembly) -> tuple[str, ...]:
     tuple of str
         Moduli, densities and lengths far from any material's or structure's; wide ranges on a linear scale; a band
         without a natural frequency; parts in odd places, or without positions to compare; digits that rounding takes;
-        and those of the substructures themselves (`SubstructureModel.doubts`).
+        and those of the substructures themselves (`SubstructureModel.warnings`).
     """
-    doubts = [
+    warnings = [
         f"substructures.{name}.{problem}"
         for name, part in assembly.description.substructures.items()
-        for problem in _option_doubts(getattr(part, "config", None))
+        for problem in _option_warnings(getattr(part, "config", None))
     ]
-    doubts += [problem for parameter in assembly.parameters for problem in _range_doubts(parameter)]
+    warnings += [problem for parameter in assembly.parameters for problem in _range_warnings(parameter)]
     highest = float(assembly.frequency[-1])
     for name, part in assembly.description.substructures.items():
         with plugin_errors(part, f"substructure '{name}' ({part.name})"):
-            problems = part.doubts(highest)
+            problems = part.warnings(highest)
             if not isinstance(problems, (list, tuple)) or not all(isinstance(problem, str) for problem in problems):
-                problem = f"its doubts are {problems!r:.60}."
+                problem = f"its warnings are {problems!r:.60}."
                 raise PluginError(Fault(f"substructure '{name}' ({part.name})", problem, "a list of sentences"))
-            doubts += [f"substructures.{name}: {problem}" for problem in problems]
-    doubts += placement_doubts(assembly)
-    doubts += _rounding_doubts(assembly)
-    return (*doubts, *_band_doubts(assembly))
+            warnings += [f"substructures.{name}: {problem}" for problem in problems]
+    warnings += placement_warnings(assembly)
+    warnings += _rounding_warnings(assembly)
+    return (*warnings, *_band_warnings(assembly))
 
 
-def _option_doubts(config: object) -> Iterator[str]:
-    """Yield the doubts about a component's options with a unit."""
+def _option_warnings(config: object) -> Iterator[str]:
+    """Yield warnings about a component's options with a unit."""
     if not isinstance(config, BaseModel):
         return
     for number in numbers_within(config):
@@ -80,8 +80,8 @@ def _option_doubts(config: object) -> Iterator[str]:
         yield f"{option}: {value:g} {unit} is not within {low:g} to {high:g} {unit}.{hint}"
 
 
-def _range_doubts(parameter: Parameter) -> Iterator[str]:
-    """Yield the doubt about a range of decades on a linear scale."""
+def _range_warnings(parameter: Parameter) -> Iterator[str]:
+    """Yield a warning about a range of decades on a linear scale."""
     if parameter.scale != "linear" or parameter.prior != "uniform":
         return
     if 0 < _DECADES * parameter.lower <= parameter.upper:
@@ -92,7 +92,7 @@ def _range_doubts(parameter: Parameter) -> Iterator[str]:
         )
 
 
-def _rounding_doubts(assembly: Assembly) -> tuple[str, ...]:
+def _rounding_warnings(assembly: Assembly) -> tuple[str, ...]:
     """Return what rounding takes from the FRF in the middle of the ranges, on a part of very many lines."""
     middle, count = assembly.from_unit(np.full((1, len(assembly.parameters)), 0.5)), len(assembly.frequency)
     if count > _MOST_LINES:
@@ -106,8 +106,8 @@ def _rounding_doubts(assembly: Assembly) -> tuple[str, ...]:
         return ()
 
 
-def _band_doubts(assembly: Assembly) -> Iterator[str]:
-    """Yield the doubt about a band that is below or far above all natural frequencies that the ranges allow."""
+def _band_warnings(assembly: Assembly) -> Iterator[str]:
+    """Yield a warning about a band that is below or far above all natural frequencies that the ranges allow."""
     low, high = float(assembly.frequency[0]), float(assembly.frequency[-1])
     if not assembly.parameters:
         return

@@ -15,7 +15,7 @@ from dovetail.measurement import read_frf
 from dovetail.measurement.impact_test.signal_files import read_signals
 from dovetail.measurement.modal_parameters import read_modal_parameters
 from support.measured_files import fault_of, set_58, write_sets
-from support.stated_files import FREQUENCY, LINES, TEXTS, VALUES, Said
+from support.statement_files import FREQUENCY, LINES, TEXTS, VALUES, Said
 
 pytestmark = [pytest.mark.usefixtures("unguarded"), pytest.mark.sweep]
 
@@ -27,7 +27,7 @@ def written(tmp_path: Path, form: str, said: Said) -> Path:
     return write(tmp_path / name, said)
 
 
-def stated(tmp_path: Path, form: str, name: str, text: str) -> Path:
+def with_statement(tmp_path: Path, form: str, name: str, text: str) -> Path:
     said = Said(lines=(f"{name}: {text}" if name else text,)) if form in LINES else Said(texts={name or "info": text})
     return written(tmp_path, form, said)
 
@@ -54,7 +54,7 @@ UPSIDE_DOWN = [
 def test_values_that_were_changed_according_to_the_file_are_refused(
     tmp_path: Path, form: str, name: str, text: str
 ) -> None:
-    path = stated(tmp_path, form, name, text)
+    path = with_statement(tmp_path, form, name, text)
     assert path.name in fault_of(path, quantity="accelerance")
     np.testing.assert_allclose(read_frf(path, quantity="accelerance", names={"skip": text}).values, VALUES, rtol=1e-9)
 
@@ -73,13 +73,13 @@ SOUND = [
 @pytest.mark.parametrize(("name", "text"), SOUND)
 @pytest.mark.parametrize("form", [*LINES, *TEXTS])
 def test_remarks_that_do_not_change_the_values_are_accepted(tmp_path: Path, form: str, name: str, text: str) -> None:
-    path = stated(tmp_path, form, name, text)
+    path = with_statement(tmp_path, form, name, text)
     np.testing.assert_allclose(read_frf(path, quantity="accelerance").values, VALUES, rtol=1e-9)
 
 
 @pytest.mark.parametrize("form", [*LINES, *TEXTS])
 def test_an_excitation_by_a_moment_is_one(tmp_path: Path, form: str) -> None:
-    path = stated(tmp_path, form, "excitation", "moment")
+    path = with_statement(tmp_path, form, "excitation", "moment")
     if form == "uff" or form == "binary uff":
         fault_of(path, quantity="accelerance")  # its label says force
     else:
@@ -105,9 +105,9 @@ def test_a_unit_in_a_sentence_counts_against_one_elsewhere(tmp_path: Path, form:
 @pytest.mark.parametrize("text", ['{"unit": "g/N"}', '{"H": {"unit": "g/N"}, "date": "2026-03-01"}'])
 @pytest.mark.parametrize("form", ["npz", "mat 5", "hdf5", "attribute", "attribute of the file", "csv", "uff"])
 def test_statements_in_json_are_used(tmp_path: Path, form: str, text: str) -> None:
-    path = stated(tmp_path, form, "" if form in LINES else "metadata", text)
+    path = with_statement(tmp_path, form, "" if form in LINES else "metadata", text)
     np.testing.assert_allclose(read_frf(path).values, 9.80665 * VALUES, rtol=1e-9)
-    path = stated(tmp_path, form, "" if form in LINES else "metadata", text[:-1] + ', "gain": 10}')
+    path = with_statement(tmp_path, form, "" if form in LINES else "metadata", text[:-1] + ', "gain": 10}')
     assert "gain" in fault_of(path)
 
 
@@ -343,7 +343,7 @@ def test_an_entry_for_a_point_that_names_a_quantity_is_compared_with_the_others(
     tmp_path: Path, form: str, entry: dict[str, str]
 ) -> None:
     ((name, text),) = entry.items()
-    fault_of(stated(tmp_path, form, name, text), quantity="accelerance")
+    fault_of(with_statement(tmp_path, form, name, text), quantity="accelerance")
 
 
 MODAL_LINES = [

@@ -43,12 +43,12 @@ def bar(**changes) -> dovetail.Assembly:
 
 
 def test_a_sound_description_has_none():
-    assert dovetail.find_doubts(bar()) == ()
+    assert dovetail.find_warnings(bar()) == ()
 
 
 @pytest.mark.parametrize("file", SHIPPED, ids=lambda file: str(file.relative_to(ASSEMBLIES)))
 def test_no_shipped_description_has_any(file):
-    assert dovetail.find_doubts(dovetail.load(file)) == ()
+    assert dovetail.find_warnings(dovetail.load(file)) == ()
 
 
 @pytest.mark.parametrize(
@@ -97,25 +97,25 @@ def test_no_shipped_description_has_any(file):
     ids=["soft steel", "modulus", "density", "length", "below", "above", "elements", "range", "mm, N, t"],
 )
 def test_a_fault_is_named_with_what_was_probably_meant(changes, said):
-    text = "\n".join(dovetail.find_doubts(bar(**changes)))
+    text = "\n".join(dovetail.find_warnings(bar(**changes)))
     assert all(words in text for words in said), text
 
 
-def test_a_band_is_doubted_as_soon_as_it_ends_below_the_first_natural_frequency():
+def test_a_band_is_reported_as_soon_as_it_ends_below_the_first_natural_frequency():
     softest = bar().natural_frequencies({"k": 1e6}, count=1)[0]
-    assert dovetail.find_doubts(bar(frequency={"start": 1.0, "stop": 1.01 * softest})) == ()
-    (doubt,) = dovetail.find_doubts(bar(frequency={"start": 1.0, "stop": 0.99 * softest}))
-    assert f"lies below all natural frequencies that the ranges allow; the nearest is {softest:.4g} Hz." in doubt
+    assert dovetail.find_warnings(bar(frequency={"start": 1.0, "stop": 1.01 * softest})) == ()
+    (warning,) = dovetail.find_warnings(bar(frequency={"start": 1.0, "stop": 0.99 * softest}))
+    assert f"lies below all natural frequencies that the ranges allow; the nearest is {softest:.4g} Hz." in warning
 
 
 def test_the_number_of_elements_that_is_advised_suffices():
     import re
 
-    (doubt,) = dovetail.find_doubts(bar(section={"elements": 1}))
-    advised = int(re.search(r"Take (\d+) elements", doubt)[1])
-    assert dovetail.find_doubts(bar(section={"elements": advised})) == ()
-    assert dovetail.find_doubts(bar(section={"elements": advised - 1})) != ()
+    (warning,) = dovetail.find_warnings(bar(section={"elements": 1}))
+    advised = int(re.search(r"Take (\d+) elements", warning)[1])
+    assert dovetail.find_warnings(bar(section={"elements": advised})) == ()
+    assert dovetail.find_warnings(bar(section={"elements": advised - 1})) != ()
 
 
-def test_a_range_from_zero_raises_no_doubt_about_decades():
-    assert dovetail.find_doubts(bar(k={"range": [0.0, "1e8 N/m"], "scale": "linear"})) == ()
+def test_a_range_from_zero_gives_no_warning_about_decades():
+    assert dovetail.find_warnings(bar(k={"range": [0.0, "1e8 N/m"], "scale": "linear"})) == ()

@@ -18,7 +18,7 @@ _BRACKETS = re.compile(r"(.*?)\s*[\[(]([^\[\]()]*)[\])]")
 _ROW = re.compile(r"[\s\d.,;:eE+-]*")
 
 
-def stated_values(path: Path, registry: Registry, reader: str | None = None) -> Iterator[tuple[str, str, str]]:
+def named_values(path: Path, registry: Registry, reader: str | None = None) -> Iterator[tuple[str, str, str]]:
     """Yield names in lower case, their values as texts, and their places in the file.
 
     Parameters
