@@ -5,7 +5,8 @@ import os
 import pytest
 
 from dovetail import DovetailError
-from dovetail.monitoring.arrivals import Folder, covariates_of, date_of
+from dovetail.monitoring.arrivals import Folder, covariates_of
+from dovetail.monitoring.dates import date_of
 from dovetail.series.description import Covariate
 
 TORQUE = {"torque": Covariate("torque", "N m"), "temperature": Covariate("temperature", "K")}

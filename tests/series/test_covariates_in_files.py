@@ -10,6 +10,8 @@ import pytest
 import scipy.io
 
 import dovetail
+from dovetail.measurement import frf_files
+from dovetail.series.fitted_tests import fit_tests
 from dovetail.series.reading import read_series
 
 FREQUENCY = np.arange(20.0, 60.0, 2.0)
@@ -51,7 +53,7 @@ def load(folder, suffix, **measured):
     }
     for name, content in (("mass.yaml", MODEL), ("series.yaml", series)):
         (folder / name).write_text(json.dumps(content))
-    return read_series(folder / "series.yaml")
+    return fit_tests(read_series(folder / "series.yaml"))
 
 
 @pytest.fixture
@@ -69,7 +71,7 @@ def write(folder, values, line):
 @pytest.mark.parametrize("line", OTHER)
 def test_another_value_in_a_comment_is_refused(tmp_path, values, line):
     write(tmp_path, values, line)
-    with pytest.raises(dovetail.DovetailError, match=r"20 N m here, and '.*' at .*low\.csv:1"):
+    with pytest.raises(dovetail.DovetailError, match=r"low\.csv:1\n  torque is '.*' here, and 20 N m in the test"):
         load(tmp_path, "csv")
     load(tmp_path, "csv", names={"skip": "torque"})
 
@@ -89,7 +91,8 @@ def test_another_value_in_other_formats_is_refused(tmp_path, values, suffix, val
     elif suffix == "mat":
         scipy.io.savemat(tmp_path / "low.mat", arrays)
     elif suffix == "uff":
-        frf = dovetail.Frf(FREQUENCY, values, "receptance", note=f"torque: {value}")
+        averaged = {"coherence": np.full(len(values), 0.9), "averages": 10}  # in a set of its own
+        frf = dovetail.Frf(FREQUENCY, values, "receptance", note=f"bench; torque: {value}", **averaged)
         dovetail.write_frf(frf, tmp_path / "low.uff")
     else:
         with h5py.File(tmp_path / "low.h5", "w") as file:
@@ -98,5 +101,13 @@ def test_another_value_in_other_formats_is_refused(tmp_path, values, suffix, val
     if fits:
         load(tmp_path, suffix)
     else:
-        with pytest.raises(dovetail.DovetailError, match="20 N m here, and '40 N m' at"):
+        with pytest.raises(dovetail.DovetailError, match="torque is '40 N m' here, and 20 N m in the test 'low'"):
             load(tmp_path, suffix)
+
+
+def test_each_file_is_read_once(tmp_path, values, monkeypatch):
+    write(tmp_path, values, "torque: 20 N m")
+    read, bounded = [], frf_files.read_bounded
+    monkeypatch.setattr(frf_files, "read_bounded", lambda path: read.append(path.name) or bounded(path))
+    load(tmp_path, "csv")
+    assert sorted(read) == ["high.csv", "low.csv"]

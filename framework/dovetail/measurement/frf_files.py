@@ -29,7 +29,7 @@ from dovetail.measurement.accelerometer import remove_accelerometer_mass
 from dovetail.measurement.content.channels import decode_channels
 from dovetail.measurement.content.column_arrays import columns_of_array
 from dovetail.measurement.content.named_arrays import read_recording
-from dovetail.measurement.content.sets import decode_set, sets_of
+from dovetail.measurement.content.sets import decode_set, select_set, sets_of
 from dovetail.measurement.content.tables import decode_table
 from dovetail.measurement.recording import ReadOptions, Recording, parse_quantity
 from dovetail.registry import Offer, PluginPaths, Registry, components
@@ -115,21 +115,61 @@ def read_frf(
     PluginError
         There is no such reader, a plugin file cannot be loaded, or the code of a reader fails.
     """
-    source, registry = Path(path), components(plugins)
+    return read_with_content(
+        Path(path),
+        components(plugins),
+        quantity=quantity,
+        unit=unit,
+        accelerometer_mass=accelerometer_mass,
+        index=index,
+        response=response,
+        force=force,
+        names=names,
+        columns=columns,
+        dofs=dofs,
+        ignore_dofs=ignore_dofs,
+        reader=reader,
+    )[0]
+
+
+def read_with_content(
+    path: Path,
+    registry: Registry,
+    *,
+    quantity: str | None = None,
+    unit: str | None = None,
+    accelerometer_mass: float = 0.0,
+    index: int | None = None,
+    response: str | None = None,
+    force: str | None = None,
+    names: Mapping[str, str] | None = None,
+    columns: Sequence[str] = (),
+    dofs: tuple[str, str] | None = None,
+    ignore_dofs: bool = False,
+    reader: str | None = None,
+) -> tuple[Frf, Recorded]:
+    """Return the FRF that `read_frf` returns, and what its file contains; of several sets the one of this FRF."""
     if reader is None:
-        check_suffix(source, registry)
+        check_suffix(path, registry)
     if quantity is not None:
         parse_quantity(quantity, "the argument quantity")
     named = dict(names or {})
-    skip = tuple(name.strip() for name in named.pop("skip", "").split(",") if name.strip())
+    skip = skipped_names(named.pop("skip", ""))
     options = ReadOptions(index, response, force, named, tuple(columns), skip)
-    with logged(__name__, f"measurement {source} read"):
-        chosen, recorded = read_content(source, registry, reader)
-        recording = recording_of(source, recorded, chosen, options)
+    with logged(__name__, f"measurement {path} read"):
+        chosen, recorded = read_content(path, registry, reader)
+        recording = recording_of(path, recorded, chosen, options)
     if ignore_dofs:
         recording = recording.without_dofs()
     frf = (recording.with_dofs(*dofs) if dofs else recording).to_frf(quantity, unit)
-    return remove_accelerometer_mass(frf, accelerometer_mass) if accelerometer_mass else frf
+    if isinstance(recorded, (list, tuple)) and not any(isinstance(part, RecordedChannels) for part in recorded):
+        recorded = [select_set(path, sets_of(path, recorded), options)]
+    return (remove_accelerometer_mass(frf, accelerometer_mass) if accelerometer_mass else frf), recorded
+
+
+def skipped_names(text: str) -> tuple[str, ...]:
+    """Return the names in a file that do not concern the values, from a text with commas between them."""
+    return tuple(name.strip() for name in text.split(",") if name.strip())
 
 
 def read_frfs(path: str | os.PathLike[str], *, ignore_dofs: bool = False, plugins: PluginPaths = ()) -> tuple[Frf, ...]:

@@ -8,39 +8,36 @@ from itertools import chain
 from pathlib import Path
 
 from dovetail.interfaces import Recorded, RecordedArrays, RecordedChannels, RecordedFrf, RecordedSet, Statement
-from dovetail.measurement.frf_files import read_content
 from dovetail.measurement.text_pairs import pairs_of
-from dovetail.registry import Registry
 
 _MOST_LINES = 1000
 """Lines at the start and at the end of a text that are read."""
+_LONGEST = 1000
+"""Characters of a text that is read."""
 _BRACKETS = re.compile(r"(.*?)\s*[\[(]([^\[\]()]*)[\])]")
 _ROW = re.compile(r"[\s\d.,;:eE+-]*")
 
 
-def named_values(path: Path, registry: Registry, reader: str | None = None) -> Iterator[tuple[str, str, str]]:
-    """Yield names in lower case, their values as texts, and their places in the file.
+def named_values(path: Path, recorded: Recorded) -> Iterator[tuple[str, str, str]]:
+    """Yield names in lower case, their values as texts, and their places in a file.
 
     Parameters
     ----------
     path : Path
-    registry : Registry
-        With the readers.
-    reader : str, optional
-        Name of the reader.
-
-    Raises
-    ------
-    DovetailError
-        The file cannot be read.
+    recorded : Recorded
+        What its reader returned.
     """
-    _, recorded = read_content(path, registry, reader)
     for key, text, where in _texts(path, recorded):
-        for pair in pairs_of(key, text) if len(text) < _MOST_LINES else ():
+        for pair in chain.from_iterable(pairs_of(key, clause) for clause in _clauses(text)):
             match = _BRACKETS.fullmatch(pair.key)
             name, unit = (match[1], match[2]) if match else (pair.key, "")
             value = f"{pair.value} {unit}" if re.fullmatch(r"[-+\d.eE]+", pair.value) else pair.value
             yield re.sub(r"[\W_]+", "_", name.lower()).strip("_"), value.strip(), where
+
+
+def _clauses(text: str) -> list[str]:
+    """Return the parts of a text, such as those of the note of a converted file; none of a very long one."""
+    return text.split("; ") if len(text) < _LONGEST else []
 
 
 def _texts(path: Path, recorded: Recorded) -> Iterator[tuple[str, str, str]]:

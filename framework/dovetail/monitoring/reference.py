@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,20 +20,43 @@ from dovetail.identification.measured_lines import batch_contradictions
 from dovetail.inference.posterior.laplace import LaplaceApproximation
 from dovetail.inference.posterior.likelihood import normal_density, normal_from_unit
 from dovetail.interfaces import Parameter, Progress, silent
-from dovetail.measurement import read_frf
 from dovetail.monitoring.equivalent import LawCurve
 from dovetail.monitoring.estimate import FileModel
 from dovetail.monitoring.kalman import RandomWalk
 from dovetail.monitoring.response_names import ResponseNames
 from dovetail.problem.observations import Observations
-from dovetail.registry import PluginPaths
+from dovetail.registry import PluginPaths, components
 from dovetail.series.description import SeriesDescription
 from dovetail.series.fitted_tests import FittedTest, fit_tests
+from dovetail.series.measured_files import ReadFile, read_file
 
 Array = NDArray[np.float64]
 
+Dofs: TypeAlias = Sequence[tuple[str, str]]
+
 _MARGIN = 1e-4
 """Distance of a start from the ends of the ranges."""
+_INCOMPLETE = "It may be incomplete: it is read again when it changes."
+
+
+class Reading(NamedTuple):
+    """What a measurement contains, in one file or several.
+
+    Parameters
+    ----------
+    observations : Observations
+    files : tuple of (Path, ReadFile)
+        One for each response.
+    """
+
+    observations: Observations
+    files: tuple[tuple[Path, ReadFile], ...]
+
+    @property
+    def dofs(self) -> Dofs:
+        """Response and force of each FRF; empty unless the files give some of them."""
+        given = tuple((file.frf.response, file.frf.force) for _, file in self.files)
+        return given if any(name for pair in given for name in pair) else ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,15 +128,23 @@ class Reference:
         test, series = self.series.tests[0], self.series
         said = {
             "assembly": test.assembly.description.fingerprint,
-            "options": test.measured[0][1],
+            "options": [options for _, options in test.measured],
+            "covariates": [test.covariates, {name: one.unit for name, one in series.covariates.items()}],
+            "laws": [[curve.covariate, np.round(curve.positions, 6).tolist()] for curve in self.curves],
             "roles": {parameter.name: series.role_of(parameter.name).describe() for parameter in self.parameters},
             "start": [round(value, 6) for value in self.start.tolist()],
             "lines": len(self.model.random_variance),
         }
         return hashlib.sha256(json.dumps(said, sort_keys=True, default=str).encode()).hexdigest()
 
-    def read(self, files: Sequence[Path]) -> Observations:
-        """Return the observations in a file, or in a file for each response.
+    def read(self, files: Sequence[Path], dofs: Dofs = ()) -> Reading:
+        """Return what is in a file, or in a file for each response.
+
+        Parameters
+        ----------
+        files : sequence of Path
+        dofs : sequence of (str, str)
+            Response and force of each FRF, as earlier files give them; empty if none does.
 
         Raises
         ------
@@ -123,15 +156,23 @@ class Reference:
             words = listing(self.responses.words if self.responses else ())
             raise MeasurementError(Fault(files[0].name, "its name does not say which response it is.", words))
         paths = files if len(files) > 1 else [files[0]] * len(test.measured)
-        pairs = list(zip(paths, (options for _, options in test.measured), strict=True))
-        frfs = tuple(read_frf(path, plugins=self.plugins, **options) for path, options in pairs)
+        registry, covariates = components(self.plugins), self.series.covariates
+        read = [
+            read_file(path, options, covariates, registry)
+            for path, (_, options) in zip(paths, test.measured, strict=True)
+        ]
+        frfs = tuple(file.frf for file in read)
         lines = lines_to_fit(test.assembly, frfs, None, silent, phase=True)
-        expected = self.model.problem.measured
+        expected = _with_dofs(self.model.problem.measured, dofs)
         if faults := batch_contradictions(test.assembly.description, [expected, frfs]):
             raise MeasurementError(*faults.values())
         for path, frf, known in zip(paths, lines.frfs, expected, strict=True):
             _check_lines(path, frf, known)
-        return lines.problem.observations
+        for path, file, (first, _) in zip(paths, read, test.measured, strict=True):
+            if isinstance(file.content, str) and not _has_end(path) and _has_end(first):
+                problem = "its last line has no end, and that of the first test's file has."
+                raise MeasurementError(Fault(str(path), problem, remedy=_INCOMPLETE))
+        return Reading(lines.problem.observations, tuple(zip(paths, read, strict=True)))
 
     def offset(self, covariates: Mapping[str, float]) -> Array:
         """Return by how much laws move the positions (p,) from those at the first test's covariates."""
@@ -141,6 +182,16 @@ class Reference:
                 here, there = (curve.at(values[curve.covariate]) for values in (covariates, first))
                 offset[curve.columns] += here - there
         return offset
+
+
+def _with_dofs(frfs: Sequence[Frf], dofs: Dofs) -> tuple[Frf, ...]:
+    """Return FRFs with the DOFs that earlier files give, where they have none of their own."""
+    if not dofs:
+        return tuple(frfs)
+    given = zip(frfs, dofs, strict=True)
+    return tuple(
+        replace(frf, response=frf.response or response, force=frf.force or force) for frf, (response, force) in given
+    )
 
 
 def _response_names(series: SeriesDescription) -> ResponseNames | None:
@@ -167,8 +218,15 @@ def _check_lines(path: Path, frf: Frf, known: Frf) -> None:
     here, there = (
         f"{len(one.frequency)} lines from {one.frequency[0]:g} to {one.frequency[-1]:g} Hz" for one in (frf, known)
     )
-    remedy = "It may be incomplete: it is read again when it changes."
-    raise MeasurementError(Fault(str(path), f"it has {here} within the band.", f"{there}, as the first test", remedy))
+    accepted = f"{there}, as the first test"
+    raise MeasurementError(Fault(str(path), f"it has {here} within the band.", accepted, _INCOMPLETE))
+
+
+def _has_end(path: Path) -> bool:
+    """Return whether the last line of a text file has an end."""
+    with path.open("rb") as file:
+        file.seek(-1, os.SEEK_END)
+        return file.read(1) in b"\r\n"
 
 
 def _file_model(series: SeriesDescription, first: FittedTest) -> FileModel:

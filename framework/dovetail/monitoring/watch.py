@@ -12,13 +12,16 @@ from typing import Any
 from dovetail.errors import DovetailError, Fault, FileError, ParameterError, as_dovetail_error, reason_of
 from dovetail.interfaces import Progress, silent
 from dovetail.monitoring.arrivals import Arrival, Folder, Version, covariates_of
+from dovetail.monitoring.dates import date_remarks
 from dovetail.monitoring.journal import Journal
 from dovetail.monitoring.records import DUPLICATE, MEASURED, SET_ASIDE, measured_record, record_of
 from dovetail.monitoring.reference import Reference
+from dovetail.monitoring.same_values import are_same_values, values_of_some_lines
 from dovetail.monitoring.tracker import Step, Tracker, WatchOptions
 from dovetail.parallel import one_blas_thread
 from dovetail.registry import PluginPaths
 from dovetail.series import SeriesDescription, read_series
+from dovetail.series.measured_files import agreed_covariates
 
 _LONGEST_WAIT = 30.0
 """Seconds for which a single look waits for files that are still being written."""
@@ -187,21 +190,37 @@ class Watch:
                     warnings.simplefilter("always", UserWarning)
                     record, step = self._measured(arrival, caught)
             except Exception as error:  # whatever is wrong with one file, the watch goes on
-                reason = reason_of(as_dovetail_error(error, arrival.name))
-                record = record_of(arrival, SET_ASIDE, reason=reason.removeprefix(f"{arrival.path}: "))
+                reason = self._shortened(reason_of(as_dovetail_error(error, arrival.name)))
+                record = record_of(arrival, SET_ASIDE, reason=reason.removeprefix(f"{arrival.name}: "))
         if not self._folder.is_unchanged(arrival):
             return None
         return self._add(arrival, record, step)
 
-    def _measured(self, arrival: Arrival, caught: list[warnings.WarningMessage]) -> tuple[dict[str, Any], Step]:
-        covariates = covariates_of(arrival.name, self.reference.series.covariates)
-        observations = self.reference.read([file.path for file in arrival.files])
-        step = self._tracker.step(self._journal.state, observations, covariates)
-        notes = list(dict.fromkeys(str(one.message) for one in caught))
-        last = next((record for record in reversed(self.records) if record["status"] in MEASURED), None)
-        if last is not None and arrival.date < last["date"]:
-            notes.append(f"It came after '{last['file']}', and its date is earlier.")
-        return measured_record(arrival, step, self.reference, covariates, notes), step
+    def _measured(self, arrival: Arrival, caught: list[warnings.WarningMessage]) -> tuple[dict[str, Any], Step | None]:
+        counted = [record for record in self.records if record["status"] in MEASURED]
+        dofs = next((record["dofs"] for record in counted if record["dofs"]), ())
+        reading = self.reference.read([file.path for file in arrival.files], dofs)
+        values = values_of_some_lines(reading.observations)
+        same = next((record["file"] for record in counted if are_same_values(record["values"], values)), None)
+        if same is not None:
+            return record_of(arrival, DUPLICATE, reason=f"it has the same values as '{same}', in another form."), None
+        described = self.reference.series.covariates
+        named = covariates_of(arrival.name, described)
+        covariates = agreed_covariates([file for _, file in reading.files], named, described, "in its name")
+        step = self._tracker.step(self._journal.state, reading.observations, covariates)
+        notes = [str(warning.message) for warning in caught]
+        notes += [remark for path, file in reading.files for remark in date_remarks(path.name, path, file.content)]
+        if counted and arrival.date < counted[-1]["date"]:
+            notes.append(f"It came after '{counted[-1]['file']}', and its date is earlier.")
+        if arrival.name in {record["file"] for record in counted}:
+            notes.append("A file of this name was counted before, with other values.")
+        notes = list(dict.fromkeys(map(self._shortened, notes)))
+        record = measured_record(arrival, step, self.reference, covariates, notes)
+        return {**record, "values": values, "dofs": [list(pair) for pair in reading.dofs]}, step
+
+    def _shortened(self, text: str) -> str:
+        """Return a text with the names of files in the watched folder instead of their paths."""
+        return text.replace(f"{self._folder.path}{os.sep}", "")
 
     def _add(self, arrival: Arrival, record: dict[str, Any], step: Step | None = None) -> dict[str, Any]:
         self._journal.add(record, self._journal.state if step is None else step.state)

@@ -20,7 +20,7 @@ from dovetail.errors import DovetailError, UnitError, did_you_mean, listing
 from dovetail.measurement.file_section import MeasuredFile
 from dovetail.registry import PluginPaths, Registry, components
 from dovetail.series.description import FREE, Covariate, Role, SeriesDescription, SeriesTest
-from dovetail.series.role_checks import check_covariates_of_file, check_files, check_roles
+from dovetail.series.role_checks import check_files, check_roles
 from dovetail.series.series_file import CandidateSection, SeriesFile, TestSection
 from dovetail.units import to_fraction
 
@@ -100,8 +100,6 @@ class _Reader:
         values = self.file.values(place, section, covariates)
         assembly = self._assembly(place, section, loaded)
         files = tuple(self._file(place, measured) for measured in section.measured)
-        for file, options in files:
-            check_covariates_of_file(name, file, options, values, covariates, self.registry, self.faults)
         if assembly is None:
             return None
         count, wanted = len(files), len(assembly.description.responses)

@@ -2,25 +2,14 @@
 
 from __future__ import annotations
 
-import math
-import re
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from dovetail.documents.fault_list import FaultList
-from dovetail.errors import DovetailError, UnitError, listing
+from dovetail.errors import listing
 from dovetail.interfaces import Parameter
-from dovetail.measurement.named_values import named_values
-from dovetail.registry import Registry
-from dovetail.series.description import Covariate, Role, SeriesTest
-from dovetail.units import to_si
-
-_ROUNDING = 0.01
-"""Relative difference of a covariate in a measured file that is rounding, or the precision of its setting."""
+from dovetail.series.description import Role, SeriesTest
 
 
 def check_roles(tests: Sequence[SeriesTest], roles: Mapping[str, Role], other: Role, faults: FaultList) -> None:
@@ -90,49 +79,3 @@ def _check_covariates(name: str, role: Role, tests: Sequence[SeriesTest], faults
         return
     if objection := role.law.objection(values):
         faults.add(("parameters", name), f"'{role.law.name}' over '{role.over}': {objection}", key=True)
-
-
-def check_covariates_of_file(
-    test: str,
-    file: Path,
-    options: Mapping[str, Any],
-    values: Mapping[str, float],
-    covariates: Mapping[str, Covariate],
-    registry: Registry,
-    faults: FaultList,
-) -> None:
-    """Collect a fault for each covariate that a measured file gives otherwise than the series.
-
-    Parameters
-    ----------
-    test : str
-        Its name.
-    file : Path
-    options : mapping
-        Those of reading; names that they skip are left out.
-    values : mapping of str to float
-        The covariates of the test, in their units.
-    covariates : mapping of str to Covariate
-    registry : Registry
-    faults : FaultList
-    """
-    skipped = str(options.get("names", {}).get("skip", "")).lower()
-    wanted = {name.lower(): name for name in values if name.lower() not in re.split(r"\W+", skipped)}
-    if not wanted:
-        return
-    with suppress(DovetailError):  # where the file is read, this is reported
-        for key, text, where in named_values(file, registry, options.get("reader")):
-            name = wanted.get(key)
-            if name is None or (given := _in_si(text, covariates[name].unit)) is None:
-                continue
-            if not math.isclose(given, values[name], rel_tol=_ROUNDING, abs_tol=_ROUNDING**2):
-                problem = f"{values[name]:g} {covariates[name].unit} here, and '{text[:40]}' at {where}."
-                remedy = f"Correct one of them, or leave it out: 'names: {{skip: {name}}}' of the measured file."
-                faults.add(("tests", test, "at", name), problem, remedy=remedy)
-
-
-def _in_si(text: str, unit: str) -> float | None:
-    try:
-        return to_si(text, unit)
-    except UnitError:
-        return None
