@@ -65,7 +65,8 @@ class Settings:
     reduction_error: float = 0.05
     """Largest accepted difference of chi-squared between the reduced misfit and all lines."""
     checked: int = 64
-    """Samples whose likelihood is computed on all lines first: the reduced misfit has to be as accurate at these."""
+    """Samples whose likelihood is computed on all lines first: the reduced misfit has to be as accurate at these, in
+    the root mean square."""
     region: float = 200.0
     """Chi-squared above the best one up to which a point is in the region of interest."""
     most_snapshots: int = 600
@@ -346,8 +347,12 @@ class _Sampler:
             return exact(unit_from_normal(z))
         on_few = -(squared_norms(self._posterior.residuals(z)[:, z.shape[1] :]) + self._outside) / 2.0
         checked = np.linspace(0, len(z) - 1, _SETTINGS.checked).astype(np.intp)
-        error = np.abs(exact(unit_from_normal(z[checked])) - on_few[checked]).max()
-        return on_few if error < _SETTINGS.reduction_error / 2.0 else exact(unit_from_normal(z))
+        right = exact(unit_from_normal(z[checked]))
+        error = np.sqrt(np.mean((right - on_few[checked]) ** 2))
+        if error > _SETTINGS.reduction_error / 2.0:
+            return exact(unit_from_normal(z))
+        on_few[checked] = right
+        return on_few
 
     def _log_posterior(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the log density (n,), up to a constant, of z (n, p), from all lines."""
