@@ -264,7 +264,7 @@ class Engine:
         return np.flatnonzero(flags)
 
     def _run_in_blocks(self, plan: Plan, job: _Job, run_block: Callable[..., None]) -> None:
-        """Evaluate the joints for some samples while the threads compute the previous ones."""
+        """Evaluate the joints for some samples while other threads may still compute the previous ones."""
         theta, count, derivatives = job.theta, len(job.result), job.jacobian is not None
         if not count:
             return
@@ -282,12 +282,12 @@ class Engine:
                     (start + i, _samples(chunk, i, size), terms[i : i + size], weights[i : i + size])
                     for i in range(0, number, size)
                 ]
-                if len(blocks) == 1 or self.threads == 1:
-                    for block in blocks:
-                        run_block(*block)
-                else:
-                    _wait(running)
-                    running = [threads("engine", self.threads).submit(run_block, *block) for block in blocks]
+                own = blocks[:: self.threads]  # this thread is one of them
+                others = [block for number, block in enumerate(blocks) if number % self.threads]
+                _wait(running)
+                running = [threads("engine", self.threads - 1).submit(run_block, *block) for block in others]
+                for block in own:
+                    run_block(*block)
         finally:
             wait(running)
         _wait(running)
