@@ -17,6 +17,7 @@ from __future__ import annotations
 import argparse
 import time
 from collections import defaultdict
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -38,11 +39,13 @@ TORQUES = (20.0, 40.0, 60.0, 80.0, 100.0)
 STIFFNESSES = ("kt_tc", "kr_tc", "kt_hc", "kr_hc")
 
 
-def identified(number: int, seed: int, samples: int) -> tuple[SeriesIdentification, np.ndarray]:
+def identified(
+    number: int, seed: int, samples: int, torques: Sequence[float] = TORQUES, lines: np.ndarray = LINES
+) -> tuple[SeriesIdentification, np.ndarray]:
     """Draw a series, identify it, and return it with the true unknowns (n_unknowns,) as normal quantiles."""
-    random, model = np.random.default_rng([seed, number, 55]), dovetail.load(ASSEMBLY).on(LINES)
+    random, model = np.random.default_rng([seed, number, 55]), dovetail.load(ASSEMBLY).on(lines)
     law = Role("law", installed_components().create("law", "linear"), "torque")
-    tests = tuple(SeriesTest(f"T{torque:.0f}", model, (), {"torque": torque}) for torque in TORQUES)
+    tests = tuple(SeriesTest(f"T{torque:g}", model, (), {"torque": torque}) for torque in torques)
     covariates = {"torque": Covariate("torque", "N m")}
     described = SeriesDescription("collet", tests, covariates, dict.fromkeys(STIFFNESSES, law), Role("shared"))
     unknowns = SeriesUnknowns(described)

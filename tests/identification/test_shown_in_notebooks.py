@@ -87,3 +87,14 @@ def test_a_result_that_is_not_trustworthy_says_so_in_a_notebook(shown):
     assert f"&gt; {result.warning}</p>" in page
     assert " N/m to " not in page
     assert result.warning in dovetail.Batch({"other": result}, {})._repr_html_()
+
+
+def test_parts_of_a_result_with_arrays_are_one_short_line(assemblies):
+    assembly = dovetail.load(assemblies / "sdof.yaml")
+    measured = dovetail.noisy_frf(assembly.simulate({"k": 1e6, "c": 20.0}), 0.01, np.random.default_rng(0))
+    result = dovetail.identify(assembly, measured, samples=60)
+    parts = result.fit, result.posterior, dovetail.predict_band(assembly, result)
+    for part, words in zip(parts, ("searches agree", "samples of k, c", "90%, 600 lines"), strict=True):
+        assert words in repr(part)
+        assert len(repr(part)) < 120
+        assert "\n" not in repr(part)

@@ -247,6 +247,10 @@ class PredictedBand:
     level: float
     warning: str = ""
 
+    def __repr__(self) -> str:
+        lines = f"{len(self.frequency)} lines from {self.frequency[0]:g} to {self.frequency[-1]:g} Hz"
+        return f"<PredictedBand: {f'{self.warning} ' if self.warning else ''}{self.level:.0%}, {lines}>"
+
 
 def predict_band(
     assembly: AssemblySource, result: Identification | str | Path, *, level: float = LEVEL, seed: int = 0

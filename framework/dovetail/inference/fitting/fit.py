@@ -97,6 +97,10 @@ class Fit(Estimate):
     steps: int
     seconds: float
 
+    def __repr__(self) -> str:
+        agreeing = f"; {self.agreeing} of {self.starts} searches agree" if self.starts else ""
+        return f"<Fit: chi-squared {self.chi_squared:.4g} per degree of freedom{agreeing}>"
+
     def at(self, index: int, counts: Sequence[int]) -> Fit:
         """Return the fit with the variance and the lines of one of its responses alone.
 

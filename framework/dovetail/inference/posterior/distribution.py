@@ -106,8 +106,7 @@ class Posterior:
     moved_by_causes : mapping of str to str
         By parameter, what the `Identification` says of a change with which it lies far beyond its interval.
     log_likelihood : (n,) array or None
-        Of the measurement at each sample, up to a constant; None with the form
-        "laplace" and with a result of an earlier version.
+        Of the measurement at each sample, up to a constant; None as `evidence`.
     normal : tuple of str
         Parameters whose prior is normal; that of the others is even over the range.
     evidence : Evidence or None
@@ -139,6 +138,9 @@ class Posterior:
     evidence: Evidence | None = None
     least_log_evidence: float = -np.inf
     effective: float = np.inf
+
+    def __repr__(self) -> str:
+        return f"<Posterior: {len(self.theta)} samples of {listing(self.names)}>"
 
     @staticmethod
     def from_fractions(
