@@ -116,7 +116,7 @@ ANSWERS = {
     "dict": {"K": 1.0},
 }
 OF_JOINT = ("matrices", "matrices_jacobian", "dynamic_stiffness", "dynamic_stiffness_jacobian")
-OF_PART = ("matrices", "receptance", "absent_dofs", "outline", "warnings")
+OF_PART = ("matrices", "receptance", "absent_dofs", "constraints", "outline", "warnings")
 SOUND = {("absent_dofs", "list"), ("absent_dofs", "objects"), ("absent_dofs", "ragged")}
 """Can be taken for what they should be."""
 
@@ -275,7 +275,7 @@ def test_wrong_results_of_a_joint_are_errors(method, answer):
 
 @pytest.mark.parametrize(("method", "answer"), sorted({*product(OF_PART, ANSWERS)} - SOUND))
 def test_wrong_results_of_a_substructure_are_errors(method, answer):
-    base = Measured if method in ("receptance", "absent_dofs") else Block
+    base = Measured if method in ("receptance", "absent_dofs", "constraints") else Block
     with pytest.raises(PluginError, match=rf"^{HERE}(:\d+)?\n?  ") as error:
         use(assembly("sprung", part="odd", more=odd(base, method, answer)))
     assert len(error.value.faults) == 1

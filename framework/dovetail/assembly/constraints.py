@@ -1,13 +1,14 @@
 """Graphs in which DOFs move by others: rigid connections along skew axes, at points of rigid bodies, across distances.
 
 A joint that merges DOFs along the assembly's axes gives them one number. Any other rigid connection is a set of linear
-functions of DOFs that are zero. They are solved for some DOFs, which then move by the others: u = T q. Each part and
-each joint is computed by q, as with T^T Z T, and no large stiffness approximates a constraint.
+functions of DOFs that are zero, as is a part whose nodes move by fewer motions than they have DOFs. They are solved for
+some DOFs, which then move by the others: u = T q. Each part and each joint is computed by q, as with T^T Z T, and no
+large stiffness approximates a constraint.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, overload
@@ -20,6 +21,7 @@ from dovetail.description.changed_joint import pair_functions
 from dovetail.description.joint_coordinates import JointInCoordinates, LawInCoordinates
 from dovetail.interfaces import JointModel, NodeDofs, Port, SparseMatrices, StructuralMatrices
 from dovetail.synthesis import Connection, Graph, Point
+from dovetail.synthesis.condensation import substructure_constraints
 from dovetail.synthesis.graph import HELD
 from dovetail.synthesis.joint_evaluation import depends_on_frequency
 
@@ -151,6 +153,21 @@ class ConstrainedGraph(Graph):
                 sizes[independent] = sizes.get(independent, 0.0) + abs(weight * share)
         return [(total, self._owners[at]) for at, total in sums.items() if abs(total) > _ROUNDING * sizes[at]]
 
+    def boundary(self, name: str, dofs: Set[int]) -> Sequence[int]:
+        """Return the DOFs to which a substructure is condensed: without those that follow others in the part itself.
+
+        All DOFs that a part's own constraints connect with those in use are there, since any of them may lead.
+        """
+        part, rows = self.substructures[name], substructure_constraints(self.substructures[name])
+        if not len(rows):
+            return sorted(dofs)
+        connects, used = rows != 0.0, np.isin(np.arange(part.node_dofs.size), list(dofs))
+        for _ in range(len(connects)):
+            used |= connects[connects[:, used].any(axis=1)].any(axis=0)
+        functions = [dict(enumerate(row.tolist())) for row in rows]
+        followers = _solved(functions, set(np.flatnonzero(part.node_dofs.rotations).tolist()))
+        return sorted(set(np.flatnonzero(used).tolist()) - set(followers))
+
     def motion(self, name: str, dofs: Sequence[int]) -> tuple[NDArray[np.intp], Any]:
         """Return the global DOFs by which some DOFs of a substructure move, and their motion, as in `Graph`."""
         plain = self.plain.substructure_dofs(name)[list(dofs)]
@@ -180,10 +197,16 @@ class ConstrainedGraph(Graph):
 
 
 def constrained(plain: Graph) -> Graph:
-    """Return a graph with the constraints of its joints that merging DOFs does not satisfy; itself without any."""
+    """Return a graph with the constraints of its parts and joints; itself if merging DOFs satisfies all of them."""
     functions = [row for name in plain.connections for row in _functions(plain, name)]
+    of_parts = [
+        row
+        for name, part in plain.substructures.items()
+        for row in _by_number(substructure_constraints(part), plain.substructure_dofs(name))
+    ]
+    functions += of_parts
     dependents = _solved(functions, _rotations(plain)) if functions else {}
-    if not dependents:
+    if not dependents and not of_parts:
         return plain
     graph = ConstrainedGraph(plain.substructures, plain.connections, plain, dependents)
     moved = {name: graph.at_leaders(name, connection) for name, connection in plain.connections.items()}
@@ -197,8 +220,13 @@ def _functions(plain: Graph, name: str) -> list[dict[int, float]]:
     every = pair_functions(model, contacts=contacts)
     if len(every) == len(model.merged_dofs) + (len(model.contact_dofs) if contacts else 0):
         return []
-    functions, numbers = list[dict[int, float]](), plain.joint_dofs(name)
-    for row in every:
+    return _by_number(every, plain.joint_dofs(name))
+
+
+def _by_number(rows: NDArray[np.float64], numbers: NDArray[np.intp]) -> list[dict[int, float]]:
+    """Return linear functions (n, d) of DOFs with these global numbers, without those that are held."""
+    functions = list[dict[int, float]]()
+    for row in rows:
         function: dict[int, float] = {}
         for dof in np.flatnonzero(row).tolist():
             number = int(numbers[dof])

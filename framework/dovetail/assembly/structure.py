@@ -32,6 +32,7 @@ from dovetail.interfaces import (
     is_rotation,
 )
 from dovetail.synthesis import Attachment, Connection, Engine, Graph, Point
+from dovetail.synthesis.condensation import substructure_constraints
 from dovetail.synthesis.joint_evaluation import Theta, depends_on_frequency
 
 
@@ -200,9 +201,10 @@ def graph_between(graph: Graph, points: Sequence[tuple[str, int]]) -> Graph:
 
 
 def _with_constraints(graph: Graph) -> Graph:
-    """Return a graph with what its joints hold; itself if all act as their models do."""
+    """Return a graph with what its parts and joints hold; itself if all act as their models do."""
     changed = any(isinstance(connection.model, ChangedJoint) for connection in graph.connections.values())
-    return constrained(graph) if changed else graph
+    parts = graph.substructures.values()
+    return constrained(graph) if changed or any(len(substructure_constraints(part)) for part in parts) else graph
 
 
 def _is_windowed(model: JointModel) -> bool:

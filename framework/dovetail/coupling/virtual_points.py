@@ -218,7 +218,7 @@ class VirtualPoint:
     channels, impacts : tuple of int
         Numbers of those around it.
     flexible : tuple of str
-        Deformations of the interface that are estimated with the motions, and on which no load acts.
+        Deformations of the interface that are estimated with the motions.
     """
 
     point: tuple[float, float, float]
@@ -282,29 +282,53 @@ class VirtualPoints:
 
     @property
     def dofs(self) -> tuple[tuple[str, str], ...]:
-        """The name of the point and the direction of each row of the result."""
+        """The name of the point and the direction of each row of the FRFs between motions."""
         return tuple((name, each) for name, point in self.points.items() for each in point.directions)
 
-    def transformed(self, values: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """Return the FRFs (n_freq, d, d) between the points' directions.
+    @property
+    def modes(self) -> tuple[tuple[str, str], ...]:
+        """The name of the point and the motion or deformation of each row of the FRFs with deformations."""
+        return tuple((name, each) for name, point in self.points.items() for each in point.modes)
+
+    def transformed(self, values: NDArray[np.complex128], *, deformations: bool = False) -> NDArray[np.complex128]:
+        """Return the FRFs (n_freq, d, d) between the motions of the points.
 
         Parameters
         ----------
         values : (n_freq, n_channels, n_impacts) complex array
+        deformations : bool
+            Whether the deformations of the points are there too, in the order of `modes`. Parts whose interfaces
+            deform are coupled by all of them; without them, an interface deforms freely.
+
+        Raises
+        ------
+        MeasurementError
+            The channels or the impacts around a point do not determine one of these deformations.
         """
+        if deformations:
+            self._check_deformations()
         out, into = self._matrices
-        return np.asarray(out @ values @ into.T)
+        rows = [deformations or mode in DIRECTIONS for _, mode in self.modes]
+        return np.asarray(out[rows] @ values @ into[rows].T)
+
+    def _check_deformations(self) -> None:
+        for name, point in self.points.items():
+            for noun, projection in zip(("channels", "impacts"), self._projections[name], strict=True):
+                if missing := [point.modes[number] for number in projection.unresolved]:
+                    problem = f"its {len(projection.modes)} {noun} do not determine its deformation {missing[0]}."
+                    remedy = "Leave it out of 'flexible', or take more that lie elsewhere or point elsewhere."
+                    raise MeasurementError(Fault(name, problem, remedy=remedy))
 
     @cached_property
     def _matrices(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """T of the channels and of the impacts, (d, n) each."""
+        """T of the channels and of the impacts for all modes, (m, n) each."""
         matrices = []
         for side, dofs in enumerate((self.channels, self.impacts)):
             rows = []
             for name, point in self.points.items():
-                row = np.zeros((len(point.directions), len(dofs.names)))
+                row = np.zeros((len(point.modes), len(dofs.names)))
                 around = point.impacts if side else point.channels
-                row[:, list(around)] = self._projections[name][side].matrix[: len(point.directions)]
+                row[:, list(around)] = self._projections[name][side].matrix
                 rows.append(row)
             matrices.append(np.concatenate(rows))
         return matrices[0], matrices[1]

@@ -265,6 +265,11 @@ class PlacedPart(SubstructureModel):
         absent, L = self._part.absent_dofs, self._coordinates.L
         return frozenset(int(dof) for dof in np.flatnonzero((L[sorted(absent)] != 0.0).any(axis=0)))
 
+    @cached_property
+    def constraints(self) -> NDArray[np.float64]:
+        """Those of the part, for its DOFs along the assembly's axes."""
+        return np.asarray(self._part.constraints @ self._coordinates.L)
+
     @property
     def outline(self) -> Sequence[tuple[float, float, float, float]]:
         """That of the part, along its own axis."""

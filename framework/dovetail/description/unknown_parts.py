@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.description.placed_parts import Placement, placed
-from dovetail.errors import DovetailError, PluginError
+from dovetail.errors import DovetailError, Fault, PluginError
 from dovetail.interfaces import (
     Coordinates,
     JointModel,
@@ -23,7 +23,7 @@ from dovetail.interfaces import (
     describes_matrices,
     plugin_errors,
 )
-from dovetail.synthesis.condensation import inverted_receptance, substructure_matrices
+from dovetail.synthesis.condensation import inverted_receptance, substructure_constraints, substructure_matrices
 
 
 class UnknownPart(JointModel):
@@ -153,6 +153,15 @@ class UnknownReceptance(UnknownPart):
     """An `UnknownPart` that is known by its FRFs only."""
 
     _used: tuple[int, ...] | None = None
+
+    def __init__(
+        self, part: SubstructureModel, parameters: Sequence[Parameter], placement: Placement | None = None
+    ) -> None:
+        super().__init__(part, parameters, placement)
+        if len(substructure_constraints(part)):
+            problem = "its nodes have more DOFs than motions, so that none of its options can be identified."
+            remedy = "Give each of its options a value."
+            raise DovetailError(Fault(f"substructure model '{part.name}'", problem, remedy=remedy))
 
     def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:  # noqa: ARG002
         """Raise an error, since there are none."""

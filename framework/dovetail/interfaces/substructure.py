@@ -162,6 +162,14 @@ class SubstructureModel(Component):
         return frozenset()
 
     @property
+    def constraints(self) -> NDArray[np.float64]:
+        """Linear functions (n, d) of the nodes' DOFs that are zero in any motion of a part known by its FRFs; none.
+
+        The points of an interface whose motion is a sum of few interface modes have more DOFs than motions.
+        """
+        return np.zeros((0, self.node_dofs.size))
+
+    @property
     def condensation_tolerance(self) -> float:
         """Relative error up to which matrices may be condensed on a reduced basis; 0, the default, is exact."""
         return 0.0

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import DovetailError, Fault, PluginError
-from dovetail.interfaces import NodeDofs, SparseMatrices, StructuralMatrices, SubstructureModel
+from dovetail.interfaces import NodeDofs, SparseMatrices, StructuralMatrices, SubstructureModel, plugin_errors
 from dovetail.interfaces.matrices import refusing_complex_values
 from dovetail.synthesis.elimination import plan_elimination, run_elimination
 from dovetail.synthesis.sparse_condensation import PartitionedMatrices, condense_on_basis
@@ -217,6 +217,26 @@ def _problem(name: str, matrix: Any) -> str:
     if values.size and abs(matrix - matrix.T).max() > SETTINGS.asymmetry * abs(values).max():
         return f"its matrix {name} is not symmetric."
     return ""
+
+
+def substructure_constraints(substructure: SubstructureModel) -> NDArray[np.float64]:
+    """Return the linear functions (n, d) of a substructure's DOFs that are zero; (0, 0) if it declares none.
+
+    Raises
+    ------
+    PluginError
+        They are not finite numbers of this shape.
+    """
+    if type(substructure).constraints is SubstructureModel.constraints:
+        return np.zeros((0, 0))
+    with plugin_errors(substructure, f"substructure model '{substructure.name}'"):
+        returned, count = substructure.constraints, substructure.node_dofs.size
+        rows = returned if isinstance(returned, np.ndarray) else np.empty(0)
+        if rows.dtype != np.float64 or rows.ndim != 2 or rows.shape[1] != count or not np.isfinite(rows).all():
+            where = f"substructure model '{substructure.name}'"
+            problem = f"its constraints are {returned!r:.60}."
+            raise PluginError(Fault(where, problem, f"an array of numbers with {count} columns, one for each DOF"))
+    return rows
 
 
 def inverted_receptance(

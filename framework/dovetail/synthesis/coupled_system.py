@@ -58,7 +58,7 @@ def condense(
         needed[name].add(dof)
     condensed = {}
     for name, substructure in graph.substructures.items():
-        dofs = sorted(needed[name])
+        dofs = graph.boundary(name, needed[name])
         if dofs and not substructure.grounded:
             numbers, motion = graph.motion(name, dofs)
             with plugin_errors(substructure, f"substructure '{name}' ({substructure.name})"):
@@ -69,7 +69,7 @@ def condense(
 
 
 def _latest_stiffness(
-    substructure: SubstructureModel, dofs: list[int], frequency: NDArray[np.float64], draw: int | None
+    substructure: SubstructureModel, dofs: Sequence[int], frequency: NDArray[np.float64], draw: int | None
 ) -> BoundaryStiffness:
     """Return the condensed stiffness, without computing it again if it was the latest of this substructure.
 

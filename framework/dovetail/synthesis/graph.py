@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -145,6 +145,10 @@ class Graph:
     def terms(self, motion: Sequence[tuple[float, Point]]) -> Sequence[tuple[float, Point]]:
         """Return a weighted sum of DOFs as one of DOFs that have global numbers; of none if joints hold it."""
         return motion
+
+    def boundary(self, name: str, dofs: Set[int]) -> Sequence[int]:  # noqa: ARG002
+        """Return the DOFs to which a substructure is condensed, in their order, if some of its DOFs are in use."""
+        return sorted(dofs)
 
     def motion(self, name: str, dofs: Sequence[int]) -> tuple[NDArray[np.intp], Any]:
         """Return the global DOFs by which some DOFs of a substructure move, and their motion by these.

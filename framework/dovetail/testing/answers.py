@@ -47,6 +47,7 @@ def declarations(component: Any) -> dict[str, str]:
         return values
     values = {name: _read(component, name) for name in _SUBSTRUCTURE}
     values["absent_dofs"] = repr(sorted(component.absent_dofs))
+    values["constraints"] = repr(np.asarray(component.constraints).tolist())
     values["dof_label"] = repr([component.dof_label(dof) for dof in range(component.node_dofs.size)])
     return values
 

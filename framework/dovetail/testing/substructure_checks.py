@@ -91,6 +91,19 @@ def check_absent_dofs_and_tolerance_are_in_range(specimen: SubstructureSpecimen)
         raise Nonconformity(problem, f"Return a relative error from 0 to {_TOLERANCE:g}.")
 
 
+def check_constraints_are_of_a_part_with_frfs(specimen: SubstructureSpecimen) -> None:
+    """`constraints` has a column for each DOF of the nodes, and no rows for a part with matrices."""
+    rows, count = specimen.component.constraints, specimen.component.node_dofs.size
+    if not isinstance(rows, np.ndarray) or rows.dtype != np.float64 or rows.ndim != 2 or rows.shape[1] != count:
+        problem = f"constraints is {rows!r:.60}, and the nodes have {count} DOFs."
+        raise Nonconformity(problem, f"Return an array of float64 of the shape (n, {count}).")
+    if not np.isfinite(rows).all():
+        raise Nonconformity("constraints has numbers that are not finite.")
+    if len(rows) and specimen.matrices is not None:
+        problem = "it has constraints, and matrices."
+        raise Nonconformity(problem, "Return matrices of independent DOFs; nodes can carry others.")
+
+
 def check_outline_is_sections_in_order(specimen: SubstructureSpecimen) -> None:
     """`outline` has start, stop, outer and inner diameter of consecutive sections, or is empty."""
     outline = specimen.component.outline

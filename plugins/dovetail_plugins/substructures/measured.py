@@ -68,6 +68,7 @@ class Measured(SubstructureModel):
 
     With `points`, least squares give the motions of each point from the channels around it, and from the impacts its
     loads (a virtual point transformation). The interface is rigid there, but for the deformations in `flexible`.
+    Joints at the `contacts` of a point act on its motion and on its deformations.
     """
 
     name = "measured"
@@ -135,6 +136,9 @@ class Measured(SubstructureModel):
                 raise ValueError(f"'{changed[0]}' is for virtual points: list them in 'points'")
             if self.points and self.frfs:
                 raise ValueError("give either 'points', or 'nodes' and 'frfs'")
+            names = [*self.points, *(name for point in self.points.values() for name in point.contacts)]
+            if twice := [name for name in names if names.count(name) > 1]:
+                raise ValueError(f"two nodes have the name '{twice[0]:.40}'")
             return self
 
     @classmethod
@@ -171,8 +175,7 @@ class Measured(SubstructureModel):
 
     def _between_points(self, interface: MeasuredInterface) -> KnownReceptance:
         """Return the receptance between the virtual points; a fault also names the channel that fits worst."""
-        file, dofs = self.config.file, interface.points.dofs
-        names = [f"{node} {each}" for node, each in dofs]
+        file, names = self.config.file, interface.names
         raw = interface.matrix(Path(file).name)
         try:
             matrix = reciprocal(receptance_matrix(raw.frequency, raw.values, file), names, file)
@@ -182,8 +185,7 @@ class Measured(SubstructureModel):
             worst = " ".join(interface.warnings(np.inf))
             remedy = f"{worst[:1].upper()}{worst[1:]}" or fault.remedy
             raise DovetailError(Fault(fault.where, fault.problem, fault.accepted, remedy)) from None
-        places = {name: tuple(section.at) for name, section in self.config.points.items()}
-        return KnownReceptance.between(matrix, dofs, places)
+        return interface.known(matrix)
 
     @property
     def nodes(self) -> tuple[Node, ...]:
@@ -193,7 +195,14 @@ class Measured(SubstructureModel):
     @property
     def absent_dofs(self) -> frozenset[int]:
         """The DOFs that were not measured."""
-        return frozenset(range(self.node_dofs.size)) - set(self._known.dofs)
+        every = frozenset(range(self.node_dofs.size))
+        return every - set(self._known.dofs) if self._known.motion is None else frozenset()
+
+    @property
+    def constraints(self) -> NDArray[np.float64]:
+        """What the interfaces' modes leave no freedom to, if joints act at contacts of theirs."""
+        contacts = None if self._interface is None else self._interface.contacts
+        return super().constraints if contacts is None else contacts.constraints
 
     def warnings(self, frequency: float) -> Sequence[str]:
         """Return warnings about channels that do not fit the others, about reciprocity and about power."""
@@ -212,6 +221,10 @@ class Measured(SubstructureModel):
 
     def receptance(self, frequency: NDArray[np.float64], dofs: Sequence[int]) -> NDArray[np.complex128]:
         """Return the measured receptance between `dofs`, interpolated to the lines."""
+        values = self._known.matrix.at(frequency)
+        if self._known.motion is not None:
+            motion = self._known.motion[list(dofs)]
+            return np.asarray(motion @ values @ motion.T)
         chosen = np.array([self._known.dofs.index(int(dof)) for dof in dofs], dtype=np.intp)
-        part: NDArray[np.complex128] = self._known.matrix.at(frequency)[:, chosen[:, None], chosen]
+        part: NDArray[np.complex128] = values[:, chosen[:, None], chosen]
         return part

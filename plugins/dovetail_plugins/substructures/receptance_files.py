@@ -46,11 +46,14 @@ class KnownReceptance:
     nodes : tuple of Node
     dofs : tuple of int
         The DOF of each row.
+    motion : (d, n) array, optional
+        Of all DOFs of the nodes by those of the rows; without it, those that are no row were not measured.
     """
 
     matrix: ReceptanceMatrix
     nodes: tuple[Node, ...]
     dofs: tuple[int, ...]
+    motion: NDArray[np.float64] | None = None
 
     @staticmethod
     def between(matrix: ReceptanceMatrix, pairs: Sequence[Dof], place_of: Mapping[str, Place]) -> KnownReceptance:

@@ -18,12 +18,15 @@ from dovetail import (
     DovetailError,
     Fault,
     InUnit,
+    NodeDofs,
     ReceptanceMatrix,
     VirtualPoint,
     VirtualPoints,
 )
 from dovetail_plugins.substructures.channel_frfs import read_channel_frfs
 from dovetail_plugins.substructures.channel_tables import ChannelTable, read_channels, read_impacts
+from dovetail_plugins.substructures.contact_points import ContactPoints
+from dovetail_plugins.substructures.receptance_files import KnownReceptance
 
 _Length = Annotated[float, InUnit("m")]
 _USUAL = (5e-4, 5.0)
@@ -49,13 +52,24 @@ class PointSection(ComponentConfig):
         Motions of the point: some of x, y, z, rx, ry, rz, in this order.
     flexible : sequence of deformations
         Deformations of the interface that are estimated too, named as in pyFBS: ex, ey, ez (extension), tx, ty, tz
-        (torsion), sxy, sxz, syz, syx, szx, szy (shear), bxy, bxz, byz, byx, bzx, bzy (bending). No joint acts on them.
+        (torsion), sxy, sxz, syz, syx, szx, szy (shear), bxy, bxz, byz, byx, bzx, bzy (bending). Joints act on them at
+        `contacts` only.
+    contacts : mapping of names to three lengths
+        Nodes on the interface, such as its bolts, in the axes of the tables [m]. They move in x, y and z by the motion
+        of the point and the deformations.
     """
 
     at: tuple[_Length, _Length, _Length]
     group: str | int = ""
     directions: Annotated[tuple[Direction, ...], Field(min_length=1)] = DIRECTIONS
     flexible: tuple[str, ...] = ()
+    contacts: Annotated[dict[str, tuple[_Length, _Length, _Length]], Field(default_factory=dict)]
+
+    @model_validator(mode="after")
+    def _six_directions(self) -> PointSection:
+        if self.contacts and self.directions != DIRECTIONS:
+            raise ValueError("a point with 'contacts' has all six directions; leave 'directions' out")
+        return self
 
     @model_validator(mode="after")
     def _known_modes(self) -> PointSection:
@@ -80,15 +94,35 @@ class MeasuredInterface:
     values : (n_freq, n_channels, n_impacts) complex array
         Receptance.
     points : VirtualPoints
+    contacts : ContactPoints, optional
+        If joints act at other points of the interfaces.
     """
 
     frequency: NDArray[np.float64]
     values: NDArray[np.complex128]
     points: VirtualPoints
+    contacts: ContactPoints | None = None
 
     def matrix(self, note: str) -> ReceptanceMatrix:
-        """Return the receptance between the motions of the points, as measured in both directions."""
-        return ReceptanceMatrix(self.frequency, self.points.transformed(self.values), note)
+        """Return the receptance between the motions of the points or between `leaders`, as measured both ways."""
+        if self.contacts is None:
+            return ReceptanceMatrix(self.frequency, self.points.transformed(self.values), note)
+        return ReceptanceMatrix(self.frequency, self.contacts.receptance(self.values), note)
+
+    def known(self, matrix: ReceptanceMatrix) -> KnownReceptance:
+        """Return the nodes with this receptance, that of `matrix`."""
+        if self.contacts is not None:
+            return KnownReceptance(matrix, self.contacts.nodes, self.contacts.leaders, self.contacts.by_leaders)
+        return KnownReceptance.between(matrix, self.points.dofs, {n: p.point for n, p in self.points.points.items()})
+
+    @property
+    def names(self) -> list[str]:
+        """Those of the rows of `matrix`, for messages."""
+        if self.contacts is None:
+            return [f"{node} {each}" for node, each in self.points.dofs]
+        nodes = self.contacts.nodes
+        dofs = NodeDofs.from_nodes(nodes)
+        return [f"{nodes[dofs[dof][0]].label} {dofs[dof][1]}" for dof in self.contacts.leaders]
 
     def warnings(self, frequency: float) -> Sequence[str]:
         """Return warnings about unusual distances, and about the one that fits the others around its point worst.
@@ -100,7 +134,7 @@ class MeasuredInterface:
         frequency : float
             Highest frequency that is looked at [Hz].
         """
-        distant = tuple(self._unusual_distances())
+        distant = (*self._unusual_distances(), *(self.contacts.distant() if self.contacts is not None else ()))
         deviations = self.points.suspects(self.values[self.frequency <= frequency])
         worst = max(deviations, key=lambda name: deviations[name], default="")
         if not worst or deviations[worst] < _FAR:
@@ -163,7 +197,11 @@ def read_interface(
     except DovetailError as error:
         fault = error.faults[0]
         raise DovetailError(Fault(f"point '{fault.where}'", fault.problem, fault.accepted, fault.remedy)) from None
-    return MeasuredInterface(*read_channel_frfs(file, channels, impacts), virtual)
+    frequency, values = read_channel_frfs(file, channels, impacts)
+    joined = {name: section.contacts for name, section in points.items()}
+    return MeasuredInterface(
+        frequency, values, virtual, ContactPoints(virtual, joined) if any(joined.values()) else None
+    )
 
 
 def _around(table: ChannelTable, name: str, section: PointSection, is_only: bool) -> tuple[int, ...]:

@@ -470,6 +470,38 @@ class NegativeTolerance(Unmeshed):
     condensation_tolerance = -1e-9
 
 
+@breaks("constraints_are_of_a_part_with_frfs")
+class ConstraintsOfABeam(Unmeshed):
+    """A beam whose nodes move by fewer motions than its matrices have."""
+
+    @property
+    def constraints(self):
+        """Hold the difference of its first and its last DOF."""
+        row = np.zeros((1, self.node_dofs.size))
+        row[0, [0, -1]] = 1.0, -1.0
+        return row
+
+
+@also_breaks("constraints_are_of_a_part_with_frfs")
+class ConstraintsOfNodes(Unmeshed):
+    """A column for each node in place of one for each DOF."""
+
+    @property
+    def constraints(self):
+        """Return no rows."""
+        return np.zeros((0, len(self.nodes)))
+
+
+@also_breaks("constraints_are_of_a_part_with_frfs")
+class EndlessConstraints(Unmeshed):
+    """An infinite number."""
+
+    @property
+    def constraints(self):
+        """Return one row."""
+        return np.full((1, self.node_dofs.size), np.inf)
+
+
 @breaks("units_agree_with_the_matrices")
 class DensityAsMass(Bar):
     """Its mass is per length, the option in kg."""

@@ -1,0 +1,272 @@
+"""Measured parts whose interfaces deform, joined at contacts, against dense solutions and coupling by receptances."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy
+
+import dovetail
+from dovetail import DIRECTIONS, MeasuredDofs, VirtualPoint, VirtualPoints, couple, interface_modes
+from dovetail.assembly import find_warnings
+
+FREQUENCY = np.arange(40.0, 1200.0, 10.0)
+DEFORMATIONS = ("ex", "sxy", "bzx")
+MODES = (*DIRECTIONS, *DEFORMATIONS)
+HEAD = np.array([0.0, -0.4, 0.0])
+CONTACTS = {
+    "bolt_1": (0.03, 0.01, 0.02),
+    "bolt_2": (-0.03, 0.02, 0.02),
+    "bolt_3": (-0.02, -0.01, -0.03),
+    "bolt_4": (0.02, -0.03, -0.02),
+}
+TURN = [{"about": [1, 2, 3], "angle": "40 deg"}]
+ORIGIN = np.array([0.1, 0.2, 0.3])
+BODY = {"mass": 3.0, "inertia": [4e-3, 5e-3, 6e-3]}
+STIFFNESS, DAMPING = (2e6, 3e6, 4e6), (20.0, 30.0, 40.0)
+
+
+class Part:
+    """A structure with the motion of two points and the deformations of the first one as its DOFs."""
+
+    def __init__(self, seed):
+        random = np.random.default_rng(seed)
+        self.channels, self.impacts = self._around(random, "s"), self._around(random, "h")
+        foot = [number < 15 for number in range(27)]
+        self.foot = tuple(np.flatnonzero(foot).tolist()), tuple(np.flatnonzero(np.logical_not(foot)).tolist())
+        lengths = np.linalg.norm(self._motion(self.channels), axis=0) / np.sqrt(15.0)
+        mass, both = np.diag(random.uniform(0.5, 2.0, len(lengths))), np.diag(lengths)
+        shape = random.standard_normal((len(lengths), len(lengths)))
+        stiffness = both @ (3e6 * shape @ shape.T) @ both
+        self.matrices = both @ mass @ both, stiffness, 1e-5 * stiffness
+        self.receptance = np.stack([np.linalg.inv(Z) for Z in self.stiffness()])
+        self.frfs = self._motion(self.channels) @ self.receptance @ self._motion(self.impacts).T
+
+    def stiffness(self):
+        """Return the dynamic stiffness (n_freq, d, d)."""
+        M, K, C = self.matrices
+        return [K + 2j * np.pi * f * C - (2 * np.pi * f) ** 2 * M for f in FREQUENCY]
+
+    def _around(self, random, prefix):
+        places = np.concatenate([random.uniform(-0.04, 0.04, (15, 3)), HEAD + random.uniform(-0.04, 0.04, (12, 3))])
+        ways = random.standard_normal((27, 3))
+        return MeasuredDofs(
+            tuple(f"{prefix}{n}" for n in range(27)), places, ways / np.linalg.norm(ways, axis=1)[:, None]
+        )
+
+    def _motion(self, dofs):
+        foot, head = interface_modes(dofs, np.zeros(3), MODES), interface_modes(dofs, HEAD, DIRECTIONS)
+        at_foot = (np.arange(27) < 15)[:, None]
+        return np.hstack([np.where(at_foot, foot, 0.0), np.where(at_foot, 0.0, head)])
+
+    def points(self):
+        """Return its virtual points, the deformations among the motions of the first one."""
+        foot = VirtualPoint((0.0, 0.0, 0.0), self.foot[0], self.foot[0], DIRECTIONS, DEFORMATIONS)
+        head = VirtualPoint(tuple(HEAD.tolist()), self.foot[1], self.foot[1])
+        return VirtualPoints(self.channels, self.impacts, {"foot": foot, "head": head})
+
+    def section(self, folder, name, **foot):
+        """Write the FRFs and tables, and return the section that reads them."""
+        np.savez(folder / f"{name}.npz", frequency=FREQUENCY, frfs=self.frfs)
+        for table, dofs, quantity in (("channels", self.channels, "Displacement"), ("impacts", self.impacts, "Force")):
+            rows = ["Name,Quantity,Grouping,Position_1,Position_2,Position_3,Direction_1,Direction_2,Direction_3"]
+            for number, label in enumerate(dofs.names):
+                numbers = map(repr, [*dofs.positions[number].tolist(), *dofs.directions[number].tolist()])
+                rows.append(",".join([label, quantity, "foot" if number < 15 else "head", *numbers]))
+            (folder / f"{name}_{table}.csv").write_text("\n".join(rows), encoding="utf-8")
+        files = {key: str(folder / f"{name}_{key}.csv") for key in ("channels", "impacts")}
+        at_foot = {"at": [0.0, 0.0, 0.0], "flexible": [*DEFORMATIONS], "contacts": CONTACTS, **foot}
+        points = {"foot": at_foot, "head": {"at": HEAD.tolist()}}
+        return {"model": "measured", "file": str(folder / f"{name}.npz"), **files, "points": points}
+
+
+def motion_at_contacts(names=tuple(CONTACTS)):
+    """Return the displacements (3 n, 15) of contacts by the DOFs of a `Part`."""
+    places = np.array([CONTACTS[name] for name in names])
+    dofs = MeasuredDofs(tuple("xyz") * len(names), np.repeat(places, 3, axis=0), np.tile(np.eye(3), (len(names), 1)))
+    return np.hstack([interface_modes(dofs, np.zeros(3), MODES), np.zeros((3 * len(names), 6))])
+
+
+def on_a_body(section, joint, names=tuple(CONTACTS), response=None):
+    """Return the part, turned, on a rigid body by a joint at each of some contacts."""
+    placed = dovetail.load(alone(section)).description.placements["part"]
+    where = {name: (ORIGIN + placed.rotation @ np.array(CONTACTS[name])).tolist() for name in names}
+    joints = {
+        name: {**joint, "connect": {"a": {"to": "part", "at": name}, "b": {"to": "body", "at": f"node {name}"}}}
+        for name in names
+    }
+    description = {
+        **alone(section),
+        "substructures": {
+            **alone(section)["substructures"],
+            "body": {"model": "rigid_body", "center": ORIGIN.tolist(), "nodes": where, **BODY},
+        },
+        "joints": joints,
+    }
+    description["response"] = {**description["response"], **(response or {})}
+    return dovetail.load(description), placed.rotation
+
+
+def alone(section):
+    return {
+        "dovetail": 1,
+        "name": "part on a body",
+        "frequency": {"start": 40.0, "stop": 1190.0, "step": 10.0},
+        "substructures": {"part": {**section, "place": {"origin": ORIGIN.tolist(), "rotate": TURN}}},
+        "response": {"at": "part", "position": "head", "quantity": "receptance", "direction": "x"},
+    }
+
+
+def dense(part, rotation, names=tuple(CONTACTS), rigid=False, point="head"):
+    """Return the receptance along the assembly's x at the head, or at a contact."""
+    there = np.kron(np.eye(len(names)), rotation) @ motion_at_contacts(names)
+    places = np.array([rotation @ np.array(CONTACTS[name]) for name in names])
+    dofs = MeasuredDofs(tuple("xyz") * len(names), np.repeat(places, 3, axis=0), np.tile(np.eye(3), (len(names), 1)))
+    gap = np.hstack([there, -interface_modes(dofs, np.zeros(3), DIRECTIONS)])
+    mass = np.diag([BODY["mass"]] * 3 + BODY["inertia"])
+    load = np.zeros(21)
+    load[9:12] = rotation[0]
+    if point != "head":
+        load[:15] = there[3 * list(names).index(point)]
+    free = scipy.linalg.null_space(gap) if rigid else np.eye(21)
+    found = []
+    for f, own in zip(FREQUENCY, part.stiffness(), strict=True):
+        omega = 2 * np.pi * f
+        Z = scipy.linalg.block_diag(own, -(omega**2) * mass).astype(complex)
+        if not rigid:
+            springs = np.tile(np.array(STIFFNESS) + 1j * omega * np.array(DAMPING), len(names))
+            Z += gap.T @ (springs[:, None] * gap)
+        found.append(load @ free @ np.linalg.solve(free.T @ Z @ free, free.T @ load))
+    return np.array(found)
+
+
+BUSHING = {
+    "model": "bushing",
+    "directions": ["x", "y", "z"],
+    "parameters": {
+        **{f"k_{each}": {"value": value} for each, value in zip("xyz", STIFFNESS, strict=True)},
+        **{f"c_{each}": {"value": value} for each, value in zip("xyz", DAMPING, strict=True)},
+    },
+}
+WELD = {"model": "rigid", "direction": ["x", "y", "z"]}
+
+
+def difference(found, expected):
+    return float(np.abs(found - expected).max() / np.abs(expected).max())
+
+
+@pytest.fixture(scope="module")
+def part():
+    return Part(0)
+
+
+@pytest.mark.parametrize("names", [("bolt_1", "bolt_2", "bolt_3", "bolt_4"), ("bolt_3",), ("bolt_2", "bolt_4")])
+@pytest.mark.parametrize("joint", ["bushings", "welds"])
+@pytest.mark.parametrize("point", ["head", "contact"])
+def test_a_part_whose_interface_deforms_has_the_frfs_of_a_dense_solution(part, names, joint, point, tmp_path):
+    response = None if point == "head" else {"position": names[-1]}
+    rigid = joint == "welds"
+    found, rotation = on_a_body(part.section(tmp_path, "part"), WELD if rigid else BUSHING, names, response)
+    expected = dense(part, rotation, names, rigid, point if point == "head" else names[-1])
+    assert difference(found.frf(), expected) < 1e-7
+
+
+def test_the_deformations_matter(part, tmp_path):
+    """A rigid interface at the same four bolts has other FRFs."""
+    found, rotation = on_a_body(part.section(tmp_path, "part"), BUSHING)
+    expected = dense(part, rotation)
+    stiff, _ = on_a_body(part.section(tmp_path, "part", flexible=[]), BUSHING)
+    assert difference(found.frf(), expected) < 1e-7 < 1e-2 < difference(stiff.frf(), expected)
+
+
+def test_an_interface_that_does_not_deform_may_have_contacts(part, tmp_path):
+    """Four welds hold six motions; the constraints that follow from each other count once."""
+    section = part.section(tmp_path, "part", flexible=[])
+    found, _ = on_a_body(section, WELD)
+    three, _ = on_a_body(section, WELD, ("bolt_1", "bolt_2", "bolt_3"))
+    assert difference(found.frf(), three.frf()) < 1e-9
+
+
+def test_contacts_at_the_ground_hold_the_interface(part, tmp_path):
+    section = part.section(tmp_path, "part")
+    found = alone(section)
+    found["substructures"]["floor"] = {"model": "ground"}
+    ends = {name: {"a": {"to": "part", "at": name}, "b": {"to": "floor", "at": 0.0}} for name in CONTACTS}
+    found["joints"] = {name: {**WELD, "connect": connect} for name, connect in ends.items()}
+    loaded = dovetail.load(found)
+    rotation = loaded.description.placements["part"].rotation
+    free = slice(9, 15)
+    held = [np.linalg.inv(Z[free, free])[:3, :3] for Z in part.stiffness()]
+    assert difference(loaded.frf(), np.array([rotation[0] @ H @ rotation[0] for H in held])) < 1e-7
+
+
+def joined_by_receptances(one, two):
+    """Return the receptance of two parts, equal in all modes of their feet, at the head of the first."""
+    A, B = (part.points().transformed(part.frfs, deformations=True) for part in (one, two))
+    at, tip = slice(0, 9), slice(9, 15)
+    return couple(A[:, tip, tip], A[:, tip, at], A[:, at, tip], A[:, at, at], B[:, at, at])
+
+
+def test_two_parts_are_coupled_by_motions_and_deformations(part, tmp_path):
+    """By receptances, as in pyFBS, by the dense solution, and by welds at contacts in an assembly."""
+    other = Part(1)
+    by_receptances = joined_by_receptances(part, other)
+    select = np.zeros((30, 21))
+    select[:15, :15] = np.eye(15)
+    select[15:24, :9], select[24:, 15:] = np.eye(9), np.eye(6)
+    whole = [
+        np.linalg.inv(select.T @ scipy.linalg.block_diag(*pair) @ select)[9:15, 9:15]
+        for pair in zip(part.stiffness(), other.stiffness(), strict=True)
+    ]
+    assert difference(by_receptances, np.array(whole)) < 1e-8
+    place = {"origin": ORIGIN.tolist()}
+    parts = {"one": part.section(tmp_path, "one"), "two": other.section(tmp_path, "two")}
+    ends = {name: {"a": {"to": "one", "at": name}, "b": {"to": "two", "at": name}} for name in CONTACTS}
+    description = {
+        **alone({}),
+        "substructures": {name: {**section, "place": place} for name, section in parts.items()},
+        "joints": {name: {**WELD, "connect": connect} for name, connect in ends.items()},
+    }
+    description["response"]["at"] = "one"
+    assert difference(dovetail.load(description).frf(), by_receptances[:, 0, 0]) < 1e-7
+
+
+def test_a_bolt_at_an_interface_that_deforms_is_identified(part, tmp_path):
+    free = {**BUSHING, "parameters": {**BUSHING["parameters"], "k_x": {"range": [1e5, 1e8]}}}
+    assembly, rotation = on_a_body(part.section(tmp_path, "part"), free, ("bolt_1",))
+    measured = dovetail.Frf(FREQUENCY, dense(part, rotation, ("bolt_1",)), "receptance")
+    result = dovetail.identify(assembly, dovetail.noisy_frf(measured, 1e-3, 0), "refined", cause_seconds=0.0)
+    assert result.parameters["k_x"].value == pytest.approx(STIFFNESS[0], rel=1e-2)
+
+
+WRONG = {
+    "a point without rotations": ({"directions": ["x", "y", "z"]}, "a point with 'contacts' has all six directions"),
+    "a name that a point has": ({"contacts": {"head": [0.0, 0.0, 0.0]}}, "two nodes have the name 'head'"),
+    "two coordinates": ({"contacts": {"bolt": [0.0, 0.0]}}, "contacts.bolt"),
+    "more deformations than channels": (
+        {"flexible": ["ex", "ey", "ez", "tx", "ty", "tz", "sxy", "sxz", "syz", "syx"]},
+        "do not determine its deformation",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_a_wrong_section_is_one_clear_error(case, part, tmp_path):
+    change, said = WRONG[case]
+    with pytest.raises(dovetail.DescriptionError) as caught:
+        dovetail.load(alone(part.section(tmp_path, "part", **change)))
+    assert len(caught.value.faults) == 1, caught.value
+    assert said in str(caught.value)
+
+
+def test_a_contact_far_from_the_channels_is_reported(part, tmp_path):
+    there = {"bolt_1": (0.03, 0.01, 0.02), "bolt_2": (0.3, 0.0, 0.0)}
+    loaded = dovetail.load(alone(part.section(tmp_path, "part", contacts=there)))
+    (said,) = [warning for warning in find_warnings(loaded) if "extrapolated" in warning]
+    assert "the contact 'bolt_2' is 300 mm from the point 'foot'" in said
+
+
+def test_options_of_a_part_with_contacts_cannot_be_identified(part, tmp_path):
+    section = {**part.section(tmp_path, "part"), "unit_of_length": {"range": ["0.99 m", "1.01 m"]}}
+    with pytest.raises(dovetail.DovetailError, match="none of its options can be identified"):
+        dovetail.load(alone(section))
