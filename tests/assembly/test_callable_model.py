@@ -31,6 +31,7 @@ def sdof():
     return dovetail.load(ASSEMBLIES / "sdof.yaml")
 
 
+@pytest.mark.sweep(keep=1)
 @pytest.mark.parametrize("method", ["posterior", "refined", "multistart"])
 def test_the_estimate_is_that_of_the_assembly_with_the_same_frf(model, sdof, method):
     measured = dovetail.noisy_frf(sdof.simulate(TRUTH), 0.01, 3)

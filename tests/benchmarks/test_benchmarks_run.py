@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 import json
-import os
 import re
-import runpy
 import subprocess
 import sys
 from pathlib import Path
-from unittest import mock
 
 import pytest
+
+from support.scripts import run_script
 
 
 def start(script, *arguments) -> str:
@@ -24,11 +21,7 @@ def start(script, *arguments) -> str:
 
 def run(script, *arguments) -> str:
     """Run a benchmark in this process, which spares its start."""
-    path, printed = str(Path(__file__).parent / script), io.StringIO()
-    words = mock.patch.object(sys, "argv", [path, *map(str, arguments)])
-    with words, mock.patch.dict(os.environ), contextlib.redirect_stdout(printed):
-        runpy.run_path(path, run_name="__main__")
-    return printed.getvalue()
+    return run_script(Path(__file__).parent / script, *arguments)
 
 
 def cells(printed: str) -> list[list[str]]:
@@ -225,6 +218,7 @@ def test_the_benchmark_of_forecasts_compares_each_time_with_its_forecast():
     assert 0.05 < float(row[1]) <= float(row[3]) < 20.0
 
 
+@pytest.mark.sweep(keep=1)
 @pytest.mark.parametrize(("seed", "case"), [(20261127, 2), (20261127, 34), (4242, 14)])
 def test_a_fit_in_a_wrong_minimum_is_left_even_if_it_reaches_the_noise(seed, case):
     """These searches ended elsewhere as long as the first fit down to the noise was taken."""

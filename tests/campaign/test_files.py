@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -14,7 +12,7 @@ from models import ACCELEROMETER
 import dovetail
 from dovetail.frf.resonance_peaks import resonance_peaks
 from dovetail_bench import read_cases
-from support.waiting import PATIENCE
+from support.scripts import run_script
 
 NAMES = [test.name for test in TESTS]
 LINE = 1.5625
@@ -53,8 +51,7 @@ def test_a_synthetic_file_is_read_with_a_note_that_it_is_synthetic(name, campaig
 )
 def test_the_script_writes_the_same_bytes_again(name, times, campaign, tmp_path):
     for folder in ("one", "two")[:times]:
-        command = [sys.executable, campaign / "make_campaign.py", "--only", name, "--to", tmp_path / folder]
-        subprocess.run(command, check=True, timeout=PATIENCE)
+        run_script(campaign / "make_campaign.py", "--only", name, "--to", tmp_path / folder)
     assert len({(folder / f"{name}.uff").read_bytes() for folder in tmp_path.iterdir()}) == 1
     # Another processor may round a sample of the record the other way, which changes an FRF by a millionth of its peak.
     shipped, made = (dovetail.read_frf(f / f"{name}.uff") for f in (campaign / "measurements", tmp_path / "one"))

@@ -14,6 +14,7 @@ import dovetail
 from dovetail import atomic_files
 from dovetail.cli.output_files import writing
 from dovetail.network import bundle
+from dovetail.report import figures, plots
 from dovetail.report.frf_files import write_frf_files
 from dovetail.report.result_files import prepare_folder, write_results
 from support.kills import kill_at_each_step
@@ -56,13 +57,22 @@ def model(sdof) -> dovetail.Identifier:
 
 @pytest.fixture(scope="module")
 def results(model):
-    """The result of a measurement, and that of another one with other parameters."""
+    """The result of a measurement, and that of another one with other parameters.
+
+    Their figures are drawn here, once: that takes longer than all else that each child does.
+    """
     assembly = model.assembly
     frfs = [
         dovetail.Frf(assembly.frequency, assembly.frf(theta), "accelerance", label=label)
         for label, theta in (("first.csv", [4e6, 60.0]), ("second.csv", [3e6, 40.0]))
     ]
-    return [model.identify(frf, "network") for frf in frfs]
+    results = [model.identify(frf, "network") for frf in frfs]
+    drawn = {result.measured.label: plots.plot_frf(result) for result in results}
+    images = {figure: figures.png_bytes(figure, label) for label, figure in drawn.items()}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(plots, "plot_frf", lambda result, index: drawn[result.measured.label])
+        patch.setattr(figures, "png_bytes", lambda figure, title, dpi: images[figure])
+        yield results
 
 
 def write(result: dovetail.Identification, folder: Path) -> None:

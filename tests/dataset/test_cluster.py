@@ -105,13 +105,13 @@ def scheduler():
 
 @pytest.fixture(scope="module")
 def workers(scheduler):
-    """The processes of four workers, which nobody starts again."""
+    """The processes of three workers, which nobody starts again. Two tests kill one each."""
     command = [sys.executable, "-m", "dask", "worker", scheduler[1], "--nthreads", "1", "--no-nanny", "--no-dashboard"]
-    processes = [subprocess.Popen(command, stderr=subprocess.DEVNULL) for _ in range(4)]
+    processes = [subprocess.Popen(command, stderr=subprocess.DEVNULL) for _ in range(3)]
     from distributed import Client
 
     with Client(scheduler[1], set_as_default=False) as client:
-        client.wait_for_workers(4, timeout=PATIENCE)
+        client.wait_for_workers(3, timeout=PATIENCE)
     yield processes
     for process in processes:
         process.kill()

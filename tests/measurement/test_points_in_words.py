@@ -23,6 +23,8 @@ from dovetail.measurement.named_points import read_dof
 from dovetail.measurement.point_statements import points_of_label
 from support.measured_files import set_58, write_sets
 
+pytestmark = pytest.mark.usefixtures("unguarded")
+
 FREQUENCY = np.arange(10.0, 40.0)
 UPPER = ("upper", 0.0, "x")
 KEYS = ["response", "force", "reference", "point", "node", "response_dof", "excitation_point", "measured_at",
