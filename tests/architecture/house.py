@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator, Mapping
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -28,6 +29,12 @@ def source_files() -> list[Path]:
     return sorted(file for package in PACKAGES for file in package.rglob("*.py"))
 
 
+@cache
+def parsed(file: Path) -> ast.Module:
+    """Return the syntax tree of a file."""
+    return ast.parse(file.read_text(encoding="utf-8"))
+
+
 def module_name(file: Path) -> str:
     """Return the name by which a file is imported."""
     package = next(package for package in PACKAGES if file.is_relative_to(package))
@@ -40,11 +47,11 @@ def imports() -> dict[str, set[str]]:
     A name taken from a package is followed to the module that defines it; of a package's own ``__init__`` that only
     hands names on, nothing else is counted.
     """
-    trees = {module_name(file): ast.parse(file.read_text(encoding="utf-8")) for file in source_files()}
+    trees = {module_name(file): parsed(file) for file in source_files()}
     handed_on = {module: _handed_on(tree) for module, tree in trees.items()}
     for stub in [stub for package in PACKAGES for stub in package.rglob("__init__.pyi")]:  # names that are loaded late
         package = module_name(stub.with_suffix(".py"))
-        names = _handed_on(ast.parse(stub.read_text(encoding="utf-8")))
+        names = _handed_on(parsed(stub))
         handed_on[package] = {name: (f"{package}.{module}", called) for name, (module, called) in names.items()}
     return {module: set(_imported(tree, trees, handed_on)) - {module} for module, tree in trees.items()}
 
@@ -99,11 +106,12 @@ def code_lines(file: Path) -> int:
     return len(_lines_of_code(file))
 
 
+@cache
 def _lines_of_code(file: Path) -> set[int]:
     source = file.read_text(encoding="utf-8")
     docstrings = {
         line
-        for node in ast.walk(ast.parse(source))
+        for node in ast.walk(parsed(file))
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
         for line in range(node.lineno, (node.end_lineno or node.lineno) + 1)
     }
@@ -112,12 +120,12 @@ def _lines_of_code(file: Path) -> set[int]:
 
 def function_lengths(file: Path) -> dict[str, int]:
     """Count the lines of code of each function of a file, docstrings left out; the keys are ``file:line name``."""
-    tree, coded = ast.parse(file.read_text(encoding="utf-8")), _lines_of_code(file)
+    coded = _lines_of_code(file)
     return {
         f"{file.relative_to(ROOT)}:{node.lineno} {node.name}": len(
             coded & set(range(node.lineno, (node.end_lineno or node.lineno) + 1))
         )
-        for node in ast.walk(tree)
+        for node in ast.walk(parsed(file))
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
     }
 
@@ -134,7 +142,7 @@ def shares() -> dict[str, float]:
 
 def empty_names(file: Path) -> Iterator[str]:
     """Yield the uses of an empty name that live longer than `SHORT_LIFE` lines, as ``file:line name``."""
-    for scope in _scopes(ast.parse(file.read_text(encoding="utf-8"))):
+    for scope in _scopes(parsed(file)):
         lines: dict[str, list[int]] = {}
         for name, line in _names(scope):
             if name in EMPTY_NAMES:
@@ -167,7 +175,7 @@ def _names(scope: ast.AST) -> Iterator[tuple[str, int]]:
 def names_defined_twice(file: Path) -> Iterator[str]:
     """Yield the names that a file defines or assigns more than once at its top."""
     seen: set[str] = set()
-    for node in ast.parse(file.read_text(encoding="utf-8")).body:
+    for node in parsed(file).body:
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
             is_signature = any(getattr(decorator, "id", "") == "overload" for decorator in node.decorator_list)
             names = [] if is_signature else [node.name]

@@ -20,6 +20,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from house import parsed
+
 MEASUREMENTS = frozenset({"Frf", "MeasuredLines", "Observations", "Problem"})
 """Classes that hold measured FRFs."""
 ASSEMBLY = "Assembly"
@@ -70,7 +72,7 @@ class Code:
         for folder in (root / "framework", root / "plugins"):
             for file in sorted([*folder.glob("dovetail*/**/*.py"), *folder.glob("dovetail/__init__.pyi")]):
                 name = ".".join(file.relative_to(folder).with_suffix("").parts).removesuffix(".__init__")
-                self.modules[name] = _module(name, ast.parse(file.read_text(encoding="utf-8")))
+                self.modules[name] = _module(name, parsed(file))
 
     def find(self, module: str, name: str) -> tuple[Module, ast.AST] | None:
         """Return the definition of a name in a module, wherever it was imported from."""

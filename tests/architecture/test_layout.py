@@ -15,6 +15,8 @@ TESTS = ROOT / "tests"
 FILES = sorted(TESTS.rglob("test_*.py"))
 SCRIPTS = {file.stem for folder in ("architecture", "benchmarks", "browser") for file in (TESTS / folder).glob("*.py")}
 """Modules that run as scripts too; the tests in their folders import them by name."""
+SHARED = {file.stem for file in TESTS.rglob("*.py")} - SCRIPTS
+"""Modules that are imported from where they are, and not by their bare names."""
 
 
 def test_a_folder_has_the_name_of_a_package_or_is_described():
@@ -32,8 +34,7 @@ def test_no_two_test_modules_have_the_same_name():
 def test_shared_code_of_tests_is_imported_from_support(file):
     text = file.read_text(encoding="utf-8")
     imported = {node.module for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ImportFrom)}
-    shared = {other.stem for other in TESTS.rglob("*.py")} - SCRIPTS
-    assert {module for module in imported if module in shared} == set()
+    assert imported & SHARED == set()
     assert re.findall(r"sys\.path\.(?:insert|append)\(", text) == []
 
 

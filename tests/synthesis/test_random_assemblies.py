@@ -30,7 +30,7 @@ from support.undamped_modes import elastic_frequencies
 def test_random_assemblies_against_the_dense_solve(count):
     """In a process of its own, since Hypothesis draws constants of whatever modules are loaded: always the same.
 
-    Poles, which take most of the time, are those of one in four assemblies if few are drawn.
+    Poles, which take most of the time, are those of one in six assemblies if few are drawn.
     """
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     start = [sys.executable, "-c", f"import test_random_assemblies as t; t.hold({count})"]
@@ -44,7 +44,7 @@ def hold(count):
     @settings(QUICK, max_examples=count)
     @given(drawn_assemblies())
     def hold_one(drawn):
-        compare(drawn, tally, with_poles=count > 20 or tally.assemblies % 4 == 0)
+        compare(drawn, tally, with_poles=count > 20 or tally.assemblies % 6 == 0)
         differences, tally.differences = tally.differences, []  # so that a failing case is shrunk by its own
         assert differences == []
 
