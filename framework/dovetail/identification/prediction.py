@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly, AssemblySource, ParameterScales, as_assembly
 from dovetail.errors import Fault, ParameterError, UnitError, listing
 from dovetail.frf import Frf
+from dovetail.identification.joint_changes import joint_faults, joint_warnings
 from dovetail.identification.parameters import IdentifiedParameter
 from dovetail.identification.result import Identification
 from dovetail.identification.result_file import load_result
@@ -50,13 +50,14 @@ def predict(assembly: AssemblySource, result: Joint | str | Path) -> Frf:
     Raises
     ------
     ParameterError
-        The assembly needs a parameter that `result` does not have, or has in another unit; or a joint has another
-        structural damping.
+        The assembly needs a parameter that `result` does not have, or has in another unit; a joint has another model or
+        another structural damping; or a value is given twice.
 
     Warns
     -----
     UserWarning
-        `result` is not trustworthy.
+        `result` is not trustworthy, a joint has other options or known values than where it was identified, or values
+        have names that the assembly does not have.
 
     Notes
     -----
@@ -65,6 +66,8 @@ def predict(assembly: AssemblySource, result: Joint | str | Path) -> Frf:
     """
     joint = load_result(result) if isinstance(result, (str, Path)) else result
     _warn(joint)
+    if isinstance(joint, Mapping):
+        _check_names(as_assembly(assembly), joint)
     return predicted_frf(as_assembly(assembly), joint)
 
 
@@ -93,6 +96,22 @@ def _warn(result: Joint) -> None:
     """Warn whoever called the caller if the joint is not trustworthy."""
     if not isinstance(result, Mapping) and result.warning:
         warnings.warn(f"predicted from {result.measured.label}: {result.warning}", stacklevel=3)
+
+
+def _check_names(assembly: Assembly, values: Mapping[str, Any]) -> None:
+    """Refuse a value that is given twice, and warn of names that the assembly does not have."""
+    if any(isinstance(value, IdentifiedParameter) for value in values.values()):
+        return
+    entries = assembly.description.entries.items()
+    names = {f"{owner}.{p.name}" for owner, entry in entries for p in entry.parameters}
+    names |= {f"{owner}.{name}" for owner, entry in entries for name in (*entry.fixed, *entry.ties)}
+    bare = {name.partition(".")[2] for name in names}
+    twice = [name for name in values if any(other.partition(".")[2] == name for other in values)]
+    if twice:
+        problem = f"{listing(twice)} is given with and without the name of its joint."
+        raise ParameterError(Fault("result", problem, "each value once"))
+    if unused := [name for name in values if name not in names | bare]:
+        warnings.warn(f"assembly '{assembly.name}' has no parameter {listing(unused)}.", stacklevel=3)
 
 
 def joint_values(assembly: Assembly, result: Joint) -> dict[str, float]:
@@ -133,7 +152,8 @@ def joint_values(assembly: Assembly, result: Joint) -> dict[str, float]:
                 matched[parameter.name] = to_si(value.value, parameter.unit)
             except UnitError as error:
                 faults.append(Fault(f"parameter {parameter.name}", error.faults[0].problem))
-    faults.extend(_changed_damping(assembly, result, sources))
+    if not isinstance(result, Mapping):
+        faults.extend(joint_faults(assembly, result, sources))
     if missing:
         noun, them = ("parameter", "it") if len(missing) == 1 else ("parameters", "them")
         problem = f"assembly '{assembly.name}' needs {them}, and the identification does not hold {them}."
@@ -142,38 +162,10 @@ def joint_values(assembly: Assembly, result: Joint) -> dict[str, float]:
         faults.insert(0, Fault(f"{noun} {listing(missing, 20)}", problem, known, remedy))
     if faults:
         raise ParameterError(*faults)
+    if not isinstance(result, Mapping):
+        for sentence in joint_warnings(assembly, result, sources):
+            warnings.warn(sentence, stacklevel=2)
     return matched
-
-
-def _changed_damping(assembly: Assembly, result: Joint, sources: Mapping[str, str | None]) -> list[Fault]:
-    """Return a fault for each joint whose structural damping is not the one with which it was identified.
-
-    Parameters
-    ----------
-    assembly, result
-        As in `predict`.
-    sources : mapping of str to str or None
-        The identified joint from which each owner of parameters takes its values.
-    """
-    identified = _described_joints(result)
-    faults = []
-    for name, source in sources.items():
-        joint = assembly.description.joints.get(name)
-        if joint is None or source not in identified:
-            continue
-        described = identified[source].get("structural_damping")
-        before = None if described is None else to_si(described, "Hz")
-        if joint.structural_damping != before:
-            kinds = ["none" if at is None else f"{at:g} Hz" for at in (before, joint.structural_damping)]
-            problem = f"its structural damping was {kinds[0]} where it was identified, and is {kinds[1]} here."
-            faults.append(Fault(f"joint {name}", problem, remedy="State the same 'structural_damping' here."))
-    return faults
-
-
-def _described_joints(result: Joint) -> dict[str, Any]:
-    """Return the sections of the joints of the description with which a result was identified, by their names."""
-    described = {} if isinstance(result, Mapping) else json.loads(result.provenance.get("description", "{}"))
-    return described.get("joints") or {}
 
 
 @dataclass(frozen=True)

@@ -164,14 +164,15 @@ class Parameter:
 class JointModel(Component):
     """A connection with parameters to identify.
 
-    Its local DOFs are those of its ports' nodes (`node_dofs`), in the order of its port's directions, and inner ones.
-    Nodes of a layer lie along axes of the joint (`nodes_along`); facing ones may be apart along x if it
-    `spans_a_distance`. x leads from node to node if it `acts_along_its_nodes`, rigid arms if it `carries_its_nodes`.
+    Local DOFs: those of its ports' nodes (`node_dofs`) by their directions, and inner ones. Nodes of a layer lie along
+    `nodes_along`; facing ones may be apart along x if it `spans_a_distance`. x leads from node to node if it
+    `acts_along_its_nodes`, rigid arms if it `carries_its_nodes`. `free_options` may differ where it is predicted.
     """
 
     kind: ClassVar[Kind] = "joint"
     spans_a_distance, acts_along_its_nodes, carries_its_nodes = False, False, False
     nodes_along: tuple[str, ...] = ()
+    free_options: tuple[str, ...] = ()
 
     @property
     @abstractmethod
@@ -388,8 +389,7 @@ class JointModel(Component):
 
         Returns
         -------
-        iterable of n_params (n, n_freq, d, d) complex arrays
-            Per unit of the parameter; a generator need not hold all of them at once.
+        iterable of n_params (n, n_freq, d, d) complex arrays, per unit of the parameter
         """
         if type(self).dynamic_stiffness is JointModel.dynamic_stiffness:
             return (matrices.dynamic_stiffness(frequency) for matrices in self.matrices_jacobian(theta))

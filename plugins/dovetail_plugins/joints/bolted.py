@@ -74,6 +74,7 @@ class Bolted(JointModel):
     """
 
     name = "bolted"
+    free_options = ("preload.force",)
     summary = "Bolted lap: a contact layer over the lap, the bolt's mass, stiffness by preload on request"
     references = (
         "R. A. Ibrahim, C. L. Pettit, Uncertainties and dynamic problems of bolted joints and other fasteners, "

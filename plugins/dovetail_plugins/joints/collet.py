@@ -64,6 +64,7 @@ class Collet(JointModel):
 
     name = "collet"
     summary = "Spring collet with nut between a tool and a holder: two contact layers, twelve parameters"
+    free_options = ("elements_per_segment",)
     nodes_along = ("y",)
     references = ("Processes 14 (2026) 1875, doi:10.3390/pr14121875, section 4.1 and Eq. 9",)
     parameters = _PARAMETERS

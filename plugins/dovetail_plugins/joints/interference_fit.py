@@ -57,6 +57,7 @@ class InterferenceFit(JointModel):
 
     name = "interference_fit"
     summary = "Shaft in hub: distributed radial and tilting stiffness and damping over the contact length"
+    free_options = ("length", "nodes")
     nodes_along = ("y",)
     references = (
         "K. Ahmadi, H. Ahmadian, Modelling machine tool dynamics using a distributed parameter tool-holder joint "
