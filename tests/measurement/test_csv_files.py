@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import dovetail
 from dovetail.measurement import read_frf
 from dovetail.measurement.recording import MOST_LINES
 from support.measured_files import REMOVE
@@ -184,3 +185,24 @@ def test_a_phase_in_degrees_that_is_small_is_not_reported(tmp_path: Path) -> Non
         read(tmp_path, phase_table(100, small))
         read(tmp_path, phase_table(99, wrapped))
         read(tmp_path, phase_table(100, np.rad2deg(np.resize(wrapped, 100))))
+
+
+@pytest.mark.parametrize("unit", [None, "m/s/N", "mm/s/N"])
+def test_an_option_that_contradicts_the_unit_of_a_written_file_is_refused(tmp_path: Path, unit: str | None) -> None:
+    frf = dovetail.Frf([1.0, 2.0, 3.0], [1.0, 2.0, 3.0], "mobility")
+    dovetail.write_frf(frf, tmp_path / "a.csv", unit=unit)
+    np.testing.assert_allclose(dovetail.read_frf(tmp_path / "a.csv", unit=unit or "m/s/N").values, frf.values)
+    with pytest.raises(dovetail.MeasurementError, match=r"the argument says um/s/N"):
+        dovetail.read_frf(tmp_path / "a.csv", unit="um/s/N")
+
+
+def test_a_phase_in_radians_that_looks_like_degrees_is_reported(tmp_path: Path) -> None:
+    unwrapped = np.linspace(0.0, -40.0, 100)
+    wrapped = np.angle(np.exp(1j * unwrapped))
+    message = r"a\.csv: the phase in radians reaches 179.* and jumps by more than pi: .* call it phase_deg"
+    with pytest.warns(UserWarning, match=message):
+        read(tmp_path, phase_table(100, np.rad2deg(wrapped)).replace("_deg", "_rad"))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for phase in (unwrapped, wrapped, wrapped % (2 * np.pi)):
+            read(tmp_path, phase_table(100, phase).replace("_deg", "_rad"))

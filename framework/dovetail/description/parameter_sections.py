@@ -22,6 +22,9 @@ _KINDS = ("value", "about", "same_as", "range")
 _TOGETHER = {"range": ("scale",), "value": (), "about": ("sd", "scale"), "same_as": ("ratio",)}
 """Further keys that each of them allows."""
 
+_WIDEST = 10.0
+"""Standard deviation of a log-normal prior over its middle, above which its unit is wrong, or it says nothing."""
+
 
 @dataclass
 class DescribedParameters:
@@ -249,6 +252,10 @@ def _with_normal_prior(path: Path, parameter: Parameter, section: ParameterSecti
         return parameter
     if scale == "log" and middle <= 0:
         faults.add((*path, "about"), "a middle on a logarithmic scale must be positive.")
+        return parameter
+    if scale == "log" and deviation > _WIDEST * middle:
+        problem = f"the standard deviation is {deviation / middle:.3g} times the middle."
+        faults.add((*path, "sd"), problem, f"at most {_WIDEST:g} times on a logarithmic scale", "Give a range instead.")
         return parameter
     return Parameter.with_normal_prior(parameter.name, parameter.unit, middle, deviation, scale, parameter.description)
 

@@ -115,12 +115,11 @@ def read_frf(
     PluginError
         There is no such reader, a plugin file cannot be loaded, or the code of a reader fails.
     """
-    return read_with_content(
+    if quantity is not None:
+        parse_quantity(quantity, "the argument quantity")
+    recording, _ = recording_and_content(
         Path(path),
         components(plugins),
-        quantity=quantity,
-        unit=unit,
-        accelerometer_mass=accelerometer_mass,
         index=index,
         response=response,
         force=force,
@@ -129,16 +128,15 @@ def read_frf(
         dofs=dofs,
         ignore_dofs=ignore_dofs,
         reader=reader,
-    )[0]
+    )
+    frf = recording.to_frf(quantity, unit)
+    return remove_accelerometer_mass(frf, accelerometer_mass) if accelerometer_mass else frf
 
 
-def read_with_content(
+def recording_and_content(
     path: Path,
     registry: Registry,
     *,
-    quantity: str | None = None,
-    unit: str | None = None,
-    accelerometer_mass: float = 0.0,
     index: int | None = None,
     response: str | None = None,
     force: str | None = None,
@@ -147,12 +145,10 @@ def read_with_content(
     dofs: tuple[str, str] | None = None,
     ignore_dofs: bool = False,
     reader: str | None = None,
-) -> tuple[Frf, Recorded]:
-    """Return the FRF that `read_frf` returns, and what its file contains; of several sets the one of this FRF."""
+) -> tuple[Recording, Recorded]:
+    """Return the FRF that `read_frf` reads, and what its file contains; of several sets the one of this FRF."""
     if reader is None:
         check_suffix(path, registry)
-    if quantity is not None:
-        parse_quantity(quantity, "the argument quantity")
     named = dict(names or {})
     skip = skipped_names(named.pop("skip", ""))
     options = ReadOptions(index, response, force, named, tuple(columns), skip)
@@ -161,10 +157,9 @@ def read_with_content(
         recording = recording_of(path, recorded, chosen, options)
     if ignore_dofs:
         recording = recording.without_dofs()
-    frf = (recording.with_dofs(*dofs) if dofs else recording).to_frf(quantity, unit)
     if isinstance(recorded, (list, tuple)) and not any(isinstance(part, RecordedChannels) for part in recorded):
         recorded = [select_set(path, sets_of(path, recorded), options)]
-    return (remove_accelerometer_mass(frf, accelerometer_mass) if accelerometer_mass else frf), recorded
+    return recording.with_dofs(*dofs) if dofs else recording, recorded
 
 
 def skipped_names(text: str) -> tuple[str, ...]:

@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 from dovetail.errors import Fault, MeasurementError, UnitError
 from dovetail.frf import Frf
 from dovetail.interfaces import Recorded
-from dovetail.measurement.frf_files import read_with_content, skipped_names
+from dovetail.measurement import remove_accelerometer_mass
+from dovetail.measurement.frf_files import recording_and_content, skipped_names
 from dovetail.measurement.named_values import named_values
 from dovetail.registry import Registry
 from dovetail.series.description import Covariate
@@ -73,7 +74,11 @@ def read_file(
     DovetailError
         As in `read_frf`.
     """
-    frf, content = read_with_content(file, registry, **options)
+    own = dict(options)
+    quantity, unit, mass = (own.pop(name, None) for name in ("quantity", "unit", "accelerometer_mass"))
+    recording, content = recording_and_content(file, registry, **own)
+    frf = recording.to_frf(quantity, unit)
+    frf = remove_accelerometer_mass(frf, mass) if mass else frf
     skipped = {name.lower() for name in skipped_names((options.get("names") or {}).get("skip", ""))}
     wanted = {name.lower(): one for name, one in covariates.items() if name.lower() not in skipped}
     return ReadFile(frf, tuple(_given(file, content, wanted)) if wanted else (), content)

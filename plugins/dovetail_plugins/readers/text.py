@@ -68,9 +68,7 @@ class TextReader(FrfReader):
 
 def _comments(content: FrfToWrite) -> str:
     frf = content.frf
-    comments: dict[str, str] = {"quantity": frf.quantity}
-    if frf.kind != "displacement per force" or content.factor != 1.0:
-        comments["unit"] = content.unit
+    comments: dict[str, str] = {"quantity": frf.quantity, "unit": content.unit}
     if frf.averages is not None:
         comments["averages"] = str(frf.averages)
     return "".join(f"# {name}: {text}\n" for name, text in (comments | content.texts).items())

@@ -309,6 +309,12 @@ def _looks_like_radians(phase: NDArray[np.float64]) -> bool:
     return within and bool(np.abs(np.diff(phase)).max() > _NEARLY_A_TURN)
 
 
+def _looks_like_degrees(phase: NDArray[np.float64]) -> bool:
+    """Return whether a phase in radians looks like degrees: it is neither within a turn, nor free of jumps."""
+    wide = phase.size > 1 and bool(np.abs(phase).max() > 2.0 * _HALF_TURN)
+    return wide and bool(np.abs(np.diff(phase)).max() > _HALF_TURN)
+
+
 def combine_values(fields: Mapping[str, NDArray[Any]], locate: Callable[[int], str]) -> tuple[NDArray[Any], bool]:
     """Return the values of an FRF from its fields, and whether they have a phase.
 
@@ -332,10 +338,16 @@ def combine_values(fields: Mapping[str, NDArray[Any]], locate: Callable[[int], s
     if "real" in fields:
         values.real, values.imag = fields["real"], fields["imag"]
         return values, True
+    problem = ""
     if "phase_deg" in fields and _looks_like_radians(fields["phase_deg"]):
         problem = "the phase in degrees never leaves +-3.15 and jumps by nearly 2 pi: it looks like radians"
+        problem += ". If it is in radians, call it phase_rad."
+    if "phase_rad" in fields and _looks_like_degrees(fields["phase_rad"]):
+        problem = f"the phase in radians reaches {np.abs(fields['phase_rad']).max():.4g} and jumps by more than pi: "
+        problem += "it looks like degrees. If it is in degrees, call it phase_deg."
+    if problem:
         place = re.sub(r"(?:[:,]\D*|\s+line )\d+\D*$", "", locate(0))
-        warnings.warn(f"{place}: {problem}. If it is in radians, call it phase_rad.", stacklevel=2)
+        warnings.warn(f"{place}: {problem}", stacklevel=2)
     phase = np.deg2rad(fields["phase_deg"]) if "phase_deg" in fields else fields["phase_rad"]
     with np.errstate(invalid="ignore"):  # an infinite phase becomes NaN, and the recording refuses it
         values.real, values.imag = fields["amplitude"] * np.cos(phase), fields["amplitude"] * np.sin(phase)
