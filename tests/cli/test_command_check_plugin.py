@@ -105,3 +105,24 @@ def test_a_folder_as_a_plugin_file_says_how_to_install_its_package(run, tmp_path
     message = run(*words, "--plugin", folder, code=1).stderr
     assert message.startswith(f"{folder}\n  this is a folder.\n")
     assert f"pip install -e {folder}" in message
+
+
+@pytest.mark.parametrize(
+    ("words", "file"),
+    [
+        (("check-plugin", "pad", "--plugin"), "joint.py"),
+        (("check-plugin", "pad", "--plugin"), "__init__.py"),
+        (("describe", "pad", "--plugin"), "joint.py"),
+        (("check-plugin",), "joint.py"),
+        (("check-plugin",), ""),
+    ],
+)
+@pytest.mark.parametrize("within", [False, True])
+def test_a_file_of_a_package_says_how_to_install_the_package(run, tmp_path, monkeypatch, words, file, within):
+    run("new-plugin", "joint", "pad", "-o", tmp_path / "dovetail-pad")
+    package = tmp_path / "dovetail-pad" / "src" / "dovetail_pad"
+    monkeypatch.chdir(package if within else tmp_path)
+    message = run(*words, file or "." if within else package.relative_to(tmp_path) / file, code=1).stderr
+    folder = "../.." if within else "dovetail-pad"
+    assert f"is part of the package 'dovetail_pad'. Install it with `pip install -e {folder}`" in message
+    assert "--plugin" not in message

@@ -89,9 +89,8 @@ def load_module(path: str | Path) -> ModuleType:
         del sys.modules[name]
         if isinstance(error, KeyboardInterrupt):
             raise
-        remedy = ""
-        if isinstance(error, ModuleNotFoundError) and str(error.name).split(".")[0] == file.parent.name:
-            remedy = f"The file is part of the package '{file.parent.name}': install it (pip install -e FOLDER)."
+        is_own = isinstance(error, ModuleNotFoundError) and str(error.name).split(".")[0] == file.resolve().parent.name
+        remedy = _advice_on_package(file) if is_own else ""
         raise PluginError(Fault(_failing_line(error, file), reason_of(error), remedy=remedy)) from error
     return module
 
@@ -101,16 +100,34 @@ def fault_of_path(name: str) -> Fault | None:
     if os.path.isdir(name):
         return Fault(name, "this is a folder.", "the name of a model", _advice_on_folder(Path(name)))
     if name.endswith(".py"):
-        remedy = f"Give its name, and the file with `plugins='{name}'`."
+        remedy = _advice_on_package(Path(name)) or f"Give its name, and the file with `plugins='{name}'`."
         return Fault(name, "this is a file.", "the name of a model", remedy)
     return None
 
 
 def _advice_on_folder(folder: Path) -> str:
     """Return how the plugins in a folder are used."""
-    if any((folder / file).is_file() for file in ("pyproject.toml", "setup.py", "setup.cfg")):
+    if _has_project(folder):
         return f"Install its package with `pip install -e {folder}`, then name the model: `dovetail check-plugin NAME`."
-    return HOW_TO_OFFER
+    return _advice_on_package(folder / "__init__.py") or HOW_TO_OFFER
+
+
+def _advice_on_package(file: Path) -> str:
+    """Return how the package that has a file is used; empty if the file stands alone."""
+    package = file.resolve().parent
+    if not (package / "__init__.py").is_file():
+        return ""
+    folder = next((str(folder) for folder in package.parents[:2] if _has_project(folder)), "FOLDER")
+    if not file.is_absolute() and folder != "FOLDER":
+        folder = os.path.relpath(folder)
+    return (
+        f"The file is part of the package '{package.name}'. Install it with `pip install -e {folder}`, then name the "
+        "model without the file: `dovetail check-plugin NAME`."
+    )
+
+
+def _has_project(folder: Path) -> bool:
+    return any((folder / file).is_file() for file in ("pyproject.toml", "setup.py", "setup.cfg"))
 
 
 def hooks_of(plugin: ModuleType | object, source: str) -> Any:
@@ -132,7 +149,8 @@ def hooks_of(plugin: ModuleType | object, source: str) -> Any:
         problem = f"'{misspelt}' is not a hook of dovetail." if misspelt else str(error)
         raise PluginError(Fault(source, problem, HINT, did_you_mean(misspelt, HOOKS))) from error
     if not any(getattr(manager.hook, name).get_hookimpls() for name in (COMPONENTS, COMMANDS)):
-        raise PluginError(Fault(source, f"it has no hook '{COMPONENTS}' marked with @dovetail.hookimpl.", HINT))
+        problem = f"it has no hook '{COMPONENTS}' marked with @dovetail.hookimpl."
+        raise PluginError(Fault(source, problem, HINT, _advice_on_package(Path(source))))
     return manager.hook
 
 

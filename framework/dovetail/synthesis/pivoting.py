@@ -46,7 +46,7 @@ class PivotedSolver:
         Raises
         ------
         DovetailError
-            The system is singular: it resonates without damping at a line.
+            The system is singular at a line: it resonates there without damping, or a part moves without resistance.
         """
         rows = [self.system.index(point) for point in outputs]
         columns = [self.system.index(point) for point in inputs]
@@ -72,9 +72,10 @@ class PivotedSolver:
         try:
             motion[:, reached] = _solve_refined(connected, loads[reached])
         except np.linalg.LinAlgError as error:
-            singular = self.system.frequency[lines][np.linalg.slogdet(connected)[0] == 0]
-            where = f" at {singular[0]:g} Hz" if len(singular) else ""
-            raise DovetailError(f"the assembly resonates without damping{where}: it has no FRF there.") from error
+            line = next((n for n, Z_line in enumerate(connected) if _is_singular(Z_line, loads[reached])), None)
+            where = "" if line is None else f" at {self.system.frequency[lines[line]]:g} Hz"
+            problem = f"the assembly has no FRF{where}: it resonates without damping, or a part moves freely."
+            raise DovetailError(problem) from error
         return motion, T
 
     def frfs(self, theta: Theta, lines: NDArray[np.intp]) -> NDArray[np.complex128]:
@@ -122,6 +123,15 @@ class PivotedSolver:
                 derivatives.extend(by_column[column] for column in columns)
         shape = len(derivatives), len(self.pairs), len(lines)
         return np.array(derivatives, dtype=np.complex128).reshape(shape).swapaxes(0, 1)
+
+
+def _is_singular(Z: NDArray[np.complex128], loads: NDArray[np.float64]) -> bool:
+    """Return whether the system (d, d) of one line is singular, but for rounding."""
+    try:
+        _solve_refined(Z[np.newaxis], loads)
+    except np.linalg.LinAlgError:
+        return True
+    return False
 
 
 def _solve_refined(Z: NDArray[np.complex128], loads: NDArray[np.float64]) -> NDArray[np.complex128]:
