@@ -8,8 +8,11 @@ from pathlib import Path
 
 import pytest
 
-DOCS = Path(__file__).parents[2] / "docs"
-PAGES = sorted(DOCS.glob("*.md"))
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+EVERY = [*DOCS.rglob("*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
+PAGES = sorted(page for page in EVERY if page.read_text(encoding="utf-8").startswith("# "))
+"""Files without a title are tables that commands wrote, and that pages include."""
 MEASURED = re.compile(
     r"\b(?:took|takes?|needs?|in|within|of) (?:about |some |under |less than )?\d[\d.,]*(?: (?:to|and) \d[\d.,]*)?"
     r" (?:ms|s|min|minutes?|seconds?|hours?|GB|MB|kB)\b"
@@ -41,7 +44,7 @@ def without_origin(text: str) -> dict[str, list[str]]:
     return found
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(DOCS)))
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_every_measured_number_has_an_origin_in_its_section(page):
     found = without_origin(page.read_text(encoding="utf-8"))
     assert {heading: n for heading, n in found.items() if (page.name, heading) not in LIMITS_OF_THE_CODE} == {}
