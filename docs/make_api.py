@@ -1,6 +1,7 @@
 """Writes docs/api.md and docs/api/, which list everything public, by ``__all__``: ``python docs/make_api.py``."""
 
 import inspect
+import re
 from pathlib import Path
 from types import ModuleType
 
@@ -9,49 +10,67 @@ import numpy as np
 import dovetail
 import dovetail.commands
 import dovetail.evaluation
+import dovetail.interfaces
 import dovetail.pages
 import dovetail_bench
 import dovetail_machining
 import dovetail_plugins.beams
 
 DOCS = Path(__file__).parent
+_INTERFACES = Path(dovetail.interfaces.__file__).read_text(encoding="utf-8")
 
 SECTIONS = {
-    "assembly": "Assemblies",
-    "examples": "Examples",
-    "description": "Assemblies",
-    "measurement": "Measurements",
-    "frf": "Frequency response functions",
-    "coupling": "Measured parts",
-    "matrix_files": "For plugin authors: imported matrices",
-    "half_matrices": "For plugin authors: imported matrices",
-    "dataset": "Datasets",
-    "identification": "Identification",
-    "exchange": "Data of other packages",
-    "comparison": "Comparison of models",
-    "series": "A series of tests",
-    "problem": "For plugin authors: steps of a method",
-    "inference": "For plugin authors: steps of a method",
-    "report": "Reports and figures",
-    "design": "Where to measure",
-    "interfaces": "For plugin authors: contracts",
-    "registry": "For plugin authors: the hooks",
-    "atomic_files": "For plugin authors: files that may be damaged",
-    "guarded_process": "For plugin authors: files that may be damaged",
-    "units": "For plugin authors: units",
-    "errors": "Errors",
+    "assembly": ("assemblies", "Assemblies"),
+    "examples": ("assemblies", "Examples"),
+    "description": ("assemblies", "Assemblies"),
+    "design": ("assemblies", "Where to measure"),
+    "measurement": ("measurements", "Measurements"),
+    "frf": ("measurements", "Frequency response functions"),
+    "coupling": ("measurements", "Measured parts"),
+    "exchange": ("measurements", "Data of other packages"),
+    "identification": ("identification", "Identification"),
+    "report": ("identification", "Reports and figures"),
+    "errors": ("identification", "Errors"),
+    "dataset": ("series", "Datasets"),
+    "comparison": ("series", "Comparison of models"),
+    "series": ("series", "A series of tests"),
+    "interfaces.component": ("parts_and_joints", "Components"),
+    "interfaces.substructure": ("parts_and_joints", "Parts"),
+    "interfaces.joint": ("parts_and_joints", "Joints"),
+    "interfaces.matrices": ("parts_and_joints", "Matrices and directions"),
+    "interfaces.coordinates": ("parts_and_joints", "Matrices and directions"),
+    "interfaces.file_name": ("parts_and_joints", "Options"),
+    "units": ("parts_and_joints", "Options"),
+    "registry": ("parts_and_joints", "The hooks"),
+    "interfaces.reducer": ("learning", "Reducers"),
+    "interfaces.regressor": ("learning", "Regressors"),
+    "interfaces.context": ("learning", "What both are given and store"),
+    "interfaces.state": ("learning", "What both are given and store"),
+    "interfaces.progress": ("learning", "Progress"),
+    "interfaces.reader": ("readers", "Readers"),
+    "interfaces.recorded": ("readers", "Contents of files with FRFs"),
+    "interfaces.recorded_model": ("readers", "Imported matrices"),
+    "matrix_files": ("readers", "Imported matrices"),
+    "half_matrices": ("readers", "Imported matrices"),
+    "atomic_files": ("readers", "Files that may be damaged"),
+    "guarded_process": ("readers", "Files that may be damaged"),
+    "interfaces.method": ("methods", "Methods"),
+    "interfaces.fit_options": ("methods", "Options of a fit"),
+    "interfaces.law": ("methods", "Laws"),
+    "problem": ("methods", "Steps of a method"),
+    "inference": ("methods", "Steps of a method"),
 }
-"""Headings by the package that defines a name, in the order of the page."""
+"""Page and heading by the package that defines a name, or by its module in `interfaces`, in the order of the pages."""
 
 PACKAGES = {
-    dovetail.commands: "For plugin authors: commands",
-    dovetail.pages: "For plugin authors: pages and figures",
-    dovetail.evaluation: "For plugin authors: evaluations",
-    dovetail_plugins.beams: "For plugin authors: beam elements",
-    dovetail_bench: "Evaluation: `dovetail_bench`",
-    dovetail_machining: "Spindles: `dovetail_machining`",
+    dovetail.commands: ("packages", "Commands: `dovetail.commands`"),
+    dovetail.pages: ("packages", "Pages and figures: `dovetail.pages`"),
+    dovetail.evaluation: ("packages", "Evaluations: `dovetail.evaluation`"),
+    dovetail_plugins.beams: ("parts_and_joints", "Beam elements: `dovetail_plugins.beams`"),
+    dovetail_bench: ("evaluation", "Evaluation: `dovetail_bench`"),
+    dovetail_machining: ("evaluation", "Spindles: `dovetail_machining`"),
 }
-"""Headings of the modules and packages whose names `import dovetail` does not offer."""
+"""Pages and headings of the modules and packages whose names `import dovetail` does not offer."""
 
 WITHIN_RESULTS = """
 ## Within results
@@ -78,35 +97,34 @@ TESTING = """
 """
 
 PAGES = {
-    "assemblies": (
-        "Assemblies and measurements",
-        "assemblies, examples, measured FRFs, and where to measure",
-    ),
-    "identification": ("Identification", "identification, results, prediction, series, datasets, figures and errors"),
-    "plugins": ("For plugin authors", "what a plugin implements, and what its code may use"),
+    "assemblies": ("Assemblies", "assemblies, examples, and where to measure"),
+    "measurements": ("Measurements", "measured FRFs, measured parts, and data of other packages"),
+    "identification": ("Identification", "identification, results, prediction, figures and errors"),
+    "series": ("Datasets, models and series", "datasets, comparison of models, and series of tests"),
+    "parts_and_joints": ("For plugin authors: parts and joints", "the contracts of parts and joints, and the kit"),
+    "learning": ("For plugin authors: reducers and regressors", "the contracts of reducers and regressors"),
+    "readers": ("For plugin authors: readers of files", "the contracts of readers, and what they return"),
+    "methods": ("For plugin authors: methods and laws", "the contracts of methods and laws, and the steps of a method"),
+    "packages": ("For plugin authors: commands and pages", "what commands, reports and evaluations may use"),
     "evaluation": ("Evaluation and spindles", "the packages `dovetail_bench` and `dovetail_machining`"),
 }
 """Title and content of each page, by its name."""
-_FIRST = ("assembly", "examples", "description", "measurement", "frf", "coupling", "design")
+WITHIN = {"identification": WITHIN_RESULTS, "parts_and_joints": TESTING}
+"""Sections of names that `import dovetail` does not offer, by their page."""
 
 
 def pages() -> dict[str, str]:
     """Return the texts of all pages, by their paths below docs."""
-    sections: dict[str, list[str]] = {heading: [] for heading in SECTIONS.values()}
+    sections: dict[tuple[str, str], list[str]] = {place: [] for place in SECTIONS.values()}
     for name in dovetail.__all__:
         sections[SECTIONS[_home(name)]].append(_directive(dovetail, name))
     texts = dict.fromkeys(PAGES, "")
-    first = {SECTIONS[package] for package in _FIRST}
-    for heading, directives in sections.items():
-        of_plugins = heading.startswith("For plugin authors")
-        page = "plugins" if of_plugins else "assemblies" if heading in first else "identification"
-        texts[page] += _section(dovetail, heading.removeprefix("For plugin authors: ").capitalize(), directives)
-    texts["identification"] += WITHIN_RESULTS
-    texts["plugins"] += TESTING
-    for package, heading in PACKAGES.items():
-        page = "evaluation" if package in (dovetail_bench, dovetail_machining) else "plugins"
-        body = [_directive(package, name) for name in package.__all__]
-        texts[page] += _section(package, heading.removeprefix("For plugin authors: "), body)
+    for (page, heading), directives in sections.items():
+        texts[page] += _section(dovetail, heading, directives)
+    for page, text in WITHIN.items():
+        texts[page] += text
+    for package, (page, heading) in PACKAGES.items():
+        texts[page] += _section(package, heading, [_directive(package, name) for name in package.__all__])
     heads = {name: f"# {title}\n\nHere you find {content}.\n" for name, (title, content) in PAGES.items()}
     return {"api.md": _index(), **{f"api/{name}.md": heads[name] + text for name, text in texts.items()}}
 
@@ -127,10 +145,14 @@ def _section(package: ModuleType, heading: str, directives: list[str]) -> str:
 
 
 def _home(name: str) -> str:
-    """Return the package that the stub takes a name from."""
+    """Return the package that the stub takes a name from; for one of `interfaces`, with the module."""
     stub = Path(dovetail.__file__).with_suffix(".pyi").read_text(encoding="utf-8")
     line = next(line for line in stub.splitlines() if line.endswith(f"import {name} as {name}"))
-    return line.split()[1].strip(".").split(".")[0] or name
+    package = line.split()[1].strip(".").split(".")[0] or name
+    if package != "interfaces":
+        return package
+    taken = re.findall(r"^from dovetail\.interfaces\.(\w+) import (\([^)]*\)|.*)$", _INTERFACES, flags=re.M)
+    return next(f"interfaces.{module}" for module, names in taken if re.search(rf"\b{name}\b", names))
 
 
 def _directive(package: ModuleType, name: str) -> str:
@@ -147,6 +169,7 @@ def _directive(package: ModuleType, name: str) -> str:
 
 
 if __name__ == "__main__":
-    (DOCS / "api").mkdir(exist_ok=True)
+    for old in (DOCS / "api").glob("*.md"):
+        old.unlink()
     for file, text in pages().items():
         (DOCS / file).write_text(text, encoding="utf-8")
