@@ -175,6 +175,50 @@ def test_prose_or_a_title_that_names_only_another_part_gives_a_warning(model, va
         compare(model, write_csv(tmp_path / "a.csv", values, [line]))
 
 
+TITLES = [
+    "H_lower_lower", "FRF_lower_floor", "test of lower", "impact test of the lower mass", "lower mass alone",
+    "FRF of the lower", "lower only",
+]  # fmt: skip
+PLACES = ["# {}", "{}", "# title: {}", "# comment: {}", "# note: {}"]
+
+
+@pytest.mark.sweep
+@pytest.mark.parametrize("place", [*PLACES, "npz title", "npz comment", "mat description", "h5 note", "uff note"])
+@pytest.mark.parametrize("text", TITLES)
+def test_a_title_of_a_measurement_of_another_part_gives_a_warning(model, values, tmp_path, text, place):
+    if "{}" in place:
+        path = write_csv(tmp_path / "a.csv", values, [place.format(text)])
+    else:
+        path = write_with(tmp_path, *place.split()[:1], values, place.split()[1], text)
+    with pytest.warns(UserWarning, match=r"its (response|force|point) is '.*(lower|floor).*', and it is used at upper"):
+        compare(model, path)
+
+
+@pytest.mark.parametrize("place", [*PLACES, "npz title", "npz comment", "uff note"])
+def test_a_point_over_itself_that_is_another_one_is_refused(model, values, tmp_path, place):
+    if "{}" in place:
+        path = write_csv(tmp_path / "a.csv", values, [place.format("lower/lower")])
+    else:
+        path = write_with(tmp_path, *place.split()[:1], values, place.split()[1], "lower/lower")
+    refused(model, path, "lower")
+
+
+QUIET = [
+    "H_upper_upper", "test of upper", "upper mass alone", "upper/upper", "test of the bench", "H_1_1", "FRF_left_right",
+    "lower limit 10 Hz", "hung from lower by a wire", "test of everything alone", "m/m", "mass alone", "run 3",
+    "Bench test, lower and upper", "test of lower on upper", "lower mass of 2 kg",
+]  # fmt: skip
+
+
+@pytest.mark.sweep
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("text", QUIET)
+def test_titles_that_name_the_point_or_no_other_one_give_no_warning(model, values, tmp_path, text, place):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        compare(model, write_csv(tmp_path / "a.csv", values, [place.format(text)]))
+
+
 def test_another_axis_of_a_planar_model_gives_a_warning(model, values, tmp_path):
     with pytest.warns(UserWarning, match="'upper y', and it is used at upper, 0 mm, in a model in one plane"):
         compare(model, write_csv(tmp_path / "a.csv", values, ["# response: upper y"]))
@@ -281,6 +325,8 @@ def test_directions_of_a_model_in_space_are_those_of_the_file_one_to_one(values,
         ("tool_holder:5-y", "tool_holde", "5", "y", None, True),
         ("tool holder, x", "tool_holde", "", "x", None, True),
         ("tool 20 mm", "tool", "", "", 0.02, True),
+        ("tool 2,5 cm", "tool", "", "", 0.025, True),
+        ("tool 0.5 in", "tool", "", "", 0.0127, True),
         ("node 7 of the tool", "tool", "7", "", None, True),
         ("tool:1:+X", "tool", "1", "x", None, True),
         ("clamp above the tool", "tool", "", "", None, False),

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from dovetail.measurement.quantity_words import word_set
+from dovetail.units import to_si
 
 DOF = re.compile(r"(?:([^\s:]{1,10}):)?(\d{1,9})(?:([+-]?)(rx|ry|rz|x|y|z))?", re.IGNORECASE)
 """The name of a DOF: substructure, node, sense and direction; only the node is required."""
@@ -17,8 +18,7 @@ _NAME_LENGTH = 10
 _ROUNDING, _SMALLEST_DISTANCE = 0.01, 2e-4
 """Relative and absolute [m] difference of two positions that are the same, since texts give few digits."""
 _TOKEN = re.compile(r"(?<![\w.,])\d+(?:[.,]\d+)?\s*(?:mm|cm|m|um|in|inch)\b|[^\W_]+")
-_LENGTH = re.compile(r"(\d+(?:[.,]\d+)?)\s*(mm|cm|m|um|in|inch)")
-_METRES = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "inch": 0.0254}
+_LENGTH = re.compile(r"\d+(?:[.,]\d+)?\s*(?:mm|cm|m|um|in|inch)")
 _NODE_AND_AXIS = re.compile(r"(?<![\w.])(\d{1,9})\s?:?([+-]?)(rx|ry|rz|x|y|z)(?!\w)")
 _NODE_WORD = re.compile(r"(?:node|point|pt|dof|knoten|punkt|no|nr)\W*(\d{1,9})(?![\w.,]*\d)")
 _AXES = word_set("x y z rx ry rz")
@@ -146,7 +146,9 @@ def are_opposite(response: str, force: str) -> bool:
     return all(matches) and [match[3] == "-" for match in matches if match].count(True) == 1
 
 
-def read_dof(text: str, substructures: Collection[str] = (), labels: Sequence[str] = ()) -> GivenDof | None:
+def read_dof(
+    text: str, substructures: Collection[str] = (), labels: Sequence[str] = (), nouns: Collection[str] = ()
+) -> GivenDof | None:
     """Return the DOF that a text names, or None if it names none.
 
     Parameters
@@ -157,6 +159,8 @@ def read_dof(text: str, substructures: Collection[str] = (), labels: Sequence[st
         does not: as a prefix of a number, such a name may be that of the measured structure.
     labels : sequence of str
         Labels of the nodes of the part at which the FRF is used.
+    nouns : collection of str
+        Further words that may stand next to a name, such as ``"mass"``.
     """
     moving = _moving(substructures)
     match = DOF.fullmatch("".join(text.split()))
@@ -164,7 +168,7 @@ def read_dof(text: str, substructures: Collection[str] = (), labels: Sequence[st
         part, axis = (match[1] or "").lower(), (match[4] or "").lower()
         named = tuple(name for name in moving if part and name.lower()[:_NAME_LENGTH] == part)
         return GivenDof(text, part, str(int(match[2])), axis, named) if int(match[2]) else None
-    dof = _in_words(text, tuple(substructures), labels)
+    dof = _in_words(text, tuple(substructures), labels, nouns)
     if dof is not None and dof.position is not None and not dof.named and len(moving) == 1:
         return dof._replace(named=moving)
     return dof
@@ -176,7 +180,7 @@ def _moving(substructures: Collection[str]) -> tuple[str, ...]:
     return tuple(substructures)
 
 
-def _in_words(text: str, names: Sequence[str], labels: Sequence[str]) -> GivenDof | None:
+def _in_words(text: str, names: Sequence[str], labels: Sequence[str], nouns: Collection[str]) -> GivenDof | None:
     plain = text.lower().replace("_", " ")
     node, axis, position = "", "", None
     if match := _NODE_AND_AXIS.search(plain):
@@ -191,9 +195,10 @@ def _in_words(text: str, names: Sequence[str], labels: Sequence[str]) -> GivenDo
     axes = [word for word in words if word in _AXES]
     lengths = [match for word in words if (match := _LENGTH.fullmatch(word))]
     if len(lengths) == 1:
-        position = float(lengths[0][1].replace(",", ".")) * _METRES[lengths[0][2]]
+        position = to_si(lengths[0][0].replace(",", "."), "m")
     turning = [word for word in words if word in _ROTATIONS]
-    rest = [word for word in words if word not in _AXES | _FILLING | _ROTATIONS and not _LENGTH.fullmatch(word)]
+    other = _AXES | _FILLING | _ROTATIONS | {*nouns}
+    rest = [word for word in words if word not in other and not _LENGTH.fullmatch(word)]
     axis = axis or (axes[0] if len(axes) == 1 else "")
     if axis and len(rest) == 1 and not (named or node or marked):  # a name that only the laboratory knows
         node, rest = rest[0], []

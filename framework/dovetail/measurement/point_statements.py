@@ -29,7 +29,7 @@ _PLACES = word_set(
     " anregungspunkt part body component substructure entity ent direction dir channel inputname outputname"
 )
 _MORE = word_set("drive driving test fixed name id number no nr of the frf was were is")
-_TITLES = word_set("title name")
+_TITLES = word_set("title name comment comments note notes remark remarks description caption")
 LISTS = word_set("names labels channels dofs nodes points")
 """Names of lists with a point for each channel."""
 _AXIS_CODES = {"1": "x", "2": "y", "3": "z", "4": "rx", "5": "ry", "6": "rz"}
@@ -45,6 +45,15 @@ _NO_POINTS = word_set(
 )
 """Words with a slash between them that are no points."""
 _INDICES = re.compile(r"(?:frf\s+)?[hg]_?(\d)_?(\d)", re.IGNORECASE)
+_JOINED = re.compile(r"(?:h|frf|tf|g|x|a|v)[_ ](?P<response>[^\W_]+)[_ ](?P<force>[^\W_]+)", re.IGNORECASE)
+"""The name of an FRF with two points, as in ``H_lower_lower``; but ``H_tool_tip`` may be one of a point."""
+_OF_POINT = (
+    re.compile(r"(?:\w+\s+){0,3}?(?:tests?|measurements?|frfs?|runs?)\s+(?:of|on|at)\s+(\S.{0,40})", re.IGNORECASE),
+    re.compile(r"(\S.{0,40}?)\s+(?:alone|only|by\s+itself|separately)", re.IGNORECASE),
+)
+"""Titles of the measurement of a part: ``test of lower``, ``lower mass alone``."""
+GENERAL_NOUNS = word_set("mass block bar beam rod plate shaft structure specimen assembly")
+"""Words next to the name of a part in a title."""
 _MOST_WORDS, _MOST_OF_TITLE = 4, 3
 _LONGEST = 80
 _NO_PLACE = re.compile(r"(?:unknown|none|n/?a|-+|true|false|yes|no|\?+)?", re.IGNORECASE)
@@ -87,20 +96,24 @@ def point_statements(key: str, value: str) -> Iterator[PointStatement]:
             text = _AXIS_CODES[text.lstrip("+")]
         if _may_be_place(key, text):
             yield PointStatement(end, text, key.strip())
+    elif stated := tuple(_in_sentence(f"{key}; {value[:1000]}")):
+        yield from stated
     elif key and set(words_of(key)) <= _TITLES:
         yield from title_points(value)
-    else:
-        yield from _in_sentence(f"{key}; {value[:1000]}")
 
 
 def title_points(text: str) -> tuple[PointStatement, ...]:
     """Return what a title, or a line of a few words, says of points."""
-    if re.search(r"[:=\t]", _bare(text)):
+    if re.search(r"[:=;\t]|,(?=\S)", _bare(text)):
         return ()
     if found := tuple(_in_sentence(text)):
         return found
+    bare = _bare(text)
+    if match := _JOINED.fullmatch(bare):
+        return tuple(PointStatement(end, match[end], "title") for end in ("response", "force"))
+    of_point = next((match[1] for pattern in _OF_POINT if (match := pattern.fullmatch(bare))), None)
     is_short = 0 < len(words_of(text)) <= _MOST_OF_TITLE
-    return (PointStatement("point", _bare(text), "title"),) if is_short else ()
+    return (PointStatement("point", of_point or bare, "title"),) if of_point or is_short else ()
 
 
 def _bare(text: str) -> str:
@@ -130,10 +143,10 @@ def points_of_label(text: str) -> tuple[PointStatement, ...]:
     match = _PAIR.fullmatch(text)
     if match is None or ("," in text and not match["open"]):
         return ()
-    reading = read_unit(f"{match['response']}/{match['force']}")
+    ends = match["response"], match["force"]
+    reading = None if ends[0] == ends[1] else read_unit(f"{ends[0]}/{ends[1]}")
     if reading is not None and reading.kind != "none":
         return ()
-    ends = match["response"], match["force"]
     if any(map(_is_amount, ends)):
         return ()
     return PointStatement("response", ends[0]), PointStatement("force", ends[1])

@@ -19,7 +19,7 @@ from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf, conversion
 from dovetail.frf.resonance_peaks import noise_deviation
 from dovetail.measurement.named_points import GivenDof, ModelDof, axes_disagree, read_dof
-from dovetail.measurement.point_statements import points_of_note
+from dovetail.measurement.point_statements import GENERAL_NOUNS, points_of_note
 
 _MOST_DELIVERED = 0.95
 """Share of the power at a drive point that is delivered above which a sign or a phase is certainly wrong: of 300 random
@@ -274,7 +274,7 @@ def _ends(role: Role, substructures: Collection[str], *, certain: bool = True) -
         texts += [(one.end, one.text, one.key == "title") for one in points_of_note(role.frf.note)]
     for noun, text, is_title in texts:
         for at in [used[noun]] if noun in used else [role.response]:
-            dof = read_dof(text, substructures, at.labels) if text else None
+            dof = read_dof(text, substructures, at.labels, GENERAL_NOUNS if is_title else ()) if text else None
             if dof is None or (dof.is_certain and not is_title) != certain or (is_title and not dof.is_certain):
                 continue
             if noun == "point" and not role.is_drive_point:  # of which end is open

@@ -144,7 +144,7 @@ def _texts_around(path: Path, table: TextTable, options: ReadOptions) -> FreeTex
     )
     above, unclear = (read_texts(texts, options.skip) if texts else FreeText() for texts in (around, between))
     mentions = [*unclear.mentions, *unclear.statements]  # units of columns that the line does not name
-    titles = [point for _, text, _ in around if text.lstrip()[:1] in "#%" for point in title_points(text)]
+    titles = [point for _, text, _ in around for point in title_points(text)]
     claims, points = [*above.claims, *unclear.claims], [*above.points, *titles]
     return replace(above, mentions=[*above.mentions, *mentions], claims=claims, points=points)
 
