@@ -179,6 +179,14 @@ def few_mode_searches() -> Iterator[None]:
         yield
 
 
+@pytest.fixture
+def unguarded_matrices(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Read MATLAB and Matrix Market files in this process: sound ones need no guard, which starts slowly."""
+    from dovetail_plugins.substructures import matrix_files
+
+    monkeypatch.setattr(matrix_files, "call_guarded", lambda function, path, content, memory: function(path, content))
+
+
 @pytest.fixture(scope="session")
 def assemblies() -> Path:
     return ASSEMBLIES

@@ -277,6 +277,7 @@ def test_the_chain_of_all_displaces_that_of_a_response(read, sound):
     assert len(description.sensors) == 1
 
 
+@pytest.mark.usefixtures("unguarded_matrices")
 def test_files_of_matrices_displace_an_archive_and_the_reverse(tmp_path):
     import numpy as np
     import scipy.io

@@ -13,17 +13,10 @@ import scipy.sparse as sp
 import dovetail
 from dovetail.errors import DescriptionError
 from dovetail.registry import components
-from dovetail_plugins.substructures import matrix_files
 from support.beam_matrices import beam, load, table, write
 
 GIVEN = beam().matrices()
 FORMS = ["npz", "sparse npz", "mat", "mtx"]
-
-
-@pytest.fixture
-def unguarded(monkeypatch):
-    """Read MATLAB and Matrix Market files in this process: sound ones need no guard, which starts slowly."""
-    monkeypatch.setattr(matrix_files, "call_guarded", lambda function, path, content, memory: function(path, content))
 
 
 def with_coupling(matrix, factor):
@@ -69,7 +62,7 @@ IMPOSSIBLE = {
 }
 
 
-@pytest.mark.usefixtures("unguarded")
+@pytest.mark.usefixtures("unguarded_matrices")
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("case", IMPOSSIBLE)
 def test_matrices_that_no_body_has_are_refused(case, form, tmp_path):
@@ -201,7 +194,7 @@ HALVES = {
 }
 
 
-@pytest.mark.usefixtures("unguarded")
+@pytest.mark.usefixtures("unguarded_matrices")
 @pytest.mark.parametrize("half", HALVES)
 def test_a_symmetric_matrix_market_file_is_the_same_whichever_halves_it_stores(half, tmp_path):
     part = write(tmp_path, "mtx")

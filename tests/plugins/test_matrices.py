@@ -175,11 +175,10 @@ DAMAGED = {
         b"%%MatrixMarket matrix array real general\n99999 99999\n1.0\n",
         b"%%MatrixMarket matrix coordinate real general\n2 2 1\n7 7 1.0\n",
     ],
-    "dofs.csv": [
-        b"", b"\xff\xfe\x00", b"node;direction\nn1;x\n", b"node,direction\nn1\n",
-        b"node,direction,row\nn1,x,z\n",
-    ],
-}  # fmt: skip
+}
+DAMAGED_TABLES = [
+    b"", b"\xff\xfe\x00", b"node;direction\nn1;x\n", b"node,direction\nn1\n", b"node,direction,row\nn1,x,z\n",
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("name", "content"), [(name, content) for name in DAMAGED for content in DAMAGED[name]])
@@ -191,6 +190,12 @@ def test_damaged_files_are_refused(name, content, tmp_path):
         load(tmp_path, part)
     assert len(caught.value.faults) == 1
     assert name in str(caught.value)
+
+
+@pytest.mark.usefixtures("unguarded_matrices")
+@pytest.mark.parametrize("content", DAMAGED_TABLES)
+def test_damaged_tables_of_dofs_are_refused(content, tmp_path):
+    test_damaged_files_are_refused("dofs.csv", content, tmp_path)
 
 
 def test_a_file_that_announces_more_than_it_holds_is_not_begun(tmp_path):
