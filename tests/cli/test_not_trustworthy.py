@@ -231,29 +231,6 @@ def test_a_prediction_in_python_warns(made, predict):
     assert (WARNING in repr(done)) != made.is_trustworthy
 
 
-@pytest.mark.parametrize("key", ["misspecification", "foreign"])
-def test_a_file_of_an_earlier_version_is_judged_by_its_verdict(made, tmp_path, key):
-    stored = made.result.to_dict()
-    del stored["is_trustworthy"], stored["warning"], stored["posterior"]["warning"]
-    del stored["adequacy"]
-    stored[key] = {
-        "flagged": not made.is_trustworthy,
-        "statistic": 2.0,
-        "looks_like": "",
-        "reasons": [],
-        "bands_Hz": [],
-    }
-    for parameter in stored["posterior"]["parameters"].values():
-        parameter["verdict"] = "identified"
-    (tmp_path / "result.json").write_text(json.dumps(stored))
-    read = load_result(tmp_path)
-    assert (read.is_trustworthy, read.warning) == (made.result.is_trustworthy, made.result.warning)
-    for name, verdict in made.result.posterior.verdicts.items():
-        assert read.posterior.verdicts[name] == replace(
-            verdict, gain=pytest.approx(verdict.gain), factor=verdict.factor and pytest.approx(verdict.factor)
-        )
-
-
 def test_a_result_without_a_misfit_carries_no_warning(made):
     genuine = replace(made.result, adequacy=None)
     assert genuine.frf.note == genuine.posterior.warning == ""

@@ -161,20 +161,3 @@ def test_a_tied_parameter_has_the_same_precision_and_groups(shown, ratio):
     for group, other in zip(row.groups or (), tied.groups or (), strict=True):
         assert other.estimate == ratio * group.estimate
         assert other.interval_low < other.estimate < other.interval_high
-
-
-def test_a_result_of_an_earlier_version_gets_the_figures_that_its_samples_determine(shown, tmp_path):
-    """It had neither precision nor groups, and gave the mean of separate groups as the estimate."""
-    earlier = json.loads(json.dumps(shown.plain))
-    del earlier["table"], earlier["poor_bands_Hz"]
-    for name, stored in earlier["posterior"]["parameters"].items():
-        for key in ("precision", "factor", "groups"):
-            del stored[key]
-        stored |= {
-            "verdict": "identified",
-            "estimate": float(np.mean(shown.result.posterior.theta, axis=0)[int(name == "c")]),
-        }
-    (tmp_path / "result.json").write_text(json.dumps(earlier))
-    for row, expected in zip(dovetail.load_result(tmp_path).table, shown.result.table, strict=True):
-        assert (row.precision, row.verdict) == (expected.precision, expected.verdict)
-        assert row.estimate == pytest.approx(expected.estimate, rel=1e-9)

@@ -56,8 +56,6 @@ def test_a_table_without_a_header_is_read_by_what_the_case_or_the_caller_states(
 BROKEN = {
     "no format": ("dovetail_series: 1\n", "", ["the file does not say that it describes a series of tests."]),
     "newer format": ("dovetail_series: 1", "dovetail_series: 2", [":1:18  dovetail_series", "2 is not a format"]),
-    "the format of earlier versions": ("dovetail_series: 1", "dovetail_cases: 1",
-                                       ["earlier versions", "'tests' for 'cases'"]),
     "a typing error": ("    assembly: a.yaml\n    measured: m", "    asembly: a.yaml\n    measured: m",
                        [":7:5  tests.first.asembly", "Did you mean 'assembly'?"]),
     "two sources": ("{result: results}", "{result: results, assembly: b.yaml}",

@@ -101,18 +101,6 @@ def test_it_is_kept_with_the_result(good, tmp_path):
     assert load_result(file).adequacy is None
 
 
-@pytest.mark.parametrize("key", ["misspecification", "foreign"])
-@pytest.mark.parametrize(("flagged", "word"), [(True, "does not fit"), (False, "not judged")])
-def test_the_verdict_of_an_earlier_version_is_read_as_yes_or_no(good, tmp_path, key, flagged, word):
-    stored = {name: value for name, value in good.to_dict().items() if name != "adequacy"}
-    stored[key] = {"flagged": flagged, "statistic": 3.0, "looks_like": "", "reasons": ["Why."], "bands_Hz": [[1, 2]]}
-    (tmp_path / "result.json").write_text(json.dumps(stored))
-    read = load_result(tmp_path)
-    bands = read.responses[0].poor_bands if flagged else ((1.0, 2.0),)
-    assert read.adequacy == dovetail.Adequacy(word, reasons=("Why.",), bands=bands)
-    assert read.is_trustworthy is not flagged
-
-
 def test_a_network_reports_only_whether_a_measurement_is_unlike_its_training(model, measured):
     result = model.identify(measured, "network")
     assert result.adequacy == dovetail.Adequacy("not judged")

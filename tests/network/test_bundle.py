@@ -242,7 +242,7 @@ def test_no_folder_and_no_manifest(tmp_path: Path) -> None:
         ("{}", "not a model of dovetail"),
         ('{"format": "keras"}', "its format is 'keras'"),
         ('{"format": "dovetail-model"}', "Field required"),
-        ('{"format": "dovetail-model", "version": 0}', "Input should be 1, 2 or 3"),
+        ('{"format": "dovetail-model", "version": 0}', "Input should be 3"),
     ],
 )
 def test_a_damaged_or_unrelated_manifest_is_refused(bundle: Path, text: str, message: str) -> None:
@@ -264,21 +264,20 @@ def test_a_newer_format(bundle: Path) -> None:
     assert "Upgrade dovetail-frf" in str(caught.value)
 
 
-def test_a_model_of_the_first_format_loads_without_novelty(
+def test_a_model_without_statistics_of_its_training_cannot_judge(
     bundle: Path, measured: dovetail.Frf, model: dovetail.Identifier
 ) -> None:
-    def first(manifest: dict[str, Any]) -> None:
-        manifest["version"] = 1
+    def without_novelty(manifest: dict[str, Any]) -> None:
         del manifest["files"]["novelty"], manifest["values"]["novelty"]
 
-    change_manifest(bundle, first)
+    change_manifest(bundle, without_novelty)
     (bundle / "novelty.safetensors").unlink()
-    older = dovetail.load_model(bundle)
-    result = older.identify(measured, "network")
+    loaded = dovetail.load_model(bundle)
+    result = loaded.identify(measured, "network")
     assert result.adequacy is None
     assert any("cannot judge whether the measurement" in warning for warning in result.warnings)
     np.testing.assert_array_equal(result.theta, model.identify(measured, "network").theta)
-    assert older.save(bundle) == bundle
+    assert loaded.save(bundle) == bundle
     assert dovetail.load_model(bundle).novelty is None
 
 
@@ -293,9 +292,13 @@ def test_the_evaluation_is_covered_by_the_hash(bundle: Path) -> None:
     assert caught.value.faults[0].where == str(file)
 
 
-def test_a_model_that_was_written_before_manifests_had_a_hash_loads(bundle: Path) -> None:
-    change_manifest(bundle, lambda manifest: manifest.pop("sha256"))
-    dovetail.load_model(bundle)
+def test_a_manifest_without_its_hash_is_refused(bundle: Path) -> None:
+    file = bundle / "manifest.json"
+    manifest = json.loads(file.read_text())
+    del manifest["sha256"]
+    file.write_text(json.dumps(manifest))
+    with pytest.raises(BundleError, match="the manifest is not the one that was written with the model"):
+        dovetail.load_model(bundle)
 
 
 @pytest.mark.parametrize("part", ["reducer", "feature_scaling", "regressor", "target_scaling", "check", "novelty"])

@@ -177,13 +177,3 @@ def test_the_report_gives_the_command_with_the_options_that_were_used(sdof, tmp_
     result = dovetail.identify(sdof, frf, "multistart", starts=3, weights="amplitude", phase=False, cause_seconds=0)
     page = unescape(write_report(result, tmp_path / "report.html", assembly=sdof).read_text(encoding="utf-8"))
     assert "\"multistart\", weights='amplitude', phase=False, starts=3, cause_seconds=0, seed=0)" in page
-
-
-def test_the_form_of_a_result_of_an_earlier_version_is_kept(sdof, tmp_path):
-    frf = dovetail.Frf(sdof.frequency, sdof.frf(), "accelerance", label="m.csv")
-    result = dovetail.identify(sdof, frf, form="laplace")
-    earlier = {name: value for name, value in result.provenance.items() if name != "options"}
-    for provenance in (result.provenance, earlier):
-        again = replace(result, provenance=provenance)
-        page = unescape(write_report(again, tmp_path / "report.html", assembly=sdof).read_text())
-        assert page.count("form='laplace'") == 1

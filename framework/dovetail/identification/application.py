@@ -46,8 +46,8 @@ _LEAST_PART = 0.5
 _SAME_FRACTION = 1e-6
 """Rounding that fractions of ranges and sums of weights may have."""
 _CANNOT_JUDGE = (
-    "This model cannot judge whether the measurement resembles its training data, since it is from an earlier version "
-    "or has several responses: use the method 'refined' to be sure."
+    "This model cannot judge whether the measurement resembles its training data, since it has several "
+    "responses: use the method 'refined' to be sure."
 )
 
 

@@ -40,7 +40,7 @@ class Mode:
         Hz; where the amplitudes of the two accelerances peak, which damping shifts by some per cent from the natural
         frequency: compare the two, at the first response where both have one. None where the mode has no clear peak.
     damping_ratio : float or None
-        Of the critical damping. None in results of earlier versions, whose natural frequencies ignore damping.
+        Of the critical damping. None for a peak that belongs to no mode.
     measured_frequency, measured_damping : float or None
         Of the mode in a measured table of modal parameters, in Hz and of the critical damping; None where there is no
         table, or it lacks the mode or the damping.
@@ -88,7 +88,7 @@ class Identification:
     adequacy : Adequacy or None
         How well the model explains the measurement; None if the method does not judge it.
     band : (float, float) or None
-        The description's first and last frequency [Hz]; None with a result of an earlier version.
+        The description's first and last frequency [Hz]; None if they are not known.
     network : mapping of str to float, or None
         The answer of a trained network [SI] by parameter, if one took part.
     peaks_without_mode : tuple of Mode

@@ -11,11 +11,9 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import (
     AfterValidator,
-    AliasChoices,
     BaseModel,
     ConfigDict,
     Discriminator,
-    Field,
     Json,
     Tag,
     ValidationError,
@@ -29,7 +27,7 @@ from dovetail.identification.parameters import IdentifiedParameter
 from dovetail.identification.result import Identification, Mode
 from dovetail.inference.adequacy import Adequacy, AdequacyWord, Cause
 from dovetail.inference.adequacy.verdict import AtPoint
-from dovetail.inference.posterior import Form, ModelError, Posterior, typical_model_error
+from dovetail.inference.posterior import Form, ModelError, Posterior
 from dovetail.inference.posterior.distribution import central_fractions
 from dovetail.inference.posterior.evidence import Evidence
 from dovetail.interfaces import CutShort
@@ -54,8 +52,8 @@ class _Stored(BaseModel):
 class _StoredFrf(_Stored):
     label: str
     has_phase: bool
-    rotation: bool = False  # not in those of an earlier version
-    moment: bool | None = None
+    rotation: bool
+    moment: bool
     real: list[float]
     imag: list[float]
 
@@ -68,7 +66,7 @@ class _StoredResponse(_Stored):
 
 
 class _StoredFurther(_StoredResponse):
-    frequency_Hz: list[float] | None = None  # noqa: N815  the unit's own spelling; of an earlier version: the first's
+    frequency_Hz: list[float]  # noqa: N815  the unit's own spelling
 
 
 class _StoredSamples(_Stored):
@@ -78,7 +76,7 @@ class _StoredSamples(_Stored):
 
 
 class _StoredParameter(_Stored):
-    unreliable: bool = False
+    unreliable: bool
 
 
 class _StoredPosterior(_Stored):
@@ -89,7 +87,7 @@ class _StoredPosterior(_Stored):
     reached: float
     evidence: Evidence | None = None
     effective_samples: float = np.inf
-    model_error: ModelError | float
+    model_error: ModelError
     lines: int
     seconds: float
 
@@ -113,19 +111,11 @@ class _StoredSizes(_Stored):
 class _StoredAdequacy(_Stored):
     word: AdequacyWord
     model_error: _StoredSizes | None
-    model_error_in_intervals: ModelError | None = None  # not in those of an earlier version
+    model_error_in_intervals: ModelError | None
     allowed: float | None
     causes: tuple[Cause, ...]
     reasons: tuple[str, ...]
     bands_Hz: tuple[tuple[float, float], ...]  # noqa: N815  the unit's own spelling
-
-
-class _StoredMisspecification(_Stored):
-    """What earlier versions wrote: yes or no."""
-
-    flagged: bool
-    reasons: tuple[str, ...]
-    bands_Hz: tuple[tuple[float, float], ...]  # noqa: N815
 
 
 class _StoredMetrics(_Stored):
@@ -198,9 +188,6 @@ class _StoredIdentification(_Stored):
     fit: dict[str, Any] | None = {}  # None for the estimate of a network
     further_responses: tuple[_StoredFurther, ...] = ()
     adequacy: _StoredAdequacy | None = None
-    misspecification: _StoredMisspecification | None = Field(
-        None, validation_alias=AliasChoices("misspecification", "foreign")
-    )
 
 
 def load_result(path: str | Path) -> Identification:
@@ -278,7 +265,7 @@ def _identification(file: Path, stored: _StoredIdentification) -> Identification
         posterior=None if stored.posterior is None else _posterior(file, stored.parameters, stored.posterior),
         point=stored.point,
         further=further,
-        adequacy=_adequacy(stored),
+        adequacy=None if stored.adequacy is None else _adequacy(stored.adequacy),
         band=stored.band_Hz,
         network=stored.network,
         is_fitted=stored.fit is not None,
@@ -296,14 +283,20 @@ def _measurement(
     if stored.frf is None or quantity is None or frequency is None:
         raise DovetailError(Fault(str(file), "it has a measured FRF, and no reconstructed one."))
     frf, measured = (_frf(file, frequency, quantity, values) for values in (stored.frf, stored.measured))
-    further = (_at_point(file, response.frequency_Hz or frequency, response) for response in stored.further_responses)
+    further = (_at_point(file, response.frequency_Hz, response) for response in stored.further_responses)
     return frf, measured, tuple(further)
 
 
-def _kept(kept: _StoredAdequacy) -> Adequacy:
-    size = None if kept.model_error is None else kept.model_error.sizes
+def _adequacy(stored: _StoredAdequacy) -> Adequacy:
+    size = None if stored.model_error is None else stored.model_error.sizes
     return Adequacy(
-        kept.word, size, kept.allowed, kept.causes, kept.reasons, kept.bands_Hz, kept.model_error_in_intervals
+        stored.word,
+        size,
+        stored.allowed,
+        stored.causes,
+        stored.reasons,
+        stored.bands_Hz,
+        stored.model_error_in_intervals,
     )
 
 
@@ -332,11 +325,7 @@ def _posterior(file: Path, parameters: Mapping[str, IdentifiedParameter], stored
         fraction=fraction,
         weight=weight / total,
         estimate=scales.from_unit(middle),
-        model_error=(
-            stored.model_error
-            if isinstance(stored.model_error, ModelError)
-            else typical_model_error(stored.model_error)  # of an earlier version
-        ),
+        model_error=stored.model_error,
         searches=round(len(weight) / stored.reached),
         lines=stored.lines,
         seconds=stored.seconds,
@@ -353,16 +342,6 @@ def _posterior(file: Path, parameters: Mapping[str, IdentifiedParameter], stored
 def _at_point(file: Path, frequency: list[float], response: _StoredResponse) -> AtPoint:
     frf, measured = (_frf(file, frequency, response.quantity, values) for values in (response.frf, response.measured))
     return AtPoint(response.point, frf, measured)
-
-
-def _adequacy(stored: _StoredIdentification) -> Adequacy | None:
-    if (kept := stored.adequacy) is not None:
-        return _kept(kept)
-    if (earlier := stored.misspecification) is None:
-        return None
-    return Adequacy(
-        "does not fit" if earlier.flagged else "not judged", reasons=earlier.reasons, bands=earlier.bands_Hz
-    )
 
 
 def _frf(file: Path, frequency: list[float], quantity: Quantity, frf: _StoredFrf) -> Frf:

@@ -63,7 +63,7 @@ class TrainedNetwork:
     evaluation : Evaluation
         Its accuracy on the test part of its dataset.
     novelty : Novelty or None
-        Statistics of its training FRFs; None for a model of an earlier version.
+        Statistics of its training FRFs; None with several responses.
     """
 
     assembly: Assembly
@@ -211,7 +211,7 @@ def _write(folder: Path, trained: TrainedNetwork, states: Mapping[Section, Compo
         files[section] = _write_tensors(folder / f"{section}.safetensors", arrays)
     manifest = Manifest(
         format=FORMAT,
-        version=3 if trained.network.corrections else 2 if trained.novelty is not None else 1,
+        version=3,
         description=_packed_description(folder, trained.assembly),
         parameters=tuple(parameter.name for parameter in trained.assembly.parameters),
         components=component_sources(trained.assembly),

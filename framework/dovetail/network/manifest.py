@@ -22,7 +22,8 @@ TRAIN_AGAIN = "Train the model again, or get a fresh copy."
 Section = Literal["reducer", "feature_scaling", "regressor", "target_scaling", "check", "novelty", "corrections"]
 SECTIONS: tuple[Section, ...] = get_args(Section)
 """Each section keeps its arrays in ``<section>.safetensors`` and its plain values in the manifest."""
-
+OPTIONAL = ("novelty", "corrections")
+"""Sections that only some models have."""
 
 _LARGEST_MANIFEST = 16 * 2**20
 """Bytes; far above the manifest of any real model."""
@@ -47,7 +48,7 @@ class Manifest(_Strict):
     Attributes
     ----------
     format, version
-        Format and its version; version 1 has no `novelty`, version 3 has corrections and may lack `novelty`.
+        Format and its version.
     description : str
         The assembly's description as JSON.
     parameters : tuple of str
@@ -59,12 +60,12 @@ class Manifest(_Strict):
     files : dict of str to TensorFile
         Arrays of each section's state.
     evaluation : Evaluation
-    sha256 : str or None
+    sha256 : str
         Hash of all other entries. It detects damage and manual changes, but not deliberate forgery.
     """
 
     format: Literal["dovetail-model"]
-    version: Literal[1, 2, 3]
+    version: Literal[3]
     description: str
     parameters: tuple[str, ...]
     components: dict[str, str]
@@ -76,10 +77,8 @@ class Manifest(_Strict):
 
     @property
     def sections(self) -> tuple[Section, ...]:
-        """The sections that a bundle of this version must have."""
-        has_novelty = self.version == 2 or (self.version == 3 and "novelty" in self.files)
-        optional = {"novelty": has_novelty, "corrections": self.version == 3}
-        return tuple(section for section in SECTIONS if optional.get(section, True))
+        """The sections that the bundle must have."""
+        return tuple(section for section in SECTIONS if section not in OPTIONAL or section in self.files)
 
 
 def manifest_hash(manifest: Mapping[str, Any]) -> str:
@@ -120,7 +119,7 @@ def read_manifest(folder: Path) -> Manifest:
         manifest = Manifest.model_validate_json(json.dumps(header))
     except (ValidationError, ValueError, RecursionError) as error:
         raise BundleError(*_faults(where, error)) from None
-    if manifest.sha256 not in (None, manifest_hash(header)):
+    if manifest.sha256 != manifest_hash(header):
         raise damaged(folder / MANIFEST, "the manifest is not the one that was written with the model.")
     return manifest
 

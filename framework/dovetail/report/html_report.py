@@ -251,10 +251,7 @@ def _how_to_reproduce(result: Identification, command: str) -> str:
     origin, options = result.provenance, ""
     if result.method not in ("refined", "multistart", "posterior") or "description" not in origin:
         return ""
-    earlier_options = {"form": "laplace"} if origin.get("posterior_form") == "laplace" else {}
-    chosen = {
-        name: value for name, value in (earlier_options | dict(origin.get("options", {}))).items() if name != "seed"
-    }
+    chosen = {name: value for name, value in dict(origin.get("options", {})).items() if name != "seed"}
     options += "".join(f", {name}={value!r}" for name, value in chosen.items())
     if "start" in origin:
         options += f", start={dict(origin['start'])!r}"

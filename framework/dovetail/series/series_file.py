@@ -21,7 +21,7 @@ from dovetail.units import Mass, is_unit, to_si
 
 FORMAT = 1
 """Version of the format, which is what ``dovetail_series:`` says."""
-_KEY, _EARLIER = "dovetail_series", "dovetail_cases"
+_KEY = "dovetail_series"
 
 
 class _Section(BaseModel):
@@ -104,12 +104,6 @@ class SeriesFile:
     def __init__(self, source: str | os.PathLike[str] | Mapping[str, Any], faults: FaultList) -> None:
         name, faults.root = read_source(source, faults)
         self.faults = faults
-        if faults.root.at((_EARLIER,)) is not None:
-            remedy = (
-                f"Write '{_KEY}: {FORMAT}', 'name' for 'title', 'tests' for 'cases', 'covariates' and 'at' for values."
-            )
-            faults.add((_EARLIER,), "this is the format of earlier versions.", f"{_KEY}: {FORMAT}", remedy)
-            raise faults.error()
         check_format(faults, _KEY, FORMAT, "the file does not say that it describes a series of tests.")
         read = validate(SeriesSection, (), faults, "the description of a series", reserved=(_KEY,))
         if read is None:

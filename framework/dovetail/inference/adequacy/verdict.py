@@ -87,9 +87,9 @@ class Cause:
     residual_factor : float
         By how much typical residuals become smaller.
     theta : tuple of float
-        The parameters that fit best with the change [SI]; empty in a result of an earlier version.
+        The parameters that fit best with the change [SI].
     residual : float or None
-        Typical residual with it, relative to the FRF; None in a result of an earlier version.
+        Typical residual with it, relative to the FRF.
     """
 
     name: str

@@ -110,8 +110,7 @@ class Posterior:
     normal : tuple of str
         Parameters whose prior is normal; that of the others is even over the range.
     evidence : Evidence or None
-        The marginal likelihood; None if too few searches count for it, with the form "laplace", and with a result of an
-        earlier version.
+        The marginal likelihood; None if too few searches count for it, and with the form "laplace".
     least_log_evidence : float
         A lower bound of its logarithm, which few searches suffice for; not in the result's file.
     effective : float
@@ -140,7 +139,8 @@ class Posterior:
     effective: float = np.inf
 
     def __repr__(self) -> str:
-        return f"<Posterior: {len(self.theta)} samples of {listing(self.names)}>"
+        warning = f" {self.warning}" if self.warning else ""
+        return f"<Posterior:{warning} {len(self.theta)} samples of {listing(self.names)}>"
 
     @staticmethod
     def from_fractions(
