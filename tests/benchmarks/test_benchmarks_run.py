@@ -154,6 +154,16 @@ def test_the_benchmark_of_intervals_counts_those_that_hold_the_truth():
 
 
 @pytest.mark.slow
+def test_the_benchmark_of_structures_in_space_has_a_row_for_each_assembly():
+    rows = cells(run("space_speed.py", "--samples", 2, "--rounds", 1))[2:]
+    assert [row[:2] for row in rows] == [
+        ["two beams and a bushing, in space", "12"],
+        ["the collet, in a plane", "12"],
+    ]
+    for _, _, milliseconds, rate, _ in rows:
+        assert float(milliseconds) * float(rate) == pytest.approx(1e3, rel=0.1)
+
+
 def test_the_benchmark_of_bushings_counts_the_intervals_of_twelve_unknowns():
     printed = run("bushing_coverage.py", "--cases", 1, "--structures", 1, "--samples", 20)
     (everything,) = (row for row in cells(printed) if row[0] == "all" and row[1] != "intervals")
