@@ -293,6 +293,7 @@ def test_a_best_fit_outside_its_interval_is_marked_and_explained(assemblies: Pat
     assert page.source.count('stroke="var(--alert)"') == 1
     assert "The best fit of k lies outside its 90 % interval" in page.text
     assert "A hollow diamond on a range is a best fit outside its interval." in page.text
+    assert re.findall(r"\d% of", page.text) == []  # as in the rest of the report: 90 %
 
 
 def test_the_pair_plot_has_ticks_with_the_ends_of_the_ranges(assemblies: Path, tmp_path: Path) -> None:

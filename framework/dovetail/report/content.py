@@ -270,14 +270,17 @@ def misfit_sentence(result: Identification) -> str:
 def posterior_sentence(posterior: Posterior) -> str:
     """Return a sentence on how the posterior was computed, and how many samples it has."""
     name, difference = max(posterior.split_half_difference.items(), key=lambda entry: entry[1])
-    halves = f"two halves of the samples differ in an interval by at most {difference:.0%} of its width ({name})"
+    halves = (
+        f"two halves of the samples differ in an interval by at most {100 * difference:.0f} % of its width ({name})"
+    )
     samples, seconds = f"{len(posterior.weight)} samples", number(posterior.seconds, 2, padded=False)
     if posterior.form == "laplace":
         return f"A Gaussian at the most probable place, in {seconds} s; {samples} of it, {halves}."
     if np.ptp(posterior.weight) == 0.0 and posterior.converged_fraction == 1.0:  # drawn without any search
         return f"{samples} of equal weight in {seconds} s; {halves}."
+    reached = f"{100 * posterior.converged_fraction:.0f} % of the searches for them reached their target"
     return (
-        f"{samples} in {seconds} s; {posterior.converged_fraction:.0%} of the searches for them reached their target. "
+        f"{samples} in {seconds} s; {reached}. "
         f"The effective sample size is {posterior.effective_sample_size:.0f}; {halves}."
     )
 
@@ -317,7 +320,7 @@ def _parameter_row(row: TableRow, withheld: bool, true: float | None) -> Paramet
         mark=VERDICT_MARKS.get(row.verdict, "open"),
         groups=tuple(
             GroupRow(
-                f"{group.weight:.0%}".replace("%", " %"),
+                f"{100 * group.weight:.0f} %",
                 text(group.estimate),
                 interval(group.interval_low, group.interval_high),
                 group.precision,

@@ -227,7 +227,9 @@ class Matrices(SubstructureModel):
         text = f"reduced to {kept} modes, and the next one, with the interface held, is at {following:.4g} Hz: "
         if np.isinf(shift):
             return [f"{text}above that the reduced part is wrong. Keep more modes by 'reduce.up_to'."]
-        return [f"{text}natural frequencies up to {frequency:.4g} Hz may change by {shift:.2%}. Keep more modes."]
+        return [
+            f"{text}natural frequencies up to {frequency:.4g} Hz may change by {100 * shift:.2f} %. Keep more modes."
+        ]
 
     @cached_property
     def nodes(self) -> tuple[Node, ...]:

@@ -237,7 +237,9 @@ class Posterior:
                 "the intervals are rough. Ask for more samples."
             )
         differences = self.split_half_difference.items()
-        unstable = [f"{name} ({part:.0%})" for name, part in differences if part > _SETTINGS.split_half_difference]
+        unstable = [
+            f"{name} ({100 * part:.0f} %)" for name, part in differences if part > _SETTINGS.split_half_difference
+        ]
         if unstable:
             messages.append(
                 f"Two halves of the samples disagree on the intervals, in parts of their width: {', '.join(unstable)}. "
