@@ -236,10 +236,8 @@ class Posterior:
                 f"The effective sample size is only {self.effective_sample_size:.0f}: the ends of "
                 "the intervals are rough. Ask for more samples."
             )
-        differences = self.split_half_difference.items()
-        unstable = [
-            f"{name} ({100 * part:.0f} %)" for name, part in differences if part > _SETTINGS.split_half_difference
-        ]
+        most = _SETTINGS.split_half_difference
+        unstable = [f"{n} ({100 * part:.0f} %)" for n, part in self.split_half_difference.items() if part > most]
         if unstable:
             messages.append(
                 f"Two halves of the samples disagree on the intervals, in parts of their width: {', '.join(unstable)}. "
