@@ -73,4 +73,6 @@ def test_nodes_that_share_a_position_are_shown_by_their_labels(run, tmp_path):
         "dovetail: 1\nname: part\nfrequency: {start: 1, stop: 300, step: 1}\n"
         "substructures: {part: {model: matrices, file: part.npz}}\nresponse: {at: part, position: tip}\n"
     )
-    assert "part           by label: tip, root" in run("check", file).stdout.splitlines()
+    lines = run("check", file).stdout.splitlines()
+    assert "part           by label: tip, root" in lines
+    assert "Response   accelerance at part, node tip, direction x" in lines

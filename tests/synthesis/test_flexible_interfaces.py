@@ -259,6 +259,12 @@ def test_a_wrong_section_is_one_clear_error(case, part, tmp_path):
     assert said in str(caught.value)
 
 
+def test_nodes_without_positions_are_named_by_their_labels(part, tmp_path):
+    loaded = dovetail.load(alone(part.section(tmp_path, "part")))
+    labels = [loaded.graph.substructures["part"].dof_label(dof) for dof in (0, 6, 12)]
+    assert labels == ["node 'foot' x", "node 'head' x", "node 'bolt_1' x"]
+
+
 def test_a_contact_far_from_the_channels_is_reported(part, tmp_path):
     there = {"bolt_1": (0.03, 0.01, 0.02), "bolt_2": (0.3, 0.0, 0.0)}
     loaded = dovetail.load(alone(part.section(tmp_path, "part", contacts=there)))

@@ -69,7 +69,8 @@ def _response(assembly: Assembly, response: Response) -> dict[str, Any]:
 
 def _place(assembly: Assembly, place: Place) -> dict[str, Any]:
     position = assembly.description.substructures[place.substructure].nodes[place.node].position
-    return {"at": place.substructure, "position": position, "direction": place.direction}
+    point = assembly.description.point_label(place)
+    return {"at": place.substructure, "position": position, "point": point, "direction": place.direction}
 
 
 def _fixed(assembly: Assembly) -> list[dict[str, Any]]:

@@ -261,9 +261,11 @@ class SubstructureModel(Component):
         return np.stack([_scaled_solution(Z, unit_loads)[rows] for Z in stiffness])
 
     def dof_label(self, dof: int) -> str:
-        """Return a label with the position and direction of a DOF."""
+        """Return a label of a DOF: the position of its node, or the node's label if positions repeat; its direction."""
         number, direction = self.node_dofs[dof]
-        return f"{self.nodes[number].position * 1e3:g} mm {direction}"
+        node, positions = self.nodes[number], [node.position for node in self.nodes]
+        place = f"{node.position * 1e3:g} mm" if positions.count(node.position) == 1 else f"node '{node.label}'"
+        return f"{place} {direction}"
 
 
 def _scaled_solution(Z: NDArray[np.complex128], loads: NDArray[np.float64]) -> NDArray[np.complex128]:
