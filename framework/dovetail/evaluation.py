@@ -28,6 +28,7 @@ from dovetail.network.training import needs_phase, train_and_evaluate
 from dovetail.parallel import cores, on_cluster, require_cluster, side_by_side
 from dovetail.registry import PluginPaths, Registry, components
 from dovetail.series.description import Covariate
+from dovetail.series.measured_files import read_test
 from dovetail.series.series_file import SeriesFile, TestSection
 from dovetail.synthesis import Attachment, Connection
 
@@ -78,6 +79,7 @@ __all__ = [
     "predicted_frf",
     "progress_reporter",
     "read_description",
+    "read_test",
     "require_cluster",
     "require_package",
     "resonance_peaks",

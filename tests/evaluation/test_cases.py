@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dovetail.errors import DescriptionError
+from dovetail.errors import DescriptionError, MeasurementError
 from dovetail_bench import read_cases
 
 SOUND = """\
@@ -51,6 +51,18 @@ def test_a_table_without_a_header_is_read_by_what_the_case_or_the_caller_states(
         _, second = read_cases(written(tmp_path, text), **reading).cases
         frf = second.measured.read(compensated=False)
         assert (frf.quantity, frf.values.tolist()) == ("mobility", [2 + 1j, 4 + 3j])
+
+
+def test_another_covariate_in_the_measured_file_is_refused(tmp_path):
+    rows = "# quantity: mobility\nfrequency_Hz,real,imag\n10,1,2\n20,3,4\n"
+    for torque, fits in (("40 N m", True), ("0.04 kN m", True), ("60 N m", False)):
+        (tmp_path / "second.csv").write_text(f"# torque: {torque}\n{rows}")
+        _, second = read_cases(written(tmp_path, SOUND)).cases
+        if fits:
+            second.measured.read(compensated=True)
+        else:
+            with pytest.raises(MeasurementError, match="torque is '60 N m' here, and 40 N m in the test 'second'"):
+                second.measured.read(compensated=True)
 
 
 BROKEN = {

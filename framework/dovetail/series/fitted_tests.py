@@ -19,9 +19,8 @@ from dovetail.inference.posterior.mode_search import likelihood_at_mode
 from dovetail.interfaces import Progress, silent
 from dovetail.problem import Problem
 from dovetail.problem.least_squares import SumOfSquares
-from dovetail.registry import components
 from dovetail.series.description import SeriesDescription, SeriesTest
-from dovetail.series.measured_files import agreed_covariates, read_file
+from dovetail.series.measured_files import read_test
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,21 +90,13 @@ def fit_tests(
         same parts.
     """
     fitted = []
-    measured = [_read_test(series, test) for test in series.tests]
+    measured = [read_test(test.name, test.measured, test.covariates, series.covariates) for test in series.tests]
     _check_same_points(series.tests, measured)
     for number, (test, frfs) in enumerate(zip(series.tests, measured, strict=True)):
         progress("tests", number, len(series.tests))
         fitted.append(fit_test(test, frfs, series.seed if seed is None else seed, model_error))
     progress("tests", len(series.tests), len(series.tests))
     return tuple(fitted)
-
-
-def _read_test(series: SeriesDescription, test: SeriesTest) -> tuple[Frf, ...]:
-    """Return the FRFs of a test, whose files give no other covariates than the series."""
-    covariates = {name: series.covariates[name] for name in test.covariates}
-    files = [read_file(file, options, covariates, components()) for file, options in test.measured]
-    agreed_covariates(files, test.covariates, covariates, f"in the test '{test.name}' of the series")
-    return tuple(file.frf for file in files)
 
 
 def _check_same_points(tests: Sequence[SeriesTest], measured: Sequence[Sequence[Frf]]) -> None:

@@ -13,7 +13,7 @@ from dovetail.interfaces import Recorded
 from dovetail.measurement import remove_accelerometer_mass
 from dovetail.measurement.frf_files import recording_and_content, skipped_names
 from dovetail.measurement.named_values import named_values
-from dovetail.registry import Registry
+from dovetail.registry import Registry, components
 from dovetail.series.description import Covariate
 from dovetail.units import to_si
 
@@ -122,3 +122,33 @@ def agreed_covariates(
             remedy = f"Correct one of them, or leave it out: 'names: {{skip: {name}}}' of the measured file."
             raise MeasurementError(Fault(where, problem, remedy=remedy))
     return values
+
+
+def read_test(
+    name: str,
+    measured: Sequence[tuple[Path, Mapping[str, Any]]],
+    values: Mapping[str, float],
+    covariates: Mapping[str, Covariate],
+) -> tuple[Frf, ...]:
+    """Read the measured files of a test, each once.
+
+    Parameters
+    ----------
+    name : str
+        Of the test.
+    measured : sequence of (Path, mapping)
+        Files, and the options of `read_frf` with which they are read.
+    values : mapping of str to float
+        Covariates of the test, SI.
+    covariates : mapping of str to Covariate
+        Those of the series.
+
+    Raises
+    ------
+    DovetailError
+        A file cannot be read, or gives another value of a covariate.
+    """
+    known = {covariate: covariates[covariate] for covariate in values}
+    files = [read_file(file, options, known, components()) for file, options in measured]
+    agreed_covariates(files, values, known, f"in the test '{name}' of the series")
+    return tuple(file.frf for file in files)

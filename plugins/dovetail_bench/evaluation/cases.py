@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from dovetail import Frf, read_frf
-from dovetail.evaluation import Covariate, FaultList, MeasuredFile, SeriesFile, TestSection
+from dovetail import Frf
+from dovetail.evaluation import Covariate, FaultList, MeasuredFile, SeriesFile, TestSection, read_test
 
 
 @dataclass(frozen=True)
@@ -23,11 +23,19 @@ class Measurement:
         kg at the measured point, to be taken off.
     options : mapping
         Further ones of `dovetail.read_frf`.
+    test : str
+        To which it belongs.
+    values : mapping of str to float
+        Covariates of the test, SI, with which those in the file are compared.
+    covariates : mapping of str to Covariate
     """
 
     file: Path
     accelerometer_mass: float
     options: Mapping[str, Any] = field(hash=False)
+    test: str = ""
+    values: Mapping[str, float] = field(default_factory=dict, hash=False)
+    covariates: Mapping[str, Covariate] = field(default_factory=dict, hash=False)
 
     def read(self, *, compensated: bool) -> Frf:
         """Return the FRF as measured, or without the accelerometer's mass.
@@ -36,8 +44,8 @@ class Measurement:
         ------
         MeasurementError
         """
-        mass = self.accelerometer_mass if compensated else 0.0
-        return read_frf(self.file, accelerometer_mass=mass, **self.options)
+        options = {**self.options, "accelerometer_mass": self.accelerometer_mass if compensated else 0.0}
+        return read_test(self.test, [(self.file, options)], self.values, self.covariates)[0]
 
 
 @dataclass(frozen=True)
@@ -141,6 +149,7 @@ def _case(
     if assembly is None:
         return None
     measured, joint = _measurement(file, test.measured[0], reading), test.joint
+    measured = replace(measured, test=name, values=values, covariates=covariates)
     source = None
     if joint is not None:
         source = JointSource(
