@@ -27,6 +27,15 @@ def watch_of(place, output="out", options=OPTIONS):
     return Watch(place / "watch.yaml", place / "files", place / output, options, settle=0.0)
 
 
+@pytest.fixture(scope="module")
+def watched(mornings, tmp_path_factory):
+    """A folder in which a watch has taken all mornings."""
+    folder = tmp_path_factory.mktemp("watched")
+    shutil.copytree(mornings[0], folder, dirs_exist_ok=True)
+    watch_of(folder).look(trust_old=True)
+    return folder
+
+
 def statuses(watch):
     return [record["status"] for record in watch.records]
 
@@ -206,11 +215,11 @@ def test_a_lost_line_is_restored_from_the_state_and_further_ones_are_an_error(pl
 
 
 @pytest.mark.parametrize("content", ["", "{}", "[1]", '{"format": 2}', "\x00", '{"format": 1, "fingerprint": "x"}'])
-def test_a_damaged_state_is_one_clear_error(place, content):
-    watch_of(place).look(trust_old=True)
-    (place / "out" / "state.json").write_text(content)
+def test_a_damaged_state_is_one_clear_error(watched, tmp_path, content):
+    shutil.copytree(watched, tmp_path, dirs_exist_ok=True)
+    (tmp_path / "out" / "state.json").write_text(content)
     with pytest.raises(DovetailError, match=r"state\.json"):
-        watch_of(place)
+        watch_of(tmp_path)
 
 
 def test_a_state_of_other_options_or_another_series_is_refused(place):

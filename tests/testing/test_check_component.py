@@ -18,8 +18,8 @@ from dovetail.testing import CheckResult, check_component, check_names, conforma
 from support.broken_plugins.joints import SoundJoint
 from support.broken_plugins.lists import BROKEN
 
-SLOW = ("flow",)
-"""Of which `mlp`, whose training it shares, shows most."""
+SLOW = ("flow", "umap")
+"""Of which `mlp`, whose training `flow` shares, and the tests of reducers show most."""
 REGISTERED = [
     (kind, name) for kind in KINDS if not kind.endswith("reader") for name in installed_components().names(kind)
 ]
