@@ -98,7 +98,7 @@ class Fit(Estimate):
     seconds: float
 
     def __repr__(self) -> str:
-        agreeing = f"; {self.agreeing} of {self.starts} searches agree" if self.starts else ""
+        agreeing = f", {self.agreeing} searches agree" if self.starts else ""
         return f"<Fit: chi-squared {self.chi_squared:.4g} per degree of freedom{agreeing}>"
 
     def at(self, index: int, counts: Sequence[int]) -> Fit:
