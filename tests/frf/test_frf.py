@@ -31,6 +31,12 @@ VALUES = np.array([3.0 + 4.0j, -1.0j, -2.0])
         ({"frequency": [10.0, 9.0, 20.0]}, r"does not increase after line 1 \(10 Hz, then 9 Hz\)"),
         ({"frequency": [0.0, 9.0, 20.0]}, "the first frequency is 0 Hz; it must be positive"),
         ({"averages": 0}, "0 averages; it must be at least 1"),
+        ({"coherence": [1.0, 1.2, 1.0]}, "the coherence of line 2 is 1.2; it must be from 0 to 1"),
+        ({"coherence": [1.0, 1.0, -0.1]}, "the coherence of line 3 is -0.1"),
+        ({"has_phase": False}, r"the value of line 1 is 3\+4j; without a phase values are amplitudes"),
+        ({"values": [1.0, -2.0, 1.0], "has_phase": False}, r"the value of line 2 is -2\+0j; without a phase"),
+        ({"values": np.ma.masked_equal([1.0, 2.0, 3.0], 2.0)}, r"values has a masked value at place 2 \(1 in all\)"),
+        ({"variance": np.ma.masked_less([0.0, 0.0, 1.0], 0.5)}, r"variance has a masked value at place 1 \(2 in all\)"),
     ],
 )
 def test_invalid_frfs_are_refused_with_their_line(changed, fault):
@@ -166,3 +172,14 @@ def test_the_coherence_spectrum_equals_a_manual_calculation():
     second = float(np.float32(0.1))
     exact = 0.5 * (1.0 + second) ** 2 / (1.0 + second**2)
     np.testing.assert_allclose(dovetail.coherence_spectrum(single, single[::-1]), exact, rtol=1e-14)
+
+
+def test_masked_values_are_refused_wherever_a_user_gives_arrays(assemblies):
+    hidden = np.ma.masked_equal([1e6, 20.0], 20.0)
+    with pytest.raises(dovetail.DovetailError, match="c of vector 0 is masked"):
+        dovetail.load(assemblies / "sdof.yaml").frf(hidden)
+    with pytest.raises(MeasurementError, match="frequency has a masked value at place 2"):
+        dovetail.ModalParameters(np.ma.masked_equal([10.0, 20.0], 20.0))
+    values = np.ma.masked_equal(np.ones((2, 1, 1), dtype=complex), 1.0)
+    with pytest.raises(MeasurementError, match="values has a masked value"):
+        dovetail.ReceptanceMatrix(np.array([1.0, 2.0]), values)

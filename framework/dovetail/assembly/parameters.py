@@ -231,9 +231,15 @@ class ParameterSpace:
                     f"({len(self.parameters)},) or (n, {len(self.parameters)}), in the order {listing(self.names)}",
                 )
             )
-        if not np.isfinite(values).all():
-            sample, column = np.argwhere(~np.isfinite(np.atleast_2d(values)))[0]
-            raise ParameterError(Fault("theta", f"{self.names[column]} of vector {sample} is not finite."))
+        hidden = (
+            np.ma.getmaskarray(np.ma.asarray(theta))
+            if np.ma.is_masked(theta)
+            else np.zeros(values.shape, dtype=np.bool_)
+        )
+        if not np.isfinite(values).all() or hidden.any():
+            sample, column = np.argwhere(np.atleast_2d(hidden | ~np.isfinite(values)))[0]
+            problem = "masked" if np.atleast_2d(hidden)[sample, column] else "not finite"
+            raise ParameterError(Fault("theta", f"{self.names[column]} of vector {sample} is {problem}."))
         return np.atleast_2d(values), values.ndim == 1
 
     def _unknown(self, name: str) -> Fault:

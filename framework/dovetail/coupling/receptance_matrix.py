@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from dovetail.atomic_files import write_whole
 from dovetail.errors import Fault, MeasurementError
-from dovetail.frf import Frf
+from dovetail.frf import Frf, refuse_masked
 from dovetail.interfaces import ArrayEntry, RecordedArrays
 from dovetail.measurement.content.even_axis import check_other_axes
 from dovetail.measurement.content.unused_entries import read_unused
@@ -50,6 +50,7 @@ class ReceptanceMatrix:
     note: str = ""
 
     def __post_init__(self) -> None:
+        refuse_masked("receptance matrix", {"frequency": self.frequency, "values": self.values})
         square = self.values.ndim == 3 and self.values.shape[1] == self.values.shape[2] > 0
         if self.frequency.ndim != 1 or not square or len(self.values) != self.frequency.size:
             raise MeasurementError(

@@ -14,6 +14,7 @@ from dovetail.frf.frequency_response import (
     conversion,
     in_bands,
     poor_bands,
+    refuse_masked,
     unit_of,
 )
 
@@ -31,5 +32,6 @@ __all__ = [
     "conversion",
     "in_bands",
     "poor_bands",
+    "refuse_masked",
     "unit_of",
 ]

@@ -69,6 +69,15 @@ def _frozen(values: ArrayLike, dtype: type[np.generic]) -> NDArray[np.generic]:
     return array
 
 
+def refuse_masked(label: str, arrays: Mapping[str, ArrayLike | None]) -> None:
+    """Raise a MeasurementError if a value is masked, since a copy of the array would have its hidden value."""
+    for name, given in arrays.items():
+        masked = np.flatnonzero(np.ma.getmaskarray(np.ma.asarray(given))) if np.ma.is_masked(given) else np.empty(0)
+        if masked.size:
+            places = f"place {masked[0] + 1} ({masked.size} in all)"
+            raise MeasurementError(f"{label}: {name} has a masked value at {places}; leave it out of all arrays.")
+
+
 def check_size(
     arrays: Mapping[str, NDArray[np.generic] | None], factor: float, averages: int | None, locate: Callable[[int], str]
 ) -> None:
@@ -164,6 +173,8 @@ class Frf:
     moment: bool | None = None
 
     def __post_init__(self) -> None:
+        arrays = {name: getattr(self, name) for name in ("frequency", "values", "coherence", "variance")}
+        refuse_masked(self.label, arrays)
         object.__setattr__(self, "frequency", _frozen(self.frequency, np.float64))
         object.__setattr__(self, "values", _frozen(self.values, np.complex128))
         for name in ("coherence", "variance"):
@@ -189,6 +200,11 @@ class Frf:
                 )
         if self.variance is not None and not (np.isfinite(self.variance).all() and np.all(self.variance >= 0)):
             raise MeasurementError(f"{self.label}: a variance is negative or not finite.")
+        if self.coherence is not None:
+            outside = np.flatnonzero((self.coherence < 0.0) | (self.coherence > 1.0))
+            if outside.size:
+                found = f"the coherence of line {outside[0] + 1} is {self.coherence[outside[0]]:g}"
+                raise MeasurementError(f"{self.label}: {found}; it must be from 0 to 1.")
         if self.averages is not None and self.averages < 1:
             raise MeasurementError(f"{self.label}: {self.averages} averages; it must be at least 1.")
         for name, array in (("frequency", self.frequency), ("value", self.values)):
@@ -197,6 +213,12 @@ class Frf:
                 raise MeasurementError(
                     f"{self.label}: the {name} of line {bad[0] + 1} is not finite ({bad.size} such lines)."
                 )
+        no_amplitude = np.flatnonzero((self.values.real < 0.0) | (self.values.imag != 0.0))
+        if no_amplitude.size and not self.has_phase:
+            raise MeasurementError(
+                f"{self.label}: the value of line {no_amplitude[0] + 1} is {self.values[no_amplitude[0]]:g}; without a "
+                "phase values are amplitudes, real and not negative."
+            )
         arrays = {"frequency": self.frequency, "value": self.values, "variance": self.variance}
         check_size(arrays, 1.0, self.averages, lambda index: f"{self.label}  line {index + 1}")
         falling = np.flatnonzero(np.diff(self.frequency) <= 0)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from dovetail.atomic_files import read_bounded
 from dovetail.errors import DovetailError, Fault, MeasurementError
+from dovetail.frf import refuse_masked
 from dovetail.measurement.content.column_names import names_and_units, plain_name
 from dovetail.measurement.content.text_tables import decode_text, find_table, read_rows
 from dovetail.measurement.frf_units import frequency_factor
@@ -70,6 +71,7 @@ class ModalParameters:
     def __post_init__(self) -> None:
         for name in ("frequency", "damping_ratio", "frequency_sd", "damping_sd"):
             if (values := getattr(self, name)) is not None:
+                refuse_masked(self.label, {name: values})
                 array = np.array(values, dtype=np.float64)
                 array.flags.writeable = False
                 object.__setattr__(self, name, array)
