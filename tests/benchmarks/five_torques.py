@@ -26,6 +26,7 @@ from scipy.special import ndtr
 
 import dovetail
 from dovetail.inference.posterior import sample_posterior, typical_model_error
+from dovetail.network.bundle import TrainedNetwork
 from dovetail.registry import installed_components
 from dovetail.series.description import Covariate, Role, SeriesDescription, SeriesTest
 from dovetail.series.fitted_tests import fit_test
@@ -81,13 +82,13 @@ def case(number: int, seed: int, samples: int) -> dict[str, tuple[float, float, 
     return found
 
 
-def publication_network(samples: int) -> dovetail.TrainedNetwork:
+def publication_network(samples: int) -> TrainedNetwork:
     """Train the network of the publication on FRFs at the lines of the tests."""
     described = {"extends": str(ASSEMBLY), "identification": {"samples": samples}}
     return dovetail.train(dovetail.load(described).on(LINES))
 
 
-def interpolated(network: dovetail.TrainedNetwork, result: SeriesIdentification, left_out: int) -> np.ndarray:
+def interpolated(network: TrainedNetwork, result: SeriesIdentification, left_out: int) -> np.ndarray:
     """Return a test's parameters (n_params,) by the network's answers to the other tests."""
     model, others = network.assembly, [number for number in range(len(TORQUES)) if number != left_out]
     answers = [dovetail.identify(model, one.problem.measured[0], "network", model=network) for one in result.tests]

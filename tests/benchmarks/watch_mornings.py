@@ -135,7 +135,7 @@ def watched(place: Path, mornings: Mornings, changes: int) -> Run:
     states = [tracker.start()]
     for number, file in enumerate(sorted((place / "files").iterdir())):
         began = time.process_time()
-        step = tracker.step(states[-1], reference.read([file]), {})
+        step = tracker.step(states[-1], reference.read([file]).observations, {})
         seconds.append(time.process_time() - began)
         states.append(step.state)
         alarms += [number] if step.alarm else []
@@ -155,7 +155,7 @@ def _delay(
     """Return how many files of a change it takes to raise an alarm."""
     for files in range(1, MOST_FILES + 1):
         mornings.write(place / "changed.csv", begin + files - 1, factor_of(files))
-        step = tracker.step(state, tracker.reference.read([place / "changed.csv"]), {})
+        step = tracker.step(state, tracker.reference.read([place / "changed.csv"]).observations, {})
         if step.alarm:
             return files
         state = step.state

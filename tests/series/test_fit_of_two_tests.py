@@ -93,6 +93,28 @@ def test_a_stiffness_that_varies_widely_from_test_to_test_is_found_in_each(tmp_p
         assert abs(stiffness.fit - value) < 5.0 * stiffness.deviation
 
 
+@pytest.mark.parametrize(
+    ("role", "degree"), [("varying", 0), ("{role: varying, law: linear, over: load}", 1)], ids=["mean", "law"]
+)
+def test_mean_law_and_scatter_of_well_known_values_are_those_of_a_regression(tmp_path, role, degree):
+    """Means and deviations can only change together there, in a valley that a search follows slowly."""
+    truth = {"A": 2e6, "B": 2.3e6, "C": 2.2e6, "D": 3.1e6, "E": 2.9e6, "F": 3.4e6}
+    series = series_of(tmp_path, truth, k=role, c="shared")
+    text = series.read_text(encoding="utf-8")
+    for number, name in enumerate(truth):
+        text = text.replace(f"{name}.csv}}", f"{name}.csv, at: {{load: {number + 1.0}}}}}")
+    series.write_text(text.replace("tests:", "covariates: {load: N}\ntests:"), encoding="utf-8")
+    result = dovetail.identify_series(series, "refined")
+    found = {row.name: row.fit for row in result.rows if row.name.startswith("k")}
+    values, loads = np.array(list(truth.values())), np.arange(1.0, 7.0)
+    line = np.polynomial.Polynomial.fit(loads, values, degree)
+    scatter = found.pop("k.scatter")
+    np.testing.assert_allclose([*found.values()], line(loads[[0, -1]])[: degree + 1], rtol=1e-3)
+    freedom = len(values) - degree - 1
+    expected = np.sqrt(np.sum((values - line(loads)) ** 2) / freedom) / (1e7 - 1e5)
+    assert scatter == pytest.approx(expected, rel=5e-3)
+
+
 def test_a_poor_fit_of_all_tests_warns_without_relations_too():
     """A law with as many numbers as tests, and deviations from it, can follow any values."""
     fit = SeriesFit(np.zeros(1), None, np.array([1e6, 1e6]), np.array([10.0, 10.0]), constraints=-1, deviations=2)

@@ -51,9 +51,15 @@ class Settings:
     """Deviations among which those are interpolated that keep the values of the tests."""
     settled: float = 1e-3
     """Relative change of a standard deviation at which the updates end."""
+    mean_steps: int = 3
+    """Gauss-Newton steps of means and laws between two updates."""
+    longest_mean_step: float = 0.5
+    """Largest change of an unknown in one of these steps, in standard deviations of its prior."""
 
 
 _SETTINGS = Settings()
+_LEAST_SLOPE = 1e-12
+"""Of a value by its deviation, by which is divided."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,8 +102,10 @@ def fit_series(unknowns: SeriesUnknowns, tests: Sequence[FittedTest], *, progres
     """Fit all tests together.
 
     Values and numbers of laws have no prior within their ranges, as in the fit of a single test, unless it is normal;
-    deviations from a mean or a law have theirs. Their standard deviation is the most likely one, the deviations
-    marginalised (expectation-maximisation, with a normal approximation of the likelihood).
+    deviations from a mean or a law have theirs. Their standard deviation is the most likely one on its logarithmic
+    scale, with deviations, means and laws marginalised (expectation-maximisation, with a normal approximation of the
+    likelihood): for well-known values that of a regression, whose squares are divided by their number less that of the
+    unknowns of mean or law.
     """
     residuals = SeriesResiduals(unknowns, [test.misfit() for test in tests])
     prior, scatter = _prior_weights(unknowns), unknowns.scatter_columns
@@ -223,7 +231,7 @@ def _with_scatter(residuals: SeriesResiduals, points: LinearisedPoints, prior: A
     """Return the fit with the most likely standard deviations from test to test."""
     unknowns = residuals.unknowns
     for _ in range(_SETTINGS.scatter_rounds):
-        matrix, _ = normal_equations(residuals, points, prior)
+        matrix, _ = normal_equations(residuals, points, prior, unknowns.scatter_columns)
         z, variances, changes = points.z.copy(), matrix.variances()[0], []
         for column in unknowns.scatter_columns:
             definition = unknowns.shared[column].definition
@@ -233,11 +241,53 @@ def _with_scatter(residuals: SeriesResiduals, points: LinearisedPoints, prior: A
             after = float(np.clip(before * factor, definition.lower, definition.upper))
             z[0, column] = _quantile(float(definition.to_unit(np.array(after))))
             changes.append(abs(after / before - 1.0))
-        z = _with_values(residuals, z, residuals.fractions(points.z))
+        values = residuals.fractions(points.z)
+        z = _with_likely_means(residuals, z, values)
         points = minimise(residuals, z, prior, unknowns.scatter_columns)
         if max(changes) < _SETTINGS.settled:
             break
     return points
+
+
+def _with_likely_means(residuals: SeriesResiduals, z: Array, fractions: Sequence[Array]) -> Array:
+    """Return unknowns (1, d) with the means or laws about which given values (1, p_k) of the tests scatter least.
+
+    Where the values are well known, means and deviations can only change together, along a narrow valley in which a
+    search for all unknowns hardly advances.
+    """
+    unknowns = residuals.unknowns
+    z = _with_values(residuals, z, fractions)
+    for _ in range(_SETTINGS.mean_steps):
+        for column in unknowns.scatter_columns:
+            parameter, own = unknowns.shared[column].parameter, unknowns.deviation_columns(column)
+            means = [
+                number
+                for number, one in enumerate(unknowns.shared)
+                if one.parameter == parameter and one.kind != "scatter"
+            ]
+            by_means = _deviations_by(residuals, z, parameter, means)
+            step = np.linalg.lstsq(by_means, -z[0, own], rcond=None)[0]
+            longest = _SETTINGS.longest_mean_step
+            z[0, means] = np.clip(z[0, means] + np.clip(step, -longest, longest), -Z_LIMIT, Z_LIMIT)
+        z = _with_values(residuals, z, fractions)
+    return z
+
+
+def _deviations_by(residuals: SeriesResiduals, z: Array, parameter: str, means: Sequence[int]) -> Array:
+    """Return the derivatives (k, m) of a parameter's deviations in its k tests by the unknowns of its mean or law.
+
+    The values of the tests are constant.
+    """
+    unknowns, rows = residuals.unknowns, []
+    for number, (test, test_map, own) in enumerate(
+        zip(unknowns.series.tests, unknowns.maps, unknowns.own, strict=True)
+    ):
+        names = [one.parameter if one.kind == "deviation" else "" for one in own]
+        if parameter in names:
+            place = [one.name for one in test.assembly.parameters].index(parameter)
+            slopes = test_map.linearise(unknowns.for_test(number, z))[1][0, place]
+            rows.append(-slopes[means] / max(slopes[len(unknowns.shared) + names.index(parameter)], _LEAST_SLOPE))
+    return np.array(rows)
 
 
 def _with_values(residuals: SeriesResiduals, z: Array, fractions: Sequence[Array]) -> Array:
