@@ -259,14 +259,14 @@ def _with_likely_means(residuals: SeriesResiduals, z: Array, fractions: Sequence
     z = _with_values(residuals, z, fractions)
     for _ in range(_SETTINGS.mean_steps):
         for column in unknowns.scatter_columns:
-            parameter, own = unknowns.shared[column].parameter, unknowns.deviation_columns(column)
+            parameter, deviations = unknowns.shared[column].parameter, unknowns.deviation_columns(column)
             means = [
                 number
                 for number, one in enumerate(unknowns.shared)
                 if one.parameter == parameter and one.kind != "scatter"
             ]
             by_means = _deviations_by(residuals, z, parameter, means)
-            step = np.linalg.lstsq(by_means, -z[0, own], rcond=None)[0]
+            step = np.linalg.lstsq(by_means, -z[0, deviations], rcond=None)[0]
             longest = _SETTINGS.longest_mean_step
             z[0, means] = np.clip(z[0, means] + np.clip(step, -longest, longest), -Z_LIMIT, Z_LIMIT)
         z = _with_values(residuals, z, fractions)
@@ -279,14 +279,14 @@ def _deviations_by(residuals: SeriesResiduals, z: Array, parameter: str, means: 
     The values of the tests are constant.
     """
     unknowns, rows = residuals.unknowns, []
-    for number, (test, test_map, own) in enumerate(
-        zip(unknowns.series.tests, unknowns.maps, unknowns.own, strict=True)
-    ):
-        names = [one.parameter if one.kind == "deviation" else "" for one in own]
-        if parameter in names:
+    tests = zip(unknowns.series.tests, unknowns.maps, unknowns.own, strict=True)
+    for number, (test, test_map, unshared) in enumerate(tests):
+        deviating = [one.parameter if one.kind == "deviation" else "" for one in unshared]
+        if parameter in deviating:
             place = [one.name for one in test.assembly.parameters].index(parameter)
             slopes = test_map.linearise(unknowns.for_test(number, z))[1][0, place]
-            rows.append(-slopes[means] / max(slopes[len(unknowns.shared) + names.index(parameter)], _LEAST_SLOPE))
+            by_deviation = slopes[len(unknowns.shared) + deviating.index(parameter)]
+            rows.append(-slopes[means] / max(by_deviation, _LEAST_SLOPE))
     return np.array(rows)
 
 
