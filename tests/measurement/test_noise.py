@@ -48,7 +48,7 @@ def test_a_seed_repeats_the_noise(add) -> None:
 
 
 @pytest.mark.parametrize("add", [complex_noise, data_noise])
-@pytest.mark.parametrize("level", [-0.1, np.nan, np.inf])
-def test_a_negative_or_infinite_noise_level_is_refused(add, level: float) -> None:
-    with pytest.raises(ValueError, match="a noise level is finite and not negative"):
+@pytest.mark.parametrize("level", [-0.1, np.nan, np.inf, "1 %", None])
+def test_a_noise_level_that_is_not_a_positive_number_is_refused(add, level: object) -> None:
+    with pytest.raises(ValueError, match=r"a noise level is a number such as 0\.01, finite and not negative, not"):
         add(np.ones(3), level, 0)

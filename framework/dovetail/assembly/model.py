@@ -11,6 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dovetail.assembly.frequency_axes import checked_axis, same_axes
 from dovetail.assembly.frf_model import FrfModel
 from dovetail.assembly.parameters import AffineMap, ParameterSpace, ResponseFrfs
 from dovetail.assembly.structure import PointReceptances, ResponsePairs, entries_at_response, graph_between, graph_of
@@ -234,7 +235,7 @@ class Assembly:
         ParameterError
             The responses have different frequencies.
         """
-        if not _same_axes(self._axes, self._axes[:1] * len(self._axes)):
+        if not same_axes(self._axes, self._axes[:1] * len(self._axes)):
             problem = "the responses have different frequencies, so that their FRFs make no array."
             raise ParameterError(Fault(self.name, problem, remedy="Take 'frf' of each of 'each_response'."))
         return np.stack([assembly.frf(theta) for assembly in self.each_response], axis=-2)
@@ -338,15 +339,15 @@ class Assembly:
         Raises
         ------
         ParameterError
-            There are more or fewer axes than responses, and not one.
+            There are more or fewer axes than responses, and not one; frequencies are not positive and increasing.
         """
-        axes, count = tuple(np.asarray(axis, dtype=np.float64) for axis in (frequency, *further)), len(self._axes)
+        axes, count = tuple(map(checked_axis, (frequency, *further))), len(self._axes)
         if len(axes) not in (1, count):
             problem = f"{len(axes)} frequency axes were given for {count} response{'' if count == 1 else 's'}."
             raise ParameterError(Fault(self.name, problem, "one for all, or one for each"))
         axes = axes if len(axes) == count else axes * count
         for known in (self, *self._elsewhere):
-            if _same_axes(known._axes, axes):
+            if same_axes(known._axes, axes):
                 return known
         made = self.with_description(replace(self.description, frequency=axes[0]), axes[1:])
         made._elsewhere = deque(maxlen=0)  # whoever asks again, asks this assembly
@@ -394,7 +395,3 @@ class Assembly:
         further = self._axes[1 : len(description.responses)] if further is None else further
         settings = {"rigid": self._rigid, "interpolation": self._interpolation, **changed}
         return Assembly(description, **settings, further_frequencies=further)
-
-
-def _same_axes(some: _Axes, others: _Axes) -> bool:
-    return all(one is other or np.array_equal(one, other) for one, other in zip(some, others, strict=True))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numbers
 from dataclasses import replace
 from typing import Literal, get_args
 
@@ -108,6 +109,6 @@ def data_noise(values: ArrayLike, level: float, seed: int | np.random.Generator)
 
 
 def _check_level(level: float) -> float:
-    if not (np.isfinite(level) and level >= 0):
-        raise ValueError(f"a noise level is finite and not negative, not {level!r}.")
+    if not isinstance(level, numbers.Real) or not (np.isfinite(level) and level >= 0):
+        raise ValueError(f"a noise level is a number such as 0.01, finite and not negative, not {level!r}.")
     return level
