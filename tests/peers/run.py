@@ -70,7 +70,8 @@ def results_of(name: str, folder: Path, libraries: str) -> list[dict[str, object
     code = f"from importlib.metadata import version; print(version('{package}'))"
     version = subprocess.run([interpreter, "-c", code], capture_output=True, text=True, check=True).stdout.strip()
     lines = [json.loads(line) for line in re.findall(r'\{"problem".*?\}', done.stdout)]
-    return [{"program": NAMES[name], "version": version, "lines": user_lines(script), **line} for line in lines]
+    known = {"program": NAMES[name], "version": version, "date": date.today().isoformat(), "lines": user_lines(script)}
+    return [{**known, **line} for line in lines]
 
 
 def table(rows: list[dict[str, object]]) -> str:
@@ -79,7 +80,11 @@ def table(rows: list[dict[str, object]]) -> str:
     def cell(row: dict[str, object], key: str, form: str) -> str:
         return form.format(row[key]) if key in row else ""
 
-    text = f"\nRun on {date.today().isoformat()} by `python tests/peers/run.py`.\n"
+    days: dict[str, list[str]] = {}
+    for row in rows:
+        days.setdefault(str(row["date"]), []).append(str(row["program"]).split(",")[0])
+    when = "; ".join(f"{day}: {', '.join(dict.fromkeys(names))}" for day, names in sorted(days.items()))
+    text = f"\nRun by `python tests/peers/run.py` on {when}.\n"
     named = [(str(row["program"]).split(",")[0], row["version"]) for row in rows]
     versions = dict(reversed(named))  # the first of each: its own script's
     versions = dict.fromkeys(f"{program} {versions[program]}" for program, _ in named)

@@ -2,10 +2,10 @@
 
 import emcee
 import numpy as np
-from problems import Scores, collet, measurement, one_mass, residuals
+from problems import COLLETS, Scores, collet, measurement, one_mass, residuals
 from scipy.optimize import least_squares
 
-for problem, assembly, cases, steps in (("one mass", one_mass(), 20, 1000), ("collet", collet(), 2, 1500)):
+for problem, assembly, cases, steps in (("one mass", one_mass(), 20, 1000), ("collet", collet(), COLLETS, 2500)):
     scores, count, ratios = Scores(problem), len(assembly.parameters), []
     for seed in range(cases):
         truth, measured = measurement(assembly, seed)

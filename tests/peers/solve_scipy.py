@@ -1,10 +1,10 @@
 """scipy's least squares on the same residuals, from 16 random starts: ``python tests/peers/solve_scipy.py``."""
 
 import numpy as np
-from problems import CASES, Scores, collet, measurement, one_mass, residuals
+from problems import CASES, COLLETS, Scores, collet, measurement, one_mass, residuals
 from scipy.optimize import least_squares
 
-for problem, assembly, cases in (("one mass", one_mass(), CASES), ("collet", collet(), 5)):
+for problem, assembly, cases in (("one mass", one_mass(), CASES), ("collet", collet(), COLLETS)):
     scores, count = Scores(problem), len(assembly.parameters)
     for seed in range(cases):
         truth, measured = measurement(assembly, seed)
