@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 
 import dovetail
+from support.packages import skip_module_without
 
-pytest.importorskip("optuna")
+skip_module_without("optuna")
 ASSEMBLY = Path(__file__).resolve().parents[2] / "assemblies" / "sdof.yaml"
 STUDY = f"""\
 extends: {ASSEMBLY}

@@ -16,9 +16,10 @@ from pathlib import Path
 
 import pytest
 
+from support.packages import skip_module_without
 from support.waiting import PATIENCE, wait_until
 
-pytest.importorskip("optuna")
+skip_module_without("optuna")
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGKILL")
 FEW, MANY = 3, 25
 """Values of one option, for a few kills and for many."""

@@ -24,9 +24,10 @@ from dovetail import parallel
 from dovetail.cli.app import app
 from dovetail.dataset import generation
 from dovetail.errors import DovetailError
+from support.packages import skip_module_without
 from support.waiting import PATIENCE
 
-pytest.importorskip("distributed")
+skip_module_without("distributed")
 
 SAMPLES, CHUNK = 300, 25
 SLOW_SPRING = '''

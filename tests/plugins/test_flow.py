@@ -14,9 +14,10 @@ import dovetail_bench
 from dovetail_plugins.regressors.flow import Flow
 from dovetail_plugins.regressors.mlp import MLP
 from support.mass_on_mount import mass_on_mount
+from support.packages import skip_module_without
 from support.waiting import PATIENCE
 
-pytest.importorskip("zuko")
+skip_module_without("zuko")
 
 SMALL = {"hidden": (32,), "transforms": 1, "units": 32, "dropout": 0.0, "batch_size": 200, "learning_rate": 1e-2}
 BLOCK = mass_on_mount(
