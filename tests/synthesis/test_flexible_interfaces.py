@@ -7,12 +7,11 @@ import pytest
 import scipy
 
 import dovetail
-from dovetail import DIRECTIONS, MeasuredDofs, VirtualPoint, VirtualPoints, couple, interface_modes
+from dovetail import DIRECTIONS, FLEXIBLE_MODES, MeasuredDofs, VirtualPoint, VirtualPoints, couple, interface_modes
 from dovetail.assembly import find_warnings
 
 FREQUENCY = np.arange(40.0, 1200.0, 10.0)
 DEFORMATIONS = ("ex", "sxy", "bzx")
-MODES = (*DIRECTIONS, *DEFORMATIONS)
 HEAD = np.array([0.0, -0.4, 0.0])
 CONTACTS = {
     "bolt_1": (0.03, 0.01, 0.02),
@@ -29,8 +28,10 @@ STIFFNESS, DAMPING = (2e6, 3e6, 4e6), (20.0, 30.0, 40.0)
 class Part:
     """A structure with the motion of two points and the deformations of the first one as its DOFs."""
 
-    def __init__(self, seed):
+    def __init__(self, seed, deformations=DEFORMATIONS, contacts=None, turn=TURN):
         random = np.random.default_rng(seed)
+        self.deformations, self.contacts, self.turn = deformations, contacts or CONTACTS, turn
+        self.modes = (*DIRECTIONS, *deformations)
         self.channels, self.impacts = self._around(random, "s"), self._around(random, "h")
         foot = [number < 15 for number in range(27)]
         self.foot = tuple(np.flatnonzero(foot).tolist()), tuple(np.flatnonzero(np.logical_not(foot)).tolist())
@@ -55,13 +56,13 @@ class Part:
         )
 
     def _motion(self, dofs):
-        foot, head = interface_modes(dofs, np.zeros(3), MODES), interface_modes(dofs, HEAD, DIRECTIONS)
+        foot, head = interface_modes(dofs, np.zeros(3), self.modes), interface_modes(dofs, HEAD, DIRECTIONS)
         at_foot = (np.arange(27) < 15)[:, None]
         return np.hstack([np.where(at_foot, foot, 0.0), np.where(at_foot, 0.0, head)])
 
     def points(self):
         """Return its virtual points, the deformations among the motions of the first one."""
-        foot = VirtualPoint((0.0, 0.0, 0.0), self.foot[0], self.foot[0], DIRECTIONS, DEFORMATIONS)
+        foot = VirtualPoint((0.0, 0.0, 0.0), self.foot[0], self.foot[0], DIRECTIONS, self.deformations)
         head = VirtualPoint(tuple(HEAD.tolist()), self.foot[1], self.foot[1])
         return VirtualPoints(self.channels, self.impacts, {"foot": foot, "head": head})
 
@@ -75,30 +76,40 @@ class Part:
                 rows.append(",".join([label, quantity, "foot" if number < 15 else "head", *numbers]))
             (folder / f"{name}_{table}.csv").write_text("\n".join(rows), encoding="utf-8")
         files = {key: str(folder / f"{name}_{key}.csv") for key in ("channels", "impacts")}
-        at_foot = {"at": [0.0, 0.0, 0.0], "flexible": [*DEFORMATIONS], "contacts": CONTACTS, **foot}
+        at_foot = {"at": [0.0, 0.0, 0.0], "flexible": [*self.deformations], "contacts": self.contacts, **foot}
         points = {"foot": at_foot, "head": {"at": HEAD.tolist()}}
         return {"model": "measured", "file": str(folder / f"{name}.npz"), **files, "points": points}
 
+    def alone(self, section):
+        """Return the description of the part, turned."""
+        return alone({**section, "place": {"origin": ORIGIN.tolist(), "rotate": self.turn}})
 
-def motion_at_contacts(names=tuple(CONTACTS)):
-    """Return the displacements (3 n, 15) of contacts by the DOFs of a `Part`."""
-    places = np.array([CONTACTS[name] for name in names])
-    dofs = MeasuredDofs(tuple("xyz") * len(names), np.repeat(places, 3, axis=0), np.tile(np.eye(3), (len(names), 1)))
-    return np.hstack([interface_modes(dofs, np.zeros(3), MODES), np.zeros((3 * len(names), 6))])
+    def at_contacts(self, names):
+        """Return the displacements (3 n, d) of contacts by its own DOFs."""
+        places = np.array([self.contacts[name] for name in names])
+        moved = interface_modes(displacements(places), np.zeros(3), self.modes)
+        return np.hstack([moved, np.zeros((len(moved), 6))])
 
 
-def on_a_body(section, joint, names=tuple(CONTACTS), response=None):
+def displacements(places):
+    """Return three displacements at each of some places."""
+    names = tuple(f"{each}{number}" for number in range(len(places)) for each in "xyz")
+    return MeasuredDofs(names, np.repeat(places, 3, axis=0), np.tile(np.eye(3), (len(places), 1)))
+
+
+def on_a_body(part, section, joint, names=None, response=None):
     """Return the part, turned, on a rigid body by a joint at each of some contacts."""
-    placed = dovetail.load(alone(section)).description.placements["part"]
-    where = {name: (ORIGIN + placed.rotation @ np.array(CONTACTS[name])).tolist() for name in names}
+    names = names or tuple(part.contacts)
+    placed = dovetail.load(part.alone(section)).description.placements["part"]
+    where = {name: (ORIGIN + placed.rotation @ np.array(part.contacts[name])).tolist() for name in names}
     joints = {
         name: {**joint, "connect": {"a": {"to": "part", "at": name}, "b": {"to": "body", "at": f"node {name}"}}}
         for name in names
     }
     description = {
-        **alone(section),
+        **part.alone(section),
         "substructures": {
-            **alone(section)["substructures"],
+            **part.alone(section)["substructures"],
             "body": {"model": "rigid_body", "center": ORIGIN.tolist(), "nodes": where, **BODY},
         },
         "joints": joints,
@@ -108,27 +119,28 @@ def on_a_body(section, joint, names=tuple(CONTACTS), response=None):
 
 
 def alone(section):
+    """Return the description of a part."""
     return {
         "dovetail": 1,
         "name": "part on a body",
         "frequency": {"start": 40.0, "stop": 1190.0, "step": 10.0},
-        "substructures": {"part": {**section, "place": {"origin": ORIGIN.tolist(), "rotate": TURN}}},
+        "substructures": {"part": section},
         "response": {"at": "part", "position": "head", "quantity": "receptance", "direction": "x"},
     }
 
 
-def dense(part, rotation, names=tuple(CONTACTS), rigid=False, point="head"):
+def dense(part, rotation, names=None, rigid=False, point="head"):
     """Return the receptance along the assembly's x at the head, or at a contact."""
-    there = np.kron(np.eye(len(names)), rotation) @ motion_at_contacts(names)
-    places = np.array([rotation @ np.array(CONTACTS[name]) for name in names])
-    dofs = MeasuredDofs(tuple("xyz") * len(names), np.repeat(places, 3, axis=0), np.tile(np.eye(3), (len(names), 1)))
-    gap = np.hstack([there, -interface_modes(dofs, np.zeros(3), DIRECTIONS)])
-    mass = np.diag([BODY["mass"]] * 3 + BODY["inertia"])
-    load = np.zeros(21)
-    load[9:12] = rotation[0]
+    names = names or tuple(part.contacts)
+    there = np.kron(np.eye(len(names)), rotation) @ part.at_contacts(names)
+    places = np.array([rotation @ np.array(part.contacts[name]) for name in names])
+    gap = np.hstack([there, -interface_modes(displacements(places), np.zeros(3), DIRECTIONS)])
+    mass, head = np.diag([BODY["mass"]] * 3 + BODY["inertia"]), len(part.modes)
+    load = np.zeros(gap.shape[1])
+    load[head : head + 3] = rotation[0]
     if point != "head":
-        load[:15] = there[3 * list(names).index(point)]
-    free = scipy.linalg.null_space(gap) if rigid else np.eye(21)
+        load[:-6], load[-6:] = there[3 * list(names).index(point)], 0.0
+    free = scipy.linalg.null_space(gap, rcond=1e-9) if rigid else np.eye(len(load))
     found = []
     for f, own in zip(FREQUENCY, part.stiffness(), strict=True):
         omega = 2 * np.pi * f
@@ -166,30 +178,56 @@ def part():
 def test_a_part_whose_interface_deforms_has_the_frfs_of_a_dense_solution(part, names, joint, point, tmp_path):
     response = None if point == "head" else {"position": names[-1]}
     rigid = joint == "welds"
-    found, rotation = on_a_body(part.section(tmp_path, "part"), WELD if rigid else BUSHING, names, response)
+    found, rotation = on_a_body(part, part.section(tmp_path, "part"), WELD if rigid else BUSHING, names, response)
     expected = dense(part, rotation, names, rigid, point if point == "head" else names[-1])
     assert difference(found.frf(), expected) < 1e-7
 
 
+def check_random_interface(seed, folder):
+    """Compare an interface with random deformations, contacts and place, held by bushings or welds."""
+    random = np.random.default_rng(seed)
+    deformations = tuple(random.choice(FLEXIBLE_MODES, random.integers(0, 6), replace=False).tolist())
+    places = random.uniform(-0.04, 0.04, (random.integers(1, 7), 3)) * [1.0, 1.0, seed % 5 != 0]  # some in one plane
+    contacts = {f"bolt_{number}": place for number, place in enumerate(places.tolist())}
+    turn = [{"about": random.standard_normal(3).tolist(), "angle": random.uniform(0.0, 3.0)}]
+    part = Part(seed, deformations, contacts, turn)
+    rigid, point = random.integers(2) == 1, random.choice(["head", *contacts])
+    response = None if point == "head" else {"position": str(point)}
+    joint = WELD if rigid else BUSHING
+    found, rotation = on_a_body(part, part.section(folder, "part"), joint, response=response)
+    assert difference(found.frf(), dense(part, rotation, None, rigid, point)) < 1e-7
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_random_interfaces_have_the_frfs_of_a_dense_solution(seed, tmp_path):
+    check_random_interface(seed, tmp_path)
+
+
+@pytest.mark.slow
+def test_100_random_interfaces_have_the_frfs_of_a_dense_solution(tmp_path):
+    for seed in range(5, 105):
+        check_random_interface(seed, tmp_path)
+
+
 def test_the_deformations_matter(part, tmp_path):
     """A rigid interface at the same four bolts has other FRFs."""
-    found, rotation = on_a_body(part.section(tmp_path, "part"), BUSHING)
+    found, rotation = on_a_body(part, part.section(tmp_path, "part"), BUSHING)
     expected = dense(part, rotation)
-    stiff, _ = on_a_body(part.section(tmp_path, "part", flexible=[]), BUSHING)
+    stiff, _ = on_a_body(part, part.section(tmp_path, "part", flexible=[]), BUSHING)
     assert difference(found.frf(), expected) < 1e-7 < 1e-2 < difference(stiff.frf(), expected)
 
 
 def test_an_interface_that_does_not_deform_may_have_contacts(part, tmp_path):
     """Four welds hold six motions; the constraints that follow from each other count once."""
     section = part.section(tmp_path, "part", flexible=[])
-    found, _ = on_a_body(section, WELD)
-    three, _ = on_a_body(section, WELD, ("bolt_1", "bolt_2", "bolt_3"))
+    found, _ = on_a_body(part, section, WELD)
+    three, _ = on_a_body(part, section, WELD, ("bolt_1", "bolt_2", "bolt_3"))
     assert difference(found.frf(), three.frf()) < 1e-9
 
 
 def test_contacts_at_the_ground_hold_the_interface(part, tmp_path):
     section = part.section(tmp_path, "part")
-    found = alone(section)
+    found = part.alone(section)
     found["substructures"]["floor"] = {"model": "ground"}
     ends = {name: {"a": {"to": "part", "at": name}, "b": {"to": "floor", "at": 0.0}} for name in CONTACTS}
     found["joints"] = {name: {**WELD, "connect": connect} for name, connect in ends.items()}
@@ -233,7 +271,7 @@ def test_two_parts_are_coupled_by_motions_and_deformations(part, tmp_path):
 
 def test_a_bolt_at_an_interface_that_deforms_is_identified(part, tmp_path):
     free = {**BUSHING, "parameters": {**BUSHING["parameters"], "k_x": {"range": [1e5, 1e8]}}}
-    assembly, rotation = on_a_body(part.section(tmp_path, "part"), free, ("bolt_1",))
+    assembly, rotation = on_a_body(part, part.section(tmp_path, "part"), free, ("bolt_1",))
     measured = dovetail.Frf(FREQUENCY, dense(part, rotation, ("bolt_1",)), "receptance")
     result = dovetail.identify(assembly, dovetail.noisy_frf(measured, 1e-3, 0), "refined", cause_seconds=0.0)
     assert result.parameters["k_x"].value == pytest.approx(STIFFNESS[0], rel=1e-2)
@@ -254,20 +292,20 @@ WRONG = {
 def test_a_wrong_section_is_one_clear_error(case, part, tmp_path):
     change, said = WRONG[case]
     with pytest.raises(dovetail.DescriptionError) as caught:
-        dovetail.load(alone(part.section(tmp_path, "part", **change)))
+        dovetail.load(part.alone(part.section(tmp_path, "part", **change)))
     assert len(caught.value.faults) == 1, caught.value
     assert said in str(caught.value)
 
 
 def test_nodes_without_positions_are_named_by_their_labels(part, tmp_path):
-    loaded = dovetail.load(alone(part.section(tmp_path, "part")))
+    loaded = dovetail.load(part.alone(part.section(tmp_path, "part")))
     labels = [loaded.graph.substructures["part"].dof_label(dof) for dof in (0, 6, 12)]
     assert labels == ["node 'foot' x", "node 'head' x", "node 'bolt_1' x"]
 
 
 def test_a_contact_far_from_the_channels_is_reported(part, tmp_path):
     there = {"bolt_1": (0.03, 0.01, 0.02), "bolt_2": (0.3, 0.0, 0.0)}
-    loaded = dovetail.load(alone(part.section(tmp_path, "part", contacts=there)))
+    loaded = dovetail.load(part.alone(part.section(tmp_path, "part", contacts=there)))
     (said,) = [warning for warning in find_warnings(loaded) if "extrapolated" in warning]
     assert "the contact 'bolt_2' is 300 mm from the point 'foot'" in said
 
@@ -275,4 +313,4 @@ def test_a_contact_far_from_the_channels_is_reported(part, tmp_path):
 def test_options_of_a_part_with_contacts_cannot_be_identified(part, tmp_path):
     section = {**part.section(tmp_path, "part"), "unit_of_length": {"range": ["0.99 m", "1.01 m"]}}
     with pytest.raises(dovetail.DovetailError, match="none of its options can be identified"):
-        dovetail.load(alone(section))
+        dovetail.load(part.alone(section))
