@@ -11,7 +11,6 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dovetail.assembly.frequency_axes import checked_axis, same_axes
 from dovetail.assembly.frf_model import FrfModel
 from dovetail.assembly.parameters import AffineMap, ParameterSpace, ResponseFrfs
 from dovetail.assembly.structure import PointReceptances, ResponsePairs, entries_at_response, graph_between, graph_of
@@ -20,7 +19,7 @@ from dovetail.assembly.vibration_modes import SeenPoles, VibrationMode, natural_
 from dovetail.description.checked import Description, Response
 from dovetail.description.joints import find_point
 from dovetail.errors import Fault, ParameterError
-from dovetail.frf import Frf
+from dovetail.frf import Frf, checked_axis, same_axes
 from dovetail.interfaces import Parameter
 from dovetail.plain_text import html_table
 from dovetail.synthesis import Engine, FrfSource, Graph, InterpolatedFrfs, Point
