@@ -13,15 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dovetail.assembly.frf_model import FrfModel
 from dovetail.assembly.parameters import AffineMap, ParameterSpace, ResponseFrfs
-from dovetail.assembly.structure import (
-    PointReceptances,
-    ResponsePairs,
-    checked_axes,
-    entries_at_response,
-    graph_between,
-    graph_of,
-    same_axes,
-)
+from dovetail.assembly.structure import PointReceptances, ResponsePairs, entries_at_response, graph_between, graph_of
 from dovetail.assembly.theta import Theta
 from dovetail.assembly.vibration_modes import SeenPoles, VibrationMode, natural_frequencies
 from dovetail.description.checked import Description, Response
@@ -348,7 +340,11 @@ class Assembly:
         ParameterError
             There are more or fewer axes than responses, and not one; frequencies are not positive and increasing.
         """
-        axes = checked_axes((frequency, *further), len(self._axes), self.name)
+        axes, count = tuple(map(checked_axis, (frequency, *further))), len(self._axes)
+        if len(axes) not in (1, count):
+            problem = f"{len(axes)} frequency axes were given for {count} response{'' if count == 1 else 's'}."
+            raise ParameterError(Fault(self.name, problem, "one for all, or one for each"))
+        axes = axes if len(axes) == count else axes * count
         for known in (self, *self._elsewhere):
             if same_axes(known._axes, axes):
                 return known

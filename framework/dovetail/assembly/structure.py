@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from dovetail.assembly.carried_joints import at_carriers
 from dovetail.assembly.changed_joints import structurally_damped
@@ -321,46 +321,3 @@ def _product(
 ) -> NDArray[np.complex128]:
     moved = receptance if weights is None else weights @ receptance
     return moved if shares is None else np.asarray(moved @ shares.T)
-
-
-def checked_axes(frequencies: Sequence[ArrayLike], count: int, name: str) -> tuple[NDArray[np.float64], ...]:
-    """Return the frequencies of each response of an assembly; they may be given once for all.
-
-    Parameters
-    ----------
-    frequencies : sequence of (n_freq,) arrays
-        Hz.
-    count : int
-        Number of responses.
-    name : str
-        Of the assembly, for messages.
-
-    Raises
-    ------
-    ParameterError
-        There are more or fewer axes than responses, and not one; frequencies are not positive and increasing.
-    """
-    axes = tuple(map(_checked_axis, frequencies))
-    if len(axes) not in (1, count):
-        problem = f"{len(axes)} frequency axes were given for {count} response{'' if count == 1 else 's'}."
-        raise ParameterError(Fault(name, problem, "one for all, or one for each"))
-    return axes if len(axes) == count else axes * count
-
-
-def _checked_axis(frequency: ArrayLike) -> NDArray[np.float64]:
-    axis = np.asarray(frequency, dtype=np.float64)
-    accepted = "(n_freq,) numbers in Hz, positive and increasing"
-    if axis.ndim != 1:
-        raise ParameterError(Fault("frequency", f"its shape is {axis.shape}.", accepted))
-    before = np.concatenate([[0.0], axis[:-1]])
-    wrong = np.flatnonzero(~(np.isfinite(axis) & (axis > before)))
-    if wrong.size:
-        first = int(wrong[0])
-        problem = f"line {first + 1} is {axis[first]:g} Hz" + (f", after {axis[first - 1]:g} Hz." if first else ".")
-        raise ParameterError(Fault("frequency", problem, accepted))
-    return axis
-
-
-def same_axes(some: Sequence[NDArray[np.float64]], others: Sequence[NDArray[np.float64]]) -> bool:
-    """Return whether the frequencies of all responses are equal, one to one."""
-    return all(one is other or np.array_equal(one, other) for one, other in zip(some, others, strict=True))
