@@ -9,14 +9,12 @@ from dovetail.frf.frequency_response import (
     Frf,
     Quantity,
     check_size,
-    checked_axis,
     coherence_spectrum,
     coherence_with_model,
     conversion,
     in_bands,
     poor_bands,
     refuse_masked,
-    same_axes,
     unit_of,
 )
 
@@ -29,13 +27,11 @@ __all__ = [
     "Frf",
     "Quantity",
     "check_size",
-    "checked_axis",
     "coherence_spectrum",
     "coherence_with_model",
     "conversion",
     "in_bands",
     "poor_bands",
     "refuse_masked",
-    "same_axes",
     "unit_of",
 ]
