@@ -19,7 +19,7 @@ from dovetail.assembly.vibration_modes import SeenPoles, VibrationMode, natural_
 from dovetail.description.checked import Description, Response
 from dovetail.description.joints import find_point
 from dovetail.errors import Fault, ParameterError
-from dovetail.frf import Frf
+from dovetail.frf import Frf, checked_axis, same_axes
 from dovetail.interfaces import Parameter
 from dovetail.plain_text import html_table
 from dovetail.synthesis import Engine, FrfSource, Graph, InterpolatedFrfs, Point

@@ -9,12 +9,14 @@ from dovetail.frf.frequency_response import (
     Frf,
     Quantity,
     check_size,
+    checked_axis,
     coherence_spectrum,
     coherence_with_model,
     conversion,
     in_bands,
     poor_bands,
     refuse_masked,
+    same_axes,
     unit_of,
 )
 
@@ -27,11 +29,13 @@ __all__ = [
     "Frf",
     "Quantity",
     "check_size",
+    "checked_axis",
     "coherence_spectrum",
     "coherence_with_model",
     "conversion",
     "in_bands",
     "poor_bands",
     "refuse_masked",
+    "same_axes",
     "unit_of",
 ]
