@@ -96,8 +96,8 @@ def point_statements(key: str, value: str) -> Iterator[PointStatement]:
             text = _AXIS_CODES[text.lstrip("+")]
         if _may_be_place(key, text):
             yield PointStatement(end, text, key.strip())
-    elif stated := tuple(_in_sentence(f"{key}; {value[:1000]}")):
-        yield from stated
+    elif found := tuple(_in_sentence(f"{key}; {value[:1000]}")):
+        yield from found
     elif key and set(words_of(key)) <= _TITLES:
         yield from title_points(value)
 

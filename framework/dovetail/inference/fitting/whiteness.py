@@ -46,7 +46,7 @@ _SETTINGS = Settings()
 def is_of_few_lines(variance: NDArray[np.float64]) -> bool:
     """Return whether an estimated variance (n_lines,) is larger on a few lines, such as those of a sharp peak.
 
-    Beside a wrong fit, the misfit of these lines looks like a random error in proportion to the FRF.
+    Next to a wrong fit, the misfit of these lines looks like a random error in proportion to the FRF.
     """
     larger = np.count_nonzero(variance > _SETTINGS.larger * variance.min())
     return 0 < int(larger) <= _SETTINGS.few_larger
