@@ -84,7 +84,7 @@ def table(rows: list[dict[str, object]]) -> str:
     for row in rows:
         days.setdefault(str(row["date"]), []).append(str(row["program"]).split(",")[0])
     when = "; ".join(f"{day}: {', '.join(dict.fromkeys(names))}" for day, names in sorted(days.items()))
-    text = f"\nRun by `python tests/peers/run.py` on {when}.\n"
+    text = f"\nEach program's own script (`tests/peers/solve_*.py`) ran on {when}.\n"
     named = [(str(row["program"]).split(",")[0], row["version"]) for row in rows]
     versions = dict(reversed(named))  # the first of each: its own script's
     versions = dict.fromkeys(f"{program} {versions[program]}" for program, _ in named)
