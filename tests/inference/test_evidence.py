@@ -78,10 +78,10 @@ def test_the_evidence_is_that_of_nested_sampling(case):
 
 def test_weights_of_which_too_few_count_give_no_evidence():
     few = np.where(np.arange(400) < FEWEST_EFFECTIVE - 2, 0.0, -50.0)
-    assert Evidence.of_weights(few, 400) is None
-    assert Evidence.of_weights(np.empty(0), 400) is None
+    assert Evidence.from_weights(few, 400) is None
+    assert Evidence.from_weights(np.empty(0), 400) is None
     enough = np.where(np.arange(400) < FEWEST_EFFECTIVE + 2, 0.0, -50.0)
-    assert Evidence.of_weights(enough, 400).log == pytest.approx(np.log(32 / 400))
+    assert Evidence.from_weights(enough, 400).log == pytest.approx(np.log(32 / 400))
 
 
 @pytest.mark.parametrize("spread", [0.5, 3.0, 8.0])
@@ -95,14 +95,14 @@ def test_the_lower_bound_is_exceeded_even_if_single_weights_dominate(count, spre
 
 
 def test_searches_that_did_not_converge_count_as_nothing():
-    assert Evidence.of_weights(np.zeros(100), 200).log == pytest.approx(-np.log(2.0))
-    assert Evidence.of_weights(np.zeros(100), 100).error == pytest.approx(0.0)
+    assert Evidence.from_weights(np.zeros(100), 200).log == pytest.approx(-np.log(2.0))
+    assert Evidence.from_weights(np.zeros(100), 100).error == pytest.approx(0.0)
 
 
 def test_the_standard_error_is_the_scatter_over_seeds():
     random, logs, errors = np.random.default_rng(0), [], []
     for _ in range(200):
-        found = Evidence.of_weights(random.normal(0.0, 0.7, 400), 400)
+        found = Evidence.from_weights(random.normal(0.0, 0.7, 400), 400)
         logs.append(found.log)
         errors.append(found.error)
     assert np.std(logs) == pytest.approx(np.mean(errors), rel=0.2)
