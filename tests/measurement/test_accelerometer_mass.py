@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dovetail.errors import MeasurementError
+from dovetail.errors import DovetailError, MeasurementError
 from dovetail.frf import QUANTITIES, Frf
 from dovetail.measurement import add_accelerometer_mass, read_frf, remove_accelerometer_mass, write_frf
 
@@ -59,3 +59,13 @@ def test_an_amplitude_alone_cannot_be_corrected(measured: Frf) -> None:
     assert remove_accelerometer_mass(amplitude, 0.0) is amplitude
     with pytest.raises(MeasurementError, match="acts on amplitude and phase, and this is an amplitude alone"):
         remove_accelerometer_mass(amplitude, MASS)
+
+
+def test_a_mass_may_have_its_unit(measured: Frf, tmp_path: Path) -> None:
+    write_frf(measured, file := tmp_path / "a.csv")
+    expected = read_frf(file, accelerometer_mass=MASS).values
+    np.testing.assert_allclose(read_frf(file, accelerometer_mass="1.2 g").values, expected, rtol=1e-12)
+    np.testing.assert_array_equal(read_frf(file, accelerometer_mass="0 g").values, read_frf(file).values)
+    for wrong in ("1.2 N", "heavy", "-1 g"):
+        with pytest.raises(DovetailError, match=r"kg"):
+            read_frf(file, accelerometer_mass=wrong)

@@ -11,6 +11,7 @@ from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf
 from dovetail.measurement.named_points import ModelDof
 from dovetail.measurement.roles import IGNORE, Role, check_roles, contradictions
+from dovetail.units import to_si
 
 _LARGEST_MASS = 1000.0
 """kg; with a heavier one, the FRF would consist of rounding errors."""
@@ -18,7 +19,7 @@ _LARGEST_MASS = 1000.0
 
 def remove_accelerometer_mass(
     frf: Frf,
-    mass: float,
+    mass: float | str,
     *,
     drive: Frf | None = None,
     to_response: Frf | None = None,
@@ -37,8 +38,8 @@ def remove_accelerometer_mass(
     ----------
     frf : Frf
         Measured with the accelerometer on the structure; any quantity, with phase.
-    mass : float
-        kg, zero or more.
+    mass : float or str
+        kg, zero or more; or a text with a unit, such as ``"50 g"``.
     drive : Frf, optional
         A_kk, the drive-point FRF at the accelerometer, measured with it.
     to_response, from_force : Frf, optional
@@ -66,7 +67,7 @@ def remove_accelerometer_mass(
 
 def add_accelerometer_mass(
     frf: Frf,
-    mass: float,
+    mass: float | str,
     *,
     drive: Frf | None = None,
     to_response: Frf | None = None,
@@ -78,8 +79,8 @@ def add_accelerometer_mass(
     ----------
     frf : Frf
         FRF of the structure alone; any quantity, with phase.
-    mass : float
-        kg, zero or more.
+    mass : float or str
+        kg, zero or more; or a text with a unit, such as ``"50 g"``.
     drive, to_response, from_force : Frf, optional
         As in `remove_accelerometer_mass`, of the structure alone.
 
@@ -97,8 +98,9 @@ def add_accelerometer_mass(
 
 
 def _with_mass(
-    frf: Frf, mass: float, sign: float, drive: Frf | None, to_response: Frf | None, from_force: Frf | None
+    frf: Frf, given: float | str, sign: float, drive: Frf | None, to_response: Frf | None, from_force: Frf | None
 ) -> Frf:
+    mass = to_si(given, "kg") if isinstance(given, str) else given
     if not 0 <= mass <= _LARGEST_MASS:
         accepted = f"0 to {_LARGEST_MASS:g} kg"
         raise MeasurementError(Fault(frf.label, f"the accelerometer's mass is {mass!r} kg.", accepted))

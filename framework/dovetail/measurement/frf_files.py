@@ -41,7 +41,7 @@ def read_frf(
     *,
     quantity: str | None = None,
     unit: str | None = None,
-    accelerometer_mass: float = 0.0,
+    accelerometer_mass: float | str = 0.0,
     index: int | None = None,
     response: str | None = None,
     force: str | None = None,
@@ -71,8 +71,8 @@ def read_frf(
     unit : str, optional
         The unit of the values, such as ``"um/N"`` or ``"g/N"``, which also determines the quantity; SI by default. Must
         not contradict the file.
-    accelerometer_mass : float
-        kg at the drive point, removed from the FRF: A / (1 - m A).
+    accelerometer_mass : float or str
+        kg, or a text such as ``"50 g"``, at the drive point, removed from the FRF: A / (1 - m A).
     index : int, optional
         Number of the FRF in a file with several, from 1: that of the set in UFF, of the segment in LabVIEW files, of
         the column in an array.
