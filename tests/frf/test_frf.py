@@ -33,8 +33,6 @@ VALUES = np.array([3.0 + 4.0j, -1.0j, -2.0])
         ({"averages": 0}, "0 averages; it must be at least 1"),
         ({"coherence": [1.0, 1.2, 1.0]}, "the coherence of line 2 is 1.2; it must be from 0 to 1"),
         ({"coherence": [1.0, 1.0, -0.1]}, "the coherence of line 3 is -0.1"),
-        ({"has_phase": False}, r"the value of line 1 is 3\+4j; without a phase values are amplitudes"),
-        ({"values": [1.0, -2.0, 1.0], "has_phase": False}, r"the value of line 2 is -2\+0j; without a phase"),
         ({"values": np.ma.masked_equal([1.0, 2.0, 3.0], 2.0)}, r"values has a masked value at place 2 \(1 in all\)"),
         ({"variance": np.ma.masked_less([0.0, 0.0, 1.0], 0.5)}, r"variance has a masked value at place 1 \(2 in all\)"),
     ],

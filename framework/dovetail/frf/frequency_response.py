@@ -125,7 +125,7 @@ class Frf:
     frequency : (n_freq,) array
         Hz, positive and strictly increasing.
     values : (n_freq,) complex array
-        SI, in `quantity`. Real and non-negative when `has_phase` is false.
+        SI, in `quantity`. Only their amplitudes count when `has_phase` is false.
     quantity : {"receptance", "mobility", "accelerance"}
     coherence : (n_freq,) array, optional
         Ordinary coherence of the measurement, from 0 to 1.
@@ -213,12 +213,6 @@ class Frf:
                 raise MeasurementError(
                     f"{self.label}: the {name} of line {bad[0] + 1} is not finite ({bad.size} such lines)."
                 )
-        no_amplitude = np.flatnonzero((self.values.real < 0.0) | (self.values.imag != 0.0))
-        if no_amplitude.size and not self.has_phase:
-            raise MeasurementError(
-                f"{self.label}: the value of line {no_amplitude[0] + 1} is {self.values[no_amplitude[0]]:g}; without a "
-                "phase values are amplitudes, real and not negative."
-            )
         arrays = {"frequency": self.frequency, "value": self.values, "variance": self.variance}
         check_size(arrays, 1.0, self.averages, lambda index: f"{self.label}  line {index + 1}")
         falling = np.flatnonzero(np.diff(self.frequency) <= 0)
