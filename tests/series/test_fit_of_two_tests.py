@@ -1,5 +1,6 @@
 """A mass on a mount, measured once or twice: the fitted values, and the warning when tests contradict their roles."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -113,6 +114,23 @@ def test_mean_law_and_scatter_of_well_known_values_are_those_of_a_regression(tmp
     freedom = len(values) - degree - 1
     expected = np.sqrt(np.sum((values - line(loads)) ** 2) / freedom) / (1e7 - 1e5)
     assert scatter == pytest.approx(expected, rel=5e-3)
+
+
+def test_a_normal_prior_pulls_the_mean_of_well_known_values(tmp_path):
+    values = {"A": 2e6, "B": 2.3e6, "C": 2.2e6, "D": 3.1e6, "E": 2.9e6, "F": 3.4e6}
+    series = series_of(tmp_path, values, k="varying", c="shared")
+    prior = {"k": {"about": "2e6 N/m", "sd": "20 %"}}
+    described = {"extends": str(ASSEMBLY), "joints": {"mount": {"parameters": prior}}}
+    (tmp_path / "prior.yaml").write_text(json.dumps(described), encoding="utf-8")
+    text = series.read_text(encoding="utf-8").replace(f"assembly: {ASSEMBLY}", "assembly: prior.yaml")
+    series.write_text(text, encoding="utf-8")
+    result = dovetail.identify_series(series, "refined")
+    found = {row.name: row.fit for row in result.rows}
+    parameter = result.tests[0].test.assembly.parameters[0]
+    scatter = found["k.scatter"] * (parameter.upper - parameter.lower)
+    of_tests, of_prior = len(values) / scatter**2, 1.0 / 4e5**2
+    expected = (np.mean(list(values.values())) * of_tests + 2e6 * of_prior) / (of_tests + of_prior)
+    assert found["k"] == pytest.approx(expected, rel=1e-2)  # the ends of the range cut the scatter off
 
 
 def test_a_poor_fit_of_all_tests_warns_without_relations_too():

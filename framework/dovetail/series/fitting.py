@@ -242,14 +242,14 @@ def _with_scatter(residuals: SeriesResiduals, points: LinearisedPoints, prior: A
             z[0, column] = _quantile(float(definition.to_unit(np.array(after))))
             changes.append(abs(after / before - 1.0))
         values = residuals.fractions(points.z)
-        z = _with_likely_means(residuals, z, values)
+        z = _with_likely_means(residuals, z, values, prior)
         points = minimise(residuals, z, prior, unknowns.scatter_columns)
         if max(changes) < _SETTINGS.settled:
             break
     return points
 
 
-def _with_likely_means(residuals: SeriesResiduals, z: Array, fractions: Sequence[Array]) -> Array:
+def _with_likely_means(residuals: SeriesResiduals, z: Array, fractions: Sequence[Array], prior: Array) -> Array:
     """Return unknowns (1, d) with the means or laws about which given values (1, p_k) of the tests scatter least.
 
     Where the values are well known, means and deviations can only change together, along a narrow valley in which a
@@ -266,7 +266,9 @@ def _with_likely_means(residuals: SeriesResiduals, z: Array, fractions: Sequence
                 if one.parameter == parameter and one.kind != "scatter"
             ]
             by_means = _deviations_by(residuals, z, parameter, means)
-            step = np.linalg.lstsq(by_means, -z[0, deviations], rcond=None)[0]
+            pull = np.sqrt(prior[means])  # towards the middle of a normal prior
+            together = np.concatenate([by_means, np.diag(pull)])
+            step = np.linalg.lstsq(together, -np.append(z[0, deviations], pull * z[0, means]), rcond=None)[0]
             longest = _SETTINGS.longest_mean_step
             z[0, means] = np.clip(z[0, means] + np.clip(step, -longest, longest), -Z_LIMIT, Z_LIMIT)
         z = _with_values(residuals, z, fractions)

@@ -283,7 +283,7 @@ class Engine:
                     for i in range(0, number, size)
                 ]
                 own = blocks[:: self.threads]  # this thread is one of them
-                others = [block for number, block in enumerate(blocks) if number % self.threads]
+                others = [block for place, block in enumerate(blocks) if place % self.threads]
                 _wait(running)
                 running = [threads("engine", self.threads - 1).submit(run_block, *block) for block in others]
                 for block in own:
