@@ -33,6 +33,16 @@ def series_of(folder: Path, stiffnesses: dict[str, float], **parameters: str) ->
     return file
 
 
+def loaded_series_of(folder: Path, stiffnesses: dict[str, float], **parameters: str) -> Path:
+    """Write the same with a load for each test: 1 N for the first, 2 N for the second, and so on."""
+    series = series_of(folder, stiffnesses, **parameters)
+    text = series.read_text(encoding="utf-8")
+    for number, name in enumerate(stiffnesses):
+        text = text.replace(f"{name}.csv}}", f"{name}.csv, at: {{load: {number + 1.0}}}}}")
+    series.write_text(text.replace("tests:", "covariates: {load: N}\ntests:"), encoding="utf-8")
+    return series
+
+
 def test_a_shared_damping_and_two_stiffnesses_are_identified(tmp_path):
     truth = {"loose": 1e6, "tight": 3e6}
     result = dovetail.identify_series(series_of(tmp_path, truth, k="free", c="shared"), "refined")
@@ -82,12 +92,7 @@ def test_a_collet_at_five_torques_is_fitted_as_well_as_each_test_alone():
 def test_a_stiffness_that_varies_widely_from_test_to_test_is_found_in_each(tmp_path, role):
     """The first standard deviation is too small for it, and one near zero would hold the values together."""
     truth = {"loose": 3e5, "usual": 1e6, "tight": 6e6}
-    series = series_of(tmp_path, truth, k=role, c="shared")
-    text = series.read_text(encoding="utf-8")
-    for number, name in enumerate(truth):
-        text = text.replace(f"{name}.csv}}", f"{name}.csv, at: {{load: {number + 1.0}}}}}")
-    series.write_text(text.replace("tests:", "covariates: {load: N}\ntests:"), encoding="utf-8")
-    result = dovetail.identify_series(series, "refined")
+    result = dovetail.identify_series(loaded_series_of(tmp_path, truth, k=role, c="shared"), "refined")
     assert result.is_trustworthy, result.warning
     for index, value in enumerate(truth.values()):
         stiffness = result.rows_of(index)[0]
@@ -100,12 +105,7 @@ def test_a_stiffness_that_varies_widely_from_test_to_test_is_found_in_each(tmp_p
 def test_mean_law_and_scatter_of_well_known_values_are_those_of_a_regression(tmp_path, role, degree):
     """Means and deviations can only change together there, in a valley that a search follows slowly."""
     truth = {"A": 2e6, "B": 2.3e6, "C": 2.2e6, "D": 3.1e6, "E": 2.9e6, "F": 3.4e6}
-    series = series_of(tmp_path, truth, k=role, c="shared")
-    text = series.read_text(encoding="utf-8")
-    for number, name in enumerate(truth):
-        text = text.replace(f"{name}.csv}}", f"{name}.csv, at: {{load: {number + 1.0}}}}}")
-    series.write_text(text.replace("tests:", "covariates: {load: N}\ntests:"), encoding="utf-8")
-    result = dovetail.identify_series(series, "refined")
+    result = dovetail.identify_series(loaded_series_of(tmp_path, truth, k=role, c="shared"), "refined")
     found = {row.name: row.fit for row in result.rows if row.name.startswith("k")}
     values, loads = np.array(list(truth.values())), np.arange(1.0, 7.0)
     line = np.polynomial.Polynomial.fit(loads, values, degree)

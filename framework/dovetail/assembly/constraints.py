@@ -154,9 +154,9 @@ class ConstrainedGraph(Graph):
         return [(total, self._owners[at]) for at, total in sums.items() if abs(total) > _ROUNDING * sizes[at]]
 
     def boundary(self, name: str, dofs: Set[int]) -> Sequence[int]:
-        """Return the DOFs to which a substructure is condensed: without those that follow others in the part itself.
+        """Return the DOFs to which a substructure is condensed: without those that depend on others in the part itself.
 
-        All DOFs that a part's own constraints connect with those in use are there, since any of them may lead.
+        All DOFs that a part's own constraints connect with those in use are there: any of them may be independent.
         """
         part, rows = self.substructures[name], substructure_constraints(self.substructures[name])
         if not len(rows):
@@ -165,8 +165,8 @@ class ConstrainedGraph(Graph):
         for _ in range(len(connects)):
             used |= connects[connects[:, used].any(axis=1)].any(axis=0)
         functions = [dict(enumerate(row.tolist())) for row in rows]
-        followers = _solved(functions, set(np.flatnonzero(part.node_dofs.rotations).tolist()))
-        return sorted(set(np.flatnonzero(used).tolist()) - set(followers))
+        dependents = _solved(functions, set(np.flatnonzero(part.node_dofs.rotations).tolist()))
+        return sorted(set(np.flatnonzero(used).tolist()) - set(dependents))
 
     def motion(self, name: str, dofs: Sequence[int]) -> tuple[NDArray[np.intp], Any]:
         """Return the global DOFs by which some DOFs of a substructure move, and their motion, as in `Graph`."""
