@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import pytest
 import yaml
@@ -39,11 +40,14 @@ def test_it_needs_what_the_project_needs():
 
 
 def test_it_has_the_sections_and_tests_that_conda_forge_asks_for():
-    assert list(RECIPE) == ["schema_version", "context", "package", "source", "build", "requirements", "tests", "about"]
+    sections = ["schema_version", "context", "package", "source", "build", "requirements", "tests", "about", "extra"]
+    assert list(RECIPE) == sections
     assert {"homepage", "summary", "license", "license_file", "documentation", "repository"} <= set(RECIPE["about"])
     assert RECIPE["build"]["noarch"] == "python"
-    imports = RECIPE["tests"][0]["python"]["imports"]
-    assert imports == ["dovetail", "dovetail_bench", "dovetail_machining", "dovetail_plugins"]
+    assert RECIPE["extra"]["recipe-maintainers"] == [urlsplit(PROJECT["urls"]["Source"]).path.split("/")[1]]
+    test = RECIPE["tests"][0]["python"]
+    assert test["imports"] == ["dovetail", "dovetail_bench", "dovetail_machining", "dovetail_plugins"]
+    assert test["python_version"] == ["${{ python_min }}.*", "*"], "the oldest Python and the newest"
 
 
 def test_rattler_build_renders_it():
