@@ -39,3 +39,13 @@ html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_js_files = ["site.js"]
 html_math_renderer = "mathml"
+
+
+def is_noise(app, what, name, member, skip, options):
+    """Leave out what pydantic and named tuples add to classes, whose text is not about Dovetail."""
+    added = name == "model_config" or (getattr(member, "__doc__", None) or "").startswith("Alias for field number")
+    return True if added else None
+
+
+def setup(app):
+    app.connect("autodoc-skip-member", is_noise)

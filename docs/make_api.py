@@ -1,11 +1,14 @@
 """Writes docs/api.md and docs/api/, which list everything public, by ``__all__``: ``python docs/make_api.py``."""
 
+import ast
 import inspect
+import itertools
 import re
+import sys
+import textwrap
+import typing
 from pathlib import Path
 from types import ModuleType
-
-import numpy as np
 
 import dovetail
 import dovetail.commands
@@ -157,15 +160,43 @@ def _home(name: str) -> str:
 
 def _directive(package: ModuleType, name: str) -> str:
     value = getattr(package, name)
-    if getattr(value, "__origin__", None) is np.ndarray:  # autodoc would show the docstring of numpy
-        return f".. data:: {name}"
     if inspect.ismodule(value):
         return f".. automodule:: {value.__name__}\n   :members: names, load, measurement, path, measurement_path, copy"
     if inspect.isclass(value) and issubclass(value, Exception):
         return f".. autoexception:: {name}"
     if inspect.isclass(value):
         return f".. autoclass:: {name}\n   :members:"
-    return f".. autofunction:: {name}" if inspect.isfunction(value) else f".. autodata:: {name}"
+    if inspect.isroutine(inspect.unwrap(value)):
+        return f".. autofunction:: {name}"
+    text = _value_text(value)
+    lines = [f".. data:: {name}", *([f"   :value: {text}"] if text else []), ""]
+    return "\n".join(lines) + "\n" + textwrap.indent(_documentation(name, value), "   ") + "\n"
+
+
+def _documentation(name: str, value: object) -> str:
+    """Return the text below the assignment of a constant, or the help of an option; autodoc shows that of its type."""
+    if isinstance(value, typing._AnnotatedAlias):
+        return value.__metadata__[0].help
+    for module in [module for key, module in sys.modules.items() if key.startswith("dovetail")]:
+        if vars(module).get(name) is not value:
+            continue
+        body = ast.parse(inspect.getsource(module)).body
+        for assignment, text in itertools.pairwise(body):
+            targets = getattr(assignment, "targets", [getattr(assignment, "target", None)])
+            if name in [getattr(target, "id", None) for target in targets] and isinstance(text, ast.Expr):
+                return inspect.cleandoc(ast.literal_eval(text.value))
+    raise LookupError(f"{name} has no text below its assignment")
+
+
+def _value_text(value: object) -> str:
+    """Return a short value as Python writes it; for an option, its type."""
+    if isinstance(value, typing._AnnotatedAlias):
+        value = value.__origin__
+    if isinstance(value, type):
+        return value.__name__
+    is_plain = isinstance(value, (int, float, str, tuple)) or typing.get_origin(value) is not None
+    text = repr(value).replace("typing.", "").replace("pathlib.", "")
+    return text if is_plain and "numpy" not in text and len(text) < 100 else ""
 
 
 if __name__ == "__main__":

@@ -1,4 +1,14 @@
 "use strict";
+/* Columns of tables are wide enough for a few words; a table that is then too wide scrolls. */
+addEventListener("DOMContentLoaded", () => {
+  const enough = 10 * parseFloat(getComputedStyle(document.documentElement).fontSize);
+  for (const table of document.querySelectorAll("article .table-wrapper table")) {
+    table.style.whiteSpace = "nowrap";
+    const widths = [...table.rows[0].cells].map((cell) => cell.offsetWidth);
+    table.style.whiteSpace = "";
+    widths.forEach((width, k) => { table.rows[0].cells[k].style.minWidth = `${Math.min(width, enough)}px`; });
+  }
+});
 /* What scrolls can be reached with the keyboard. */
 addEventListener("DOMContentLoaded", () => {
   for (const part of document.querySelectorAll("article pre, article .table-wrapper, article .cell-output, article p:has(> img)")) {

@@ -3,6 +3,7 @@
 import ast
 import builtins
 import inspect
+import re
 import runpy
 import typing
 
@@ -81,6 +82,17 @@ def test_the_pages_of_the_api_have_every_public_name():
     listed = "".join(made.values()).replace(":: dovetail.", ":: ")  # modules are listed with their package
     for name in dovetail.__all__:
         assert f":: {name}\n" in listed
+
+
+def test_the_pages_of_the_api_describe_values_and_not_their_types():
+    """Autodoc would show the text of `int` below a number, and those of pydantic and of named tuples."""
+    for text in runpy.run_path(str(ROOT / "docs" / "make_api.py"))["pages"]().values():
+        assert "autodata" not in text
+        assert not re.search(r"^\.\. data:: .*\n(   :value: .*\n)?\n(?!   \S)", text, flags=re.M)
+    is_noise = runpy.run_path(str(ROOT / "docs" / "conf.py"))["is_noise"]
+    assert is_noise(None, "class", "model_config", {}, False, None)
+    assert is_noise(None, "class", "text", dovetail.Statement.text, False, None)
+    assert is_noise(None, "class", "read", dovetail.FrfReader.read, False, None) is None
 
 
 @pytest.mark.parametrize("command", ["generate", "identify", "merge_datasets", "plan_measurements", "predict", "train"])

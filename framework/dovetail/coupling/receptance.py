@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Receptance = NDArray[np.complex128]
+"""Receptances (n_freq, n_out, n_in)."""
 
 
 def couple(

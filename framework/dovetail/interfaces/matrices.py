@@ -15,6 +15,7 @@ import scipy  # loads a part of it when that is first used
 from numpy.typing import ArrayLike, NDArray
 
 Direction = Literal["x", "y", "z", "rx", "ry", "rz"]
+"""One of `DIRECTIONS`."""
 DIRECTIONS: tuple[Direction, ...] = ("x", "y", "z", "rx", "ry", "rz")
 """Displacements along x, y and z [m], and rotations about them by the right-hand rule [rad], in their order."""
 

@@ -12,7 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from dovetail.frf import Frf
 
 NoiseKind = Literal["proportional", "uniform"]
+"""Noise in proportion to each line's amplitude, or equal on all lines."""
 NOISE_KINDS = get_args(NoiseKind)
+"""All values of `NoiseKind`."""
 
 
 def complex_noise(

@@ -24,12 +24,19 @@ if TYPE_CHECKING:
 WIDTH = 9.0
 """Width of figures in inches: 900 pixels at the usual 100 per inch."""
 
-INK, MUTED, GRID = "#1c2430", "#56616d", "#e6eaee"
-MEASURED, RECONSTRUCTED, AGREEMENT = "#9aa4ae", "#0b5fa5", "#9a4a00"
+INK = "#1c2430"
+"""Colour of texts."""
+MUTED, GRID, AGREEMENT = "#56616d", "#e6eaee", "#9a4a00"
+MEASURED = "#9aa4ae"
+"""Colour of measured curves."""
+RECONSTRUCTED = "#0b5fa5"
+"""Colour of reconstructed curves."""
 LINES = ("#6373c4", "#963f02", "#175a3a", "#813c71", "#12a3bb", "#aa8d13", INK)
-"""Distinguishable also without red, green or blue. All these are the colours of `web/charts.css` for light pages."""
+"""Colours of several curves, distinguishable also without red, green or blue; those of the report for light pages."""
 DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))
+"""Line styles for more curves than there are colours."""
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+"""Markers of several curves."""
 
 PHASE_CENTRE = {"receptance": -90.0, "mobility": 0.0, "accelerance": 90.0}
 """Middle of the phase axis [deg]; the phase of a passive drive point stays within 90 of it and is not wrapped."""
