@@ -23,6 +23,13 @@ TURN = [{"about": [1, 2, 3], "angle": "40 deg"}]
 ORIGIN = np.array([0.1, 0.2, 0.3])
 BODY = {"mass": 3.0, "inertia": [4e-3, 5e-3, 6e-3]}
 STIFFNESS, DAMPING = (2e6, 3e6, 4e6), (20.0, 30.0, 40.0)
+ROTARY, ROTARY_DAMPING = (2e3, 3e3, 5e3), (0.02, 0.03, 0.05)
+TURNS = {
+    "ex": lambda x, y, z: (0.0, 0.0, 0.0),
+    "sxy": lambda x, y, z: (0.0, 0.0, -x / 2.0),
+    "bzx": lambda x, y, z: (0.0, z, 0.0),
+}
+"""Rotations of the material by the deformations (x, 0, 0), (x y, 0, 0) and (z^2 / 2, 0, -x z), written out."""
 
 
 class Part:
@@ -90,6 +97,14 @@ class Part:
         moved = interface_modes(displacements(places), np.zeros(3), self.modes)
         return np.hstack([moved, np.zeros((len(moved), 6))])
 
+    def turns_at_contacts(self, names):
+        """Return the rotations (3 n, d) of contacts by its own DOFs."""
+        rows = []
+        for name in names:
+            flexible = np.array([TURNS[mode](*self.contacts[name]) for mode in self.deformations]).T
+            rows.append(np.hstack([np.zeros((3, 3)), np.eye(3), flexible, np.zeros((3, 6))]))
+        return np.vstack(rows)
+
 
 def displacements(places):
     """Return three displacements at each of some places."""
@@ -129,12 +144,19 @@ def alone(section):
     }
 
 
-def dense(part, rotation, names=None, rigid=False, point="head"):
-    """Return the receptance along the assembly's x at the head, or at a contact."""
+def dense(part, rotation, names=None, rigid=False, point="head", turning=False):
+    """Return the receptance along the assembly's x at the head, or at a contact; joints hold rotations if `turning`."""
     names = names or tuple(part.contacts)
     there = np.kron(np.eye(len(names)), rotation) @ part.at_contacts(names)
     places = np.array([rotation @ np.array(part.contacts[name]) for name in names])
     gap = np.hstack([there, -interface_modes(displacements(places), np.zeros(3), DIRECTIONS)])
+    stiffness, damping = np.tile(STIFFNESS, len(names)), np.tile(DAMPING, len(names))
+    if turning:
+        turned = np.kron(np.eye(len(names)), rotation) @ part.turns_at_contacts(names)
+        body = np.tile(np.hstack([np.zeros((3, 3)), np.eye(3)]), (len(names), 1))
+        gap = np.vstack([gap, np.hstack([turned, -body])])
+        stiffness = np.append(stiffness, np.tile(ROTARY, len(names)))
+        damping = np.append(damping, np.tile(ROTARY_DAMPING, len(names)))
     mass, head = np.diag([BODY["mass"]] * 3 + BODY["inertia"]), len(part.modes)
     load = np.zeros(gap.shape[1])
     load[head : head + 3] = rotation[0]
@@ -146,8 +168,7 @@ def dense(part, rotation, names=None, rigid=False, point="head"):
         omega = 2 * np.pi * f
         Z = scipy.linalg.block_diag(own, -(omega**2) * mass).astype(complex)
         if not rigid:
-            springs = np.tile(np.array(STIFFNESS) + 1j * omega * np.array(DAMPING), len(names))
-            Z += gap.T @ (springs[:, None] * gap)
+            Z += gap.T @ ((stiffness + 1j * omega * damping)[:, None] * gap)
         found.append(load @ free @ np.linalg.solve(free.T @ Z @ free, free.T @ load))
     return np.array(found)
 
@@ -161,6 +182,15 @@ BUSHING = {
     },
 }
 WELD = {"model": "rigid", "direction": ["x", "y", "z"]}
+TURNING_BUSHING = {
+    "model": "bushing",
+    "parameters": {
+        **BUSHING["parameters"],
+        **{f"k_r{each}": {"value": value} for each, value in zip("xyz", ROTARY, strict=True)},
+        **{f"c_r{each}": {"value": value} for each, value in zip("xyz", ROTARY_DAMPING, strict=True)},
+    },
+}
+TURNING_WELD = {"model": "rigid", "direction": [*DIRECTIONS]}
 
 
 def difference(found, expected):
@@ -181,6 +211,36 @@ def test_a_part_whose_interface_deforms_has_the_frfs_of_a_dense_solution(part, n
     found, rotation = on_a_body(part, part.section(tmp_path, "part"), WELD if rigid else BUSHING, names, response)
     expected = dense(part, rotation, names, rigid, point if point == "head" else names[-1])
     assert difference(found.frf(), expected) < 1e-7
+
+
+@pytest.mark.parametrize("names", [("bolt_1", "bolt_2", "bolt_3", "bolt_4"), ("bolt_3",), ("bolt_2", "bolt_4")])
+@pytest.mark.parametrize("rigid", [False, True], ids=["bushings", "welds"])
+def test_contacts_that_turn_have_the_frfs_of_a_dense_solution(part, names, rigid, tmp_path):
+    section = part.section(tmp_path, "part", contact_directions=[*DIRECTIONS])
+    found, rotation = on_a_body(part, section, TURNING_WELD if rigid else TURNING_BUSHING, names)
+    expected = dense(part, rotation, names, rigid, turning=True)
+    assert difference(found.frf(), expected) < 1e-7
+    if not rigid or len(names) < 4:  # the displacements of four contacts hold all nine motions
+        assert difference(dense(part, rotation, names, rigid), expected) > 1e-2
+
+
+def test_joints_that_hold_displacements_are_the_same_at_contacts_that_turn(part, tmp_path):
+    """With one contact of fewer DOFs than motions, and with four."""
+    for names in (("bolt_1",), tuple(CONTACTS)):
+        section = part.section(tmp_path, "part", contact_directions=[*DIRECTIONS])
+        found, rotation = on_a_body(part, section, BUSHING, names)
+        assert difference(found.frf(), dense(part, rotation, names)) < 1e-7
+
+
+def test_an_interface_turns_by_half_the_curl_of_its_deformations():
+    """A small cross of points around a place turns as the rotations there say, by every deformation."""
+    place, size = np.array([0.02, -0.03, 0.01]), 1e-3
+    turns = MeasuredDofs(tuple("xyz"), np.tile(place, (3, 1)), np.eye(3), np.ones(3, dtype=bool))
+    arms = size * np.vstack([np.eye(3), -np.eye(3)])
+    moved = interface_modes(displacements(place + arms), np.zeros(3), FLEXIBLE_MODES).reshape(6, 3, -1)
+    mean = sum(np.cross(arm, each, axisa=0, axisb=0) for arm, each in zip(arms, moved, strict=True)).T / (4 * size**2)
+    assert interface_modes(turns, np.zeros(3), FLEXIBLE_MODES, turning=True) == pytest.approx(mean, abs=1e-12)
+    assert not interface_modes(turns, np.zeros(3), FLEXIBLE_MODES).any()
 
 
 def check_random_interface(seed, folder):
@@ -280,6 +340,10 @@ def test_a_bolt_at_an_interface_that_deforms_is_identified(part, tmp_path):
 WRONG = {
     "a point without rotations": ({"directions": ["x", "y", "z"]}, "a point with 'contacts' has all six directions"),
     "a name that a point has": ({"contacts": {"head": [0.0, 0.0, 0.0]}}, "two nodes have the name 'head'"),
+    "directions of contacts in another order": (
+        {"contact_directions": ["y", "x"]},
+        "'contact_directions' are different ones in their order; write ['x', 'y']",
+    ),
     "two coordinates": ({"contacts": {"bolt": [0.0, 0.0]}}, "contacts.bolt"),
     "more deformations than channels": (
         {"flexible": ["ex", "ey", "ez", "tx", "ty", "tz", "sxy", "sxz", "syz", "syx"]},
@@ -310,7 +374,24 @@ def test_a_contact_far_from_the_channels_is_reported(part, tmp_path):
     assert "the contact 'bolt_2' is 300 mm from the point 'foot'" in said
 
 
-def test_options_of_a_part_with_contacts_cannot_be_identified(part, tmp_path):
+def test_options_of_contacts_that_follow_others_are_refused_with_the_reason(part, tmp_path):
     section = {**part.section(tmp_path, "part"), "unit_of_length": {"range": ["0.99 m", "1.01 m"]}}
-    with pytest.raises(dovetail.DovetailError, match="none of its options can be identified"):
+    with pytest.raises(dovetail.DovetailError, match="what they cannot do changes with its options") as caught:
         dovetail.load(part.alone(section))
+    assert "Give each of its options a value" in str(caught.value)
+
+
+def test_an_option_is_unknown_where_contacts_have_no_more_dofs_than_motions(tmp_path):
+    """Two displacements of one bolt show two of the deformations, and nothing follows from anything."""
+    part = Part(0, turn=[])
+    foot = {"contacts": {"bolt_1": CONTACTS["bolt_1"]}, "contact_directions": ["x", "z"]}
+    section = part.section(tmp_path, "part", **foot)
+    joint = {"model": "bushing", "directions": ["x", "z"], "parameters": {}}
+    joint["parameters"] = {name: each for name, each in BUSHING["parameters"].items() if name[-1] in "xz"}
+    known, _ = on_a_body(part, section, joint, ("bolt_1",))
+    unknown, _ = on_a_body(part, {**section, "unit_of_length": {"range": ["0.9 m", "1.1 m"]}}, joint, ("bolt_1",))
+    assert [parameter.name for parameter in unknown.parameters] == ["part.unit_of_length"]
+    assert difference(unknown.frf([1.0]), known.frf()) < 1e-9
+    _, jacobian = unknown.frf_jacobian([1.0])
+    ahead, behind = unknown.frf([1.0 + 1e-5]), unknown.frf([1.0 - 1e-5])
+    assert difference(jacobian[:, 0], (ahead - behind) / 2e-5) < 1e-5

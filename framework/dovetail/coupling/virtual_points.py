@@ -53,6 +53,19 @@ def _flexible_modes(ways: NDArray[np.float64]) -> Mapping[str, NDArray[np.float6
     return {name: np.stack(parts, axis=1) for name, parts in columns.items()}
 
 
+def _flexible_turns(ways: NDArray[np.float64]) -> Mapping[str, NDArray[np.float64]]:
+    """Return the rotations (n, 3) of the material at points by each deformation: half the curl of the displacements.
+
+    These are of the second degree, so that central differences are exact with any step.
+    """
+    steps = [(_flexible_modes(ways + step), _flexible_modes(ways - step)) for step in np.eye(3)]
+    slopes = {name: [(ahead[name] - behind[name]) / 2.0 for ahead, behind in steps] for name in FLEXIBLE_MODES}
+    return {
+        name: np.stack([by_y[:, 2] - by_z[:, 1], by_z[:, 0] - by_x[:, 2], by_x[:, 1] - by_y[:, 0]], axis=1) / 2.0
+        for name, (by_x, by_y, by_z) in slopes.items()
+    }
+
+
 @dataclass(frozen=True, eq=False)
 class MeasuredDofs:
     """Channels, or impacts: where and in which direction they measure or act.
@@ -114,7 +127,9 @@ class MeasuredDofs:
         return MeasuredDofs(names, self.positions[at], self.directions[at], self.rotational[at], self.weights[at])
 
 
-def interface_modes(dofs: MeasuredDofs, point: ArrayLike, modes: Sequence[str]) -> NDArray[np.float64]:
+def interface_modes(
+    dofs: MeasuredDofs, point: ArrayLike, modes: Sequence[str], *, turning: bool = False
+) -> NDArray[np.float64]:
     """Return the motion (n, m) of channels, or the work of impacts, by each motion of a point.
 
     Parameters
@@ -123,11 +138,14 @@ def interface_modes(dofs: MeasuredDofs, point: ArrayLike, modes: Sequence[str]) 
     point : (3,) array
         m.
     modes : sequence of str
-        Motions of a rigid body, ``x y z rx ry rz``, and deformations of `FLEXIBLE_MODES`. A channel of rotation does
-        not move with the latter.
+        Motions of a rigid body, ``x y z rx ry rz``, and deformations of `FLEXIBLE_MODES`.
+    turning : bool
+        Whether rotations turn with the material by the deformations, by half the curl of the displacements. By default
+        deformations do not turn them, as in pyFBS.
     """
     ways = dofs.positions - np.asarray(point, dtype=np.float64)
     rigid, flexible = np.stack([carried(way) for way in ways]), _flexible_modes(ways)
+    turned = _flexible_turns(ways) if turning else dict.fromkeys(FLEXIBLE_MODES, np.zeros((len(ways), 3)))
     turns = np.asarray(dofs.rotational)[:, np.newaxis]
     columns = []
     for mode in modes:
@@ -135,7 +153,7 @@ def interface_modes(dofs: MeasuredDofs, point: ArrayLike, modes: Sequence[str]) 
         if moved is None:
             moved = np.where(turns, rigid[:, 3:, DIRECTIONS.index(mode)], rigid[:, :3, DIRECTIONS.index(mode)])
         else:
-            moved = np.where(turns, 0.0, moved)
+            moved = np.where(turns, turned[mode], moved)
         columns.append((moved * dofs.directions).sum(axis=1))
     return np.stack(columns, axis=1)
 

@@ -159,8 +159,11 @@ class UnknownReceptance(UnknownPart):
     ) -> None:
         super().__init__(part, parameters, placement)
         if len(substructure_constraints(part)):
-            problem = "its nodes have more DOFs than motions, so that none of its options can be identified."
-            remedy = "Give each of its options a value."
+            problem = (
+                "its nodes have more DOFs than motions, and what they cannot do changes with its options, so that none "
+                "of these can be identified."
+            )
+            remedy = "Give each of its options a value; an unknown stiffness belongs in the joints that hold the part."
             raise DovetailError(Fault(f"substructure model '{part.name}'", problem, remedy=remedy))
 
     def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:  # noqa: ARG002

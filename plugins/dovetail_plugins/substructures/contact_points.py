@@ -10,9 +10,8 @@ import numpy as np
 import scipy  # loads a part of it when that is first used
 from numpy.typing import NDArray
 
-from dovetail import DIRECTIONS, MeasuredDofs, Node, VirtualPoints, interface_modes
+from dovetail import DIRECTIONS, Direction, MeasuredDofs, Node, VirtualPoints, interface_modes
 
-_DISPLACEMENTS = DIRECTIONS[:3]
 _INDEPENDENT = 1e-6
 """Share of the largest motion by a deformation from which a DOF of a contact shows one more deformation."""
 _FAR = 2.0
@@ -31,10 +30,13 @@ class ContactPoints:
         All of them with six directions if they have contacts.
     contacts : mapping of str to mapping of str to three floats
         By the name of the point: the names of its contacts and their coordinates [m].
+    directions : mapping of str to tuple of directions
+        By the name of the point: those of its contacts.
     """
 
     points: VirtualPoints
     contacts: Mapping[str, Mapping[str, Place]]
+    directions: Mapping[str, tuple[Direction, ...]]
 
     @cached_property
     def _places(self) -> dict[str, tuple[str, Place]]:
@@ -45,7 +47,8 @@ class ContactPoints:
     def nodes(self) -> tuple[Node, ...]:
         """The points and the contacts."""
         points = [Node(name, 0.0, point.directions, point.point) for name, point in self.points.points.items()]
-        return (*points, *(Node(name, 0.0, _DISPLACEMENTS, at) for name, (_, at) in self._places.items()))
+        contacts = [Node(name, 0.0, self.directions[owner], at) for name, (owner, at) in self._places.items()]
+        return (*points, *contacts)
 
     @cached_property
     def by_modes(self) -> NDArray[np.float64]:
@@ -57,11 +60,11 @@ class ContactPoints:
             for direction in point.directions
         ]
         for owner, at in self._places.values():
-            point = self.points.points[owner]
-            here = MeasuredDofs(_DISPLACEMENTS, np.tile(at, (3, 1)), np.eye(3))
-            moved = np.zeros((3, len(modes)))
-            moved[:, [name == owner for name, _ in modes]] = interface_modes(here, point.point, point.modes)
-            rows += moved.tolist()
+            point, moved = self.points.points[owner], np.zeros((6, len(modes)))
+            here = MeasuredDofs(DIRECTIONS, np.tile(at, (6, 1)), np.tile(np.eye(3), (2, 1)), np.arange(6) >= 3)
+            own = [name == owner for name, _ in modes]
+            moved[:, own] = interface_modes(here, point.point, point.modes, turning=True)
+            rows += moved[[DIRECTIONS.index(each) for each in self.directions[owner]]].tolist()
         return np.array(rows)
 
     @cached_property
@@ -69,7 +72,7 @@ class ContactPoints:
         """DOFs by which all move: those of the points, and of the contacts as many as show the deformations."""
         count = sum(len(point.directions) for point in self.points.points.values())
         deforms = [mode not in DIRECTIONS for _, mode in self.points.modes]
-        shown = self.by_modes[count:, deforms]
+        shown = self.by_modes[count:, deforms] * self._lengths[count:, np.newaxis]
         size = np.abs(shown).max(axis=0, initial=0.0)
         shown = shown[:, size > 0.0] / size[size > 0.0]
         if not shown.size:
@@ -77,6 +80,15 @@ class ContactPoints:
         _, triangle, order = scipy.linalg.qr(shown.T, mode="economic", pivoting=True)
         left = np.abs(np.diagonal(triangle))
         return (*range(count), *(count + np.sort(order[: len(left)][left > _INDEPENDENT * left[0]])).tolist())
+
+    @property
+    def _lengths(self) -> NDArray[np.float64]:
+        """For each rotation the distance of the farthest contact from its point [m], for each displacement 1."""
+        ways = [np.subtract(at, self.points.points[owner].point) for owner, at in self._places.values()]
+        farthest = float(np.linalg.norm(ways, axis=1).max()) or 1.0
+        return np.array(
+            [farthest if each in DIRECTIONS[3:] else 1.0 for node in self.nodes for each in node.directions]
+        )
 
     @cached_property
     def by_leaders(self) -> NDArray[np.float64]:

@@ -55,8 +55,11 @@ class PointSection(ComponentConfig):
         (torsion), sxy, sxz, syz, syx, szx, szy (shear), bxy, bxz, byz, byx, bzx, bzy (bending). Joints act on them at
         `contacts` only.
     contacts : mapping of names to three lengths
-        Nodes on the interface, such as its bolts, in the axes of the tables [m]. They move in x, y and z by the motion
-        of the point and the deformations.
+        Nodes on the interface, such as its bolts, in the axes of the tables [m]. They move by the motion of the point
+        and the deformations.
+    contact_directions : sequence of directions
+        In which contacts move: x, y and z by default. With rx, ry and rz they turn with the material there, by half the
+        curl of the deformations.
     """
 
     at: tuple[_Length, _Length, _Length]
@@ -64,6 +67,7 @@ class PointSection(ComponentConfig):
     directions: Annotated[tuple[Direction, ...], Field(min_length=1)] = DIRECTIONS
     flexible: tuple[str, ...] = ()
     contacts: Annotated[dict[str, tuple[_Length, _Length, _Length]], Field(default_factory=dict)]
+    contact_directions: Annotated[tuple[Direction, ...], Field(min_length=1)] = DIRECTIONS[:3]
 
     @model_validator(mode="after")
     def _six_directions(self) -> PointSection:
@@ -73,9 +77,10 @@ class PointSection(ComponentConfig):
 
     @model_validator(mode="after")
     def _known_modes(self) -> PointSection:
-        ordered = tuple(each for each in DIRECTIONS if each in self.directions)
-        if self.directions != ordered:
-            raise ValueError(f"'directions' are different ones in their order; write {list(ordered)}")
+        for key, directions in (("directions", self.directions), ("contact_directions", self.contact_directions)):
+            ordered = tuple(each for each in DIRECTIONS if each in directions)
+            if directions != ordered:
+                raise ValueError(f"'{key}' are different ones in their order; write {list(ordered)}")
         for number, mode in enumerate(self.flexible):
             if mode not in FLEXIBLE_MODES or mode in self.flexible[:number]:
                 accepted = ", ".join(FLEXIBLE_MODES)
@@ -199,9 +204,9 @@ def read_interface(
         raise DovetailError(Fault(f"point '{fault.where}'", fault.problem, fault.accepted, fault.remedy)) from None
     frequency, values = read_channel_frfs(file, channels, impacts)
     joined = {name: section.contacts for name, section in points.items()}
-    return MeasuredInterface(
-        frequency, values, virtual, ContactPoints(virtual, joined) if any(joined.values()) else None
-    )
+    directions = {name: section.contact_directions for name, section in points.items()}
+    contacts = ContactPoints(virtual, joined, directions) if any(joined.values()) else None
+    return MeasuredInterface(frequency, values, virtual, contacts)
 
 
 def _around(table: ChannelTable, name: str, section: PointSection, is_only: bool) -> tuple[int, ...]:
