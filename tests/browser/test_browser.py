@@ -31,7 +31,7 @@ CHROMIUM = find_chromium()
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
 
 AXE = Path(__file__).parent / "vendor" / "axe.min.js"
-SIZES = [(390, "light"), (768, "dark"), (1440, "light"), (1440, "dark")]
+SIZES = [(390, "light"), (390, "dark"), (768, "dark"), (1440, "light"), (1440, "dark")]
 READY = "document.documentElement.dataset.ready === 'true'"
 CHART = "DovetailCharts.charts[DovetailCharts.charts.length - 1]"
 TRUE = {"k": 3e6, "c": 40.0}

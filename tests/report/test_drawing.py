@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,8 @@ from matplotlib.patches import StepPatch
 
 import dovetail
 from dovetail.report.drawing import assembly_figure, drawing_text, mode_shapes
+from dovetail.report.pages import web_text
+from dovetail.report.svg import page_figure
 
 ASSEMBLIES = Path(__file__).resolve().parents[2] / "assemblies"
 UNLIKE = ("h0", "h2_t3", "sf_h2_t1", "spindle", "t1")
@@ -198,3 +201,12 @@ def test_mode_shapes_in_space_are_the_motion_of_all_nodes_in_three_directions():
         assert by_name["arm"]["lines"] == [(0, 1)]
         assert by_name["post"]["points"][-1] == [0.0, 0.0, 150.0]
         assert np.linalg.norm(root) <= 1.0
+
+
+@pytest.mark.parametrize("file", ["bt40_er32.yaml", "spindle_bt40_er32.yaml", "campaign/sf_h2_t1.yaml"])
+def test_a_drawing_in_a_page_has_only_colours_that_the_page_has_for_light_and_dark(file):
+    drawn = str(page_figure(assembly_figure(dovetail.load(ASSEMBLIES / file)), "assembly", "Assembly"))
+    assert re.findall(r"#[0-9a-f]{3,8}\b(?=[;\"])", drawn) == []
+    styles = web_text("charts.css")
+    for name in set(re.findall(r"var\((--[\w-]+)\)", drawn)):
+        assert styles.count(f"{name}:") == 2

@@ -15,7 +15,7 @@ from dovetail.description.placed_parts import direction_text
 from dovetail.errors import DovetailError, Fault, PluginError, listing
 from dovetail.interfaces import SubstructureModel, plugin_errors
 from dovetail.plain_text import terminal_text
-from dovetail.report.figures import INK, LINES, WIDTH, figure_of, new_figure, set_title, style_axes, width_of
+from dovetail.report.figures import INK, LINES, OCHRE, WIDTH, figure_of, new_figure, set_title, style_axes, width_of
 from dovetail.report.space_drawing import lies_in_space, space_figure, space_shape
 from dovetail.synthesis import Attachment
 
@@ -30,7 +30,7 @@ _SYMBOL, _GAP, _ARROW, _BESIDE, _LINE, _CHARACTER = 0.13, 0.5, 0.32, 0.07, 0.22,
 """Inches: half a box, gap between rows, arrow, distance of force and motion, line of text, width of a character."""
 _CLOSE = 1.05
 """Largest ratio of a part's diameter to the bore around it; above 1, since tapers are drawn in steps."""
-_PARTS, _JOINT, _FORCE = (LINES[0], LINES[2], "#8a6d00", LINES[4], LINES[6]), LINES[1], LINES[3]
+_PARTS, _JOINT, _FORCE = (LINES[0], LINES[2], OCHRE, LINES[4], LINES[6]), LINES[1], LINES[3]
 
 
 @dataclass

@@ -33,6 +33,7 @@ RECONSTRUCTED = "#0b5fa5"
 """Colour of reconstructed curves."""
 LINES = ("#6373c4", "#963f02", "#175a3a", "#813c71", "#12a3bb", "#aa8d13", INK)
 """Colours of several curves, distinguishable also without red, green or blue; those of the report for light pages."""
+OCHRE = "#8a6d00"
 DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))
 """Line styles for more curves than there are colours."""
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")

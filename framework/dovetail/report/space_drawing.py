@@ -16,13 +16,13 @@ from dovetail.description.facing import has_points
 from dovetail.description.placed_parts import direction_text
 from dovetail.interfaces import DIRECTIONS, PLANAR, SubstructureModel
 from dovetail.plain_text import terminal_text
-from dovetail.report.figures import INK, LINES, MUTED, figure_of, new_figure, set_title
+from dovetail.report.figures import INK, LINES, MUTED, OCHRE, figure_of, new_figure, set_title
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_PARTS, _JOINT, _FORCE = (LINES[0], LINES[2], "#8a6d00", LINES[4], LINES[6]), LINES[1], LINES[3]
+_PARTS, _JOINT, _FORCE = (LINES[0], LINES[2], OCHRE, LINES[4], LINES[6]), LINES[1], LINES[3]
 _AZIMUTH, _ELEVATION = np.radians([-55.0, 25.0])
 _ARROW, _AXES = 0.14, 0.12
 """Length of an arrow and of the axes, over the size of the assembly."""

@@ -7,7 +7,7 @@ import re
 from typing import TYPE_CHECKING, Any
 
 from dovetail.plain_text import html_text
-from dovetail.report.figures import GRID, INK, png_bytes
+from dovetail.report.figures import AGREEMENT, GRID, INK, LINES, MEASURED, MUTED, OCHRE, RECONSTRUCTED, png_bytes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -17,6 +17,13 @@ FIGURE_SUFFIXES = (".png", ".svg", ".html")
 _REFERENCE = re.compile(r'(\bid="|url\(#|href="#)')
 _PATH = re.compile(r'\bd="[^"]*"')
 _DIGITS = re.compile(r"(\.\d\d)\d+")
+_THEMED = {
+    **{colour: f"var(--method-{number})" for number, colour in enumerate(LINES)},
+    **{GRID: "var(--grid)", MUTED: "var(--muted)", OCHRE: "var(--ochre)", AGREEMENT: "var(--agreement)"},
+    **{MEASURED: "var(--measured)", RECONSTRUCTED: "var(--model)"},
+    **{INK: "currentColor", "#000000": "currentColor", "#ffffff": "none"},
+}
+"""Colours of figures, as `web/charts.css` has them for light and for dark pages."""
 
 
 def inline_svg(figure: Figure, name: str, title: str, *, themed: bool = False) -> str:
@@ -30,7 +37,7 @@ def inline_svg(figure: Figure, name: str, title: str, *, themed: bool = False) -
     title : str
         Text for screen readers.
     themed : bool
-        Use the text colour of the page, which may be dark, and no white background.
+        Use the colours of the page, which may be dark, and no white background.
 
     Returns
     -------
@@ -52,8 +59,9 @@ def inline_svg(figure: Figure, name: str, title: str, *, themed: bool = False) -
     text = text.replace("xlink:href", "href")
     text = _REFERENCE.sub(rf"\g<1>{name}-", text)
     if themed:  # what has no colour of its own is black, and would stay so
-        text = text.replace("<svg ", '<svg fill="currentColor" ', 1).replace(GRID, "var(--grid)")
-        text = text.replace(INK, "currentColor").replace("#ffffff", "none").replace("#000000", "currentColor")
+        text = text.replace("<svg ", '<svg fill="currentColor" ', 1)
+        for colour, themed_colour in _THEMED.items():
+            text = text.replace(colour, themed_colour)
     return _PATH.sub(lambda path: _DIGITS.sub(r"\1", path[0]), text)
 
 
