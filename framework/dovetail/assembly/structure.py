@@ -279,8 +279,8 @@ class ResponsePairs:
         """
         if self.weights is None:
             return values
-        sums = np.moveaxis(np.tensordot(values, self.weights, axes=(1, 1)), -1, 1)
-        return np.asarray(sums * factors.reshape(*factors.shape, *[1] * (values.ndim - 3)))
+        sums = factors * (self.weights @ np.moveaxis(values, (1, 2), (-2, -1)))
+        return np.moveaxis(sums, (-2, -1), (1, 2))
 
 
 class PointReceptances:
