@@ -30,17 +30,23 @@ def test_no_two_test_modules_have_the_same_name():
     assert [name for name, count in Counter(file.name for file in FILES).items() if count > 1] == []
 
 
-@pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
-def test_shared_code_of_tests_is_imported_from_support(file):
-    text = file.read_text(encoding="utf-8")
-    imported = {node.module for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ImportFrom)}
-    assert imported & SHARED == set()
-    assert re.findall(r"sys\.path\.(?:insert|append)\(", text) == []
+@pytest.fixture(scope="module")
+def texts() -> dict[str, str]:
+    """Every test module by its name."""
+    return {file.name: file.read_text(encoding="utf-8") for file in FILES}
 
 
-@pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
-def test_no_test_fails_because_the_machine_stood_still(file):
+def test_shared_code_of_tests_is_imported_from_support(texts):
+    def imported(text: str) -> set[str | None]:
+        return {node.module for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ImportFrom)}
+
+    assert {name: shared for name, text in texts.items() if (shared := imported(text) & SHARED)} == {}
+    assert [name for name, text in texts.items() if re.search(r"sys\.path\.(?:insert|append)\(", text)] == []
+
+
+def test_no_test_fails_because_the_machine_stood_still(texts):
     """A wait is given up after minutes only; no clock that goes on meanwhile is compared with a number of seconds."""
-    text = file.read_text(encoding="utf-8")
-    assert [limit for limit in re.findall(r"\btimeout=([\d.]+)", text) if float(limit) < PATIENCE] == []
-    assert re.findall(r"assert .*(?:monotonic|perf_counter|time\.time)\(\).*<=? *[\d.]+", text) == []
+    limits = [(name, limit) for name, text in texts.items() for limit in re.findall(r"\btimeout=([\d.]+)", text)]
+    assert [(name, limit) for name, limit in limits if float(limit) < PATIENCE] == []
+    clock = re.compile(r"assert .*(?:monotonic|perf_counter|time\.time)\(\).*<=? *[\d.]+")
+    assert {name: found for name, text in texts.items() if (found := clock.findall(text))} == {}

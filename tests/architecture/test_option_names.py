@@ -5,7 +5,7 @@ import re
 
 import pytest
 import typer
-from house import ROOT, module_name, source_files
+from house import ROOT, source_files
 
 from dovetail.cli.app import app
 from dovetail.cli.option_names import with_options
@@ -64,8 +64,12 @@ def is_command_line(file, tree):
     return "cli" in file.relative_to(ROOT).parts or "typer" in imported
 
 
-@pytest.mark.parametrize("file", source_files(), ids=module_name)
-def test_the_library_names_no_option_of_the_command_line(file):
-    tree = ast.parse(file.read_text(encoding="utf-8"))
-    named = [node.lineno for node in strings(tree) if re.search(r"(^|[\s'\"`])--[a-z]", node.value)]
-    assert is_command_line(file, tree) or named == []
+def test_the_library_names_no_option_of_the_command_line():
+    trees = {file: ast.parse(file.read_text(encoding="utf-8")) for file in source_files()}
+    assert [
+        f"{file.relative_to(ROOT)}:{node.lineno}"
+        for file, tree in trees.items()
+        if not is_command_line(file, tree)
+        for node in strings(tree)
+        if re.search(r"(^|[\s'\"`])--[a-z]", node.value)
+    ] == []

@@ -40,6 +40,13 @@ def load(name: str) -> dovetail.Assembly:
     return dovetail.load(FOLDER / name)
 
 
+def load_with_parameters(name: str) -> dovetail.Assembly:
+    assembly = load(name)
+    if not assembly.parameters:
+        pytest.skip("it has no parameters")
+    return assembly
+
+
 def one_of_each(suits: Callable[[str], object] = bool) -> list[object]:
     """The assemblies that suit; of those that differ in the tool or the training alone, all but the first are slow."""
     seen, chosen = set[str](), list[object]()
@@ -150,16 +157,18 @@ def test_some_vectors_equal_the_direct_solve_with_resonances_and_dips(name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in shipped() if load(name).graph.size > LARGE])
+@pytest.mark.parametrize("name", shipped())
 def test_frfs_of_a_hundred_vectors_of_large_assemblies_are_exact(name):
     assembly, generator = load(name), np.random.default_rng(1)
+    if assembly.graph.size <= LARGE:
+        pytest.skip("it is not large")
     theta = latin_hypercube(assembly, 100, seed=11)
     assert largest_error(assembly, theta, lambda vector, found: spread(found, generator, lines=3, extremes=4)) < 1e-8
 
 
-@pytest.mark.parametrize("name", one_of_each(lambda name: load(name).parameters))
+@pytest.mark.parametrize("name", one_of_each())
 def test_interpolated_frfs_equal_the_direct_solve_as_well(name):
-    assembly, generator = load(name).interpolated(1e-9), np.random.default_rng(2)
+    assembly, generator = load_with_parameters(name).interpolated(1e-9), np.random.default_rng(2)
     theta = samples(assembly, SOME, seed=17)
     assert largest_error(assembly, theta, lambda vector, found: spread(found, generator, lines=40)) < 1e-8
 
@@ -227,10 +236,12 @@ def literal_exists(assembly) -> bool:
     return bool(internal) and graph.size == whole + internal
 
 
-@pytest.mark.parametrize("name", one_of_each(lambda name: literal_exists(load(name))))
+@pytest.mark.parametrize("name", one_of_each())
 def test_the_literal_method_gives_the_same_for_twenty_vectors(name):
     """To 1e-6 only: the literal method inverts receptances, which costs it the digits."""
     assembly = load(name)
+    if not literal_exists(assembly):
+        pytest.skip("the published equations do not take its joints")
     lines = np.linspace(0, len(assembly.frequency) - 1, 250).astype(int)
     literal = LiteralSynthesis(assembly.graph, assembly.frequency[lines], *assembly.description.response.point)
     theta = samples(assembly, 20, seed=15)
@@ -248,13 +259,13 @@ def differences(assembly, theta, column, relative_step) -> np.ndarray:
     return weights @ (ahead - behind) / step[column]
 
 
-@pytest.mark.parametrize("name", one_of_each(lambda name: load(name).parameters))
+@pytest.mark.parametrize("name", one_of_each())
 def test_the_jacobian_equals_central_differences(name):
     """The best of several steps: a small one loses digits where a parameter hardly matters, a large one elsewhere.
 
     A damper may matter so little that only steps beyond its own value, to negative ones too, rise above the rounding.
     """
-    assembly = load(name)
+    assembly = load_with_parameters(name)
     for theta in samples(assembly, 2, seed=16):
         frf, jacobian = assembly.frf_jacobian(theta)
         np.testing.assert_allclose(frf, assembly.frf(theta), rtol=1e-8)
