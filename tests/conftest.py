@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import itertools
 import json
 import os
@@ -66,6 +67,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         for case in cases_left_out(cases):
             case.add_marker(pytest.mark.slow)
     items.sort(key=lambda item: item.path.parent.name in LAST)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_finish() -> None:
+    """Leave the collected tests out of garbage collections, each of which would go through all of them again."""
+    gc.collect()
+    gc.freeze()
 
 
 def cases_left_out(cases: list[pytest.Function]) -> list[pytest.Function]:

@@ -5,7 +5,7 @@ import re
 
 import pytest
 import typer
-from house import ROOT, source_files
+from house import ROOT, parsed, source_files
 
 from dovetail.cli.app import app
 from dovetail.cli.option_names import with_options
@@ -37,7 +37,7 @@ def test_an_argument_becomes_the_option_that_sets_it(message, printed):
 def arguments_in_messages():
     """Return the arguments that strings of the library name, as they are in the source, and where."""
     for file in source_files():
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        for node in ast.walk(parsed(file)):
             if isinstance(node, ast.Constant) and isinstance(node.value, str) and "\n" not in node.value:
                 yield from ((text, f"{file.relative_to(ROOT)}:{node.lineno}") for text in WRITTEN.findall(node.value))
             elif isinstance(node, ast.Call) and getattr(node.func, "id", "") == "argument":
@@ -65,7 +65,7 @@ def is_command_line(file, tree):
 
 
 def test_the_library_names_no_option_of_the_command_line():
-    trees = {file: ast.parse(file.read_text(encoding="utf-8")) for file in source_files()}
+    trees = {file: parsed(file) for file in source_files()}
     assert [
         f"{file.relative_to(ROOT)}:{node.lineno}"
         for file, tree in trees.items()
