@@ -34,6 +34,7 @@ exclude_patterns = [
 
 highlight_language = "none"
 html_theme = "furo"
+html_domain_indices = False
 html_title = f"Dovetail {release}"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]

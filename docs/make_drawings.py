@@ -342,7 +342,7 @@ def draw_beam(beam: TimoshenkoBeam | SpatialBeam) -> Sheet:
         sheet.text(x, middle + 78, node.label, "name")
         sheet.text(x, middle + 93, f"{1e3 * node.position:g} mm", "small")
         sheet.text(x, middle + 108, _numbers(beam, index).removeprefix("DOFs "), "small")
-    sheet.text(ends[0] - 14, middle + 108, "DOFs", "small", "end")
+    sheet.text(ends[0] - 24, middle + 108, "DOFs", "small", "end")
     sheet.text((ends[0] + ends[3]) / 2, 44, "sections.0: outer, inner", "")
     sheet.text((ends[3] + ends[6]) / 2, 44, "sections.1: outer to outer_end", "")
     if in_space:
@@ -358,7 +358,7 @@ def draw_rigid_body(body: RigidBody) -> Sheet:
     sheet.path("a", "M170 70C200 30 420 30 470 84S490 214 320 208S140 130 170 70Z")
     sheet.add('<circle class="open" cx="320" cy="112" r="6"/>')
     sheet.text(320, 100, "center: mass, inertia, products", "small")
-    for number, (node, (x, y)) in enumerate(zip(body.nodes, ((200, 90), (430, 80), (410, 170)), strict=True)):
+    for number, (node, (x, y)) in enumerate(zip(body.nodes, ((200, 90), (430, 80), (400, 150)), strict=True)):
         sheet.path("hatch", f"M200 90L{x} {y}")
         sheet.node(x, y)
         sheet.text(x, y + 18, node.label, "name")
@@ -398,7 +398,7 @@ def draw_ground(ground: Ground) -> Sheet:
 def draw_matrices() -> Sheet:
     """Draw a mesh of which two nodes can be reached."""
     sheet = Sheet(
-        560, 228, "Imported matrices: a mesh; the nodes of the table can be reached, all other DOFs are inner ones."
+        620, 228, "Imported matrices: a mesh; the nodes of the table can be reached, all other DOFs are inner ones."
     )
     sheet.path("a", "M150 60L250 36L400 52L520 96L500 176L380 204L230 196L140 150Z")
     inner = [
@@ -437,8 +437,8 @@ def draw_matrices() -> Sheet:
     for x, y, link, words in ((145, 105, 0, "node 17"), (512, 136, 3, "node 1042")):
         sheet.path("hatch", f"M{x} {y}L{inner[link][0]} {inner[link][1]}")
         sheet.node(x, y)
-        sheet.text(x + (0 if x < 300 else -10), y - 12, words, "name", "middle" if x < 300 else "end")
-    sheet.directions(46, 130)
+        sheet.text(x + (-10 if x < 300 else 10), y + 4, words, "name", "end" if x < 300 else "start")
+    sheet.directions(46, 200)
     return sheet
 
 

@@ -1,12 +1,16 @@
 "use strict";
-/* Columns of tables are wide enough for a few words; a table that is then too wide scrolls. */
+/* Columns of tables are wide enough for a few words, the widest for up to half a line; what is too wide then scrolls. */
 addEventListener("DOMContentLoaded", () => {
-  const enough = 10 * parseFloat(getComputedStyle(document.documentElement).fontSize);
+  const enough = 8 * parseFloat(getComputedStyle(document.documentElement).fontSize);
   for (const table of document.querySelectorAll("article .table-wrapper table")) {
     table.style.whiteSpace = "nowrap";
     const widths = [...table.rows[0].cells].map((cell) => cell.offsetWidth);
+    const widest = widths.indexOf(Math.max(...widths));
+    const more = Math.max(enough, Math.min(2 * enough, table.parentElement.clientWidth / 2));
     table.style.whiteSpace = "";
-    widths.forEach((width, k) => { table.rows[0].cells[k].style.minWidth = `${Math.min(width, enough)}px`; });
+    widths.forEach((width, k) => {
+      table.rows[0].cells[k].style.minWidth = `${Math.min(width, k === widest ? more : enough)}px`;
+    });
   }
 });
 /* What scrolls can be reached with the keyboard. */
