@@ -53,7 +53,7 @@ def test_a_larger_noise_makes_the_next_test_reveal_less():
 def test_a_value_that_scatters_is_revealed_less_than_a_shared_one():
     truths = [{"k": 1e6, "c": 20.0}] * 3
     roles = SHARED, {"k": Role("varying"), "c": Role("shared")}
-    shared, varying = (plan_next_test(identified(truths, each, 800), samples=800).tests[0] for each in roles)
+    shared, varying = (plan_next_test(identified(truths, each, 400), samples=400).tests[0] for each in roles)
     assert {*varying.narrowing} == {"k", "k.scatter", "c"}
     assert varying.remaining["k"] > 1.1 * shared.remaining["k"]
     assert varying.narrowing["c"] == pytest.approx(shared.narrowing["c"], abs=0.05)

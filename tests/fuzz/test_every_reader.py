@@ -248,7 +248,7 @@ def peak_megabytes() -> float:
 
 @pytest.mark.parametrize("name", READERS)
 def test_altered_files(name: str, corpus: dict[str, bytes], tmp_path: Path) -> None:
-    fuzz(name, corpus, tmp_path / name, {"a.yaml": 20, **dict.fromkeys(GUARDED, 25)}.get(name, 80))
+    fuzz(name, corpus, tmp_path / name, {"a.yaml": 20, **dict.fromkeys(GUARDED, 25)}.get(name, 40))
 
 
 @pytest.mark.parametrize("name", strict_readers.READERS)
