@@ -6,12 +6,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from numbers import Integral
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.errors import Fault, ParameterError, did_you_mean, listing
+from dovetail.errors import Fault, ParameterError, listing
 from dovetail.inference.posterior.evidence import Evidence
 from dovetail.inference.posterior.likelihood import PRIOR_PRECISION, normal_from_unit, unit_from_normal
 from dovetail.inference.posterior.model_error import ModelError
@@ -42,16 +42,13 @@ _FEWEST_SAMPLES = 20  # of fewer, the ends of an interval would be the outermost
 Form: TypeAlias = Literal["samples", "laplace"]
 
 
-def check_options(samples: int, form: str = "samples") -> None:
-    """Make sure that the form of a posterior is one, and the number of its samples an integer that is large enough.
+def check_options(samples: int) -> None:
+    """Make sure that the number of a posterior's samples is an integer that is large enough.
 
     Raises
     ------
     ParameterError
     """
-    if form not in get_args(Form):
-        problem = f"'{form}' is not a form of the posterior."
-        raise ParameterError(Fault("form", problem, listing(get_args(Form)), did_you_mean(form, get_args(Form))))
     if not (isinstance(samples, Integral) and samples >= _FEWEST_SAMPLES):
         problem = f"{samples!r:.40} samples were asked for."
         raise ParameterError(Fault("samples", problem, f"{_FEWEST_SAMPLES} or more, for an interval of 90 %"))
