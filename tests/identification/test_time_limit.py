@@ -89,7 +89,7 @@ def limited(identify, steps=4):
 
 
 def test_the_default_method_reports_what_it_left_out_at_every_stage(sdof, measured):
-    left_out = limited(lambda limit: dovetail.identify(sdof, measured, seconds=limit, samples=SAMPLES))
+    left_out = limited(lambda limit: dovetail.identify(sdof, measured, seconds=limit, samples=SAMPLES), steps=12)
     assert any("samples" in text for texts in left_out for text in texts)
 
 

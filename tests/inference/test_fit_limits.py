@@ -16,7 +16,7 @@ from dovetail.inference.fitting.refinement import _Refinement
 from dovetail.interfaces import FitOptions, silent
 from dovetail.problem import Problem
 from dovetail.problem.definition import bounds_reached
-from dovetail.problem.least_squares import Linearisation, SumOfSquares, minimise
+from dovetail.problem.least_squares import Linearisation, Minima, SumOfSquares, minimise
 from dovetail.problem.observations import Observations
 from dovetail.problem.random_error import estimated_variance, isolated_lines, known_variance
 from dovetail.problem.residuals import LogAmplitude, Weighted
@@ -112,8 +112,13 @@ def test_a_fit_has_every_measure_of_its_quality(sdof):
 
 
 def test_searches_agree_within_a_thousandth_or_one_of_the_sum_of_squares():
-    assert count_agreeing(np.array([5000.0, 5005.5, 5006.5])) == 2
-    assert count_agreeing(np.array([1.0, 1.9, 2.1])) == 2
+    def agreeing(*costs, searches=(1, 1, 1)):
+        unused = np.zeros(3)
+        return count_agreeing(Minima(unused, np.array(costs), unused, unused, np.array(searches)))
+
+    assert agreeing(5000.0, 5005.5, 5006.5) == 2
+    assert agreeing(1.0, 1.9, 2.1) == 2
+    assert agreeing(1.0, 1.9, 2.1, searches=(3, 2, 5)) == 5  # each stands for several
 
 
 class Slope(SumOfSquares):

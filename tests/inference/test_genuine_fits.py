@@ -12,6 +12,7 @@ import yaml
 import dovetail
 from dovetail.inference.fitting import refine
 from dovetail.inference.fitting.search_lines import SearchLines, Smoothed
+from dovetail.inference.fitting.searches import Starts
 from dovetail.inference.fitting.whiteness import assess_runs, has_size_of_noise, is_white
 from dovetail.problem import Problem
 from dovetail.problem.least_squares import Linearisation, SumOfSquares, minimise
@@ -73,19 +74,17 @@ def test_large_residuals_of_either_sign_are_not_taken_for_noise():
     assert not is_white(np.concatenate([residuals, np.random.default_rng(0).standard_normal((40, 2))]))
 
 
-@pytest.mark.parametrize(("error", "starts"), [("ripple", 4 + 2 * 9 + 4), ("resonance", 4 + 4 * 9 + 2)])
-def test_a_misfit_is_reported_after_three_batches_or_five_if_a_resonance_is_missing(sdof, error, starts):
-    """Each batch has eight random starts, and here one place along one of the two parameters next to them.
-
-    Low points of the two profiles are tried once, in the second batch: four or two.
-    """
+@pytest.mark.parametrize(("error", "batches"), [("ripple", 3), ("resonance", 5)])
+def test_a_misfit_is_reported_after_three_batches_or_five_if_a_resonance_is_missing(sdof, monkeypatch, error, batches):
     frequency, frf = sdof.frequency, noisy(sdof, sdof.frf(), 1e-3, 1)
     ripple = 0.05 * frf.values * np.sin(frequency / 3.0)
     more = ripple if error == "ripple" else 3e-3 * frf.amplitude.max() * resonances(frequency, 300.0, loss=0.01)
+    made, similar = [], Starts.similar
+    monkeypatch.setattr(Starts, "similar", lambda *given: made.append(similar(*given)) or made[-1])
     fit = refine(Problem.of(sdof, replace(frf, values=frf.values + more)))
     assert fit.discrepancy > 0.01
-    assert fit.agreeing >= 6
-    assert fit.starts == starts
+    assert len(made) == batches
+    assert fit.agreeing > fit.starts / 2
 
 
 def test_smoothed_noise_is_as_large_as_before_and_no_line_counts_twice_where_lines_are_far_apart():

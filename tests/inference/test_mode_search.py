@@ -14,9 +14,8 @@ def places(cost, position=None):
     """Searches at 0, 1, 2 ... of one coordinate, ten standard deviations apart, or elsewhere."""
     position = np.arange(len(cost)) if position is None else position
     many = len(cost)
-    return Minima(
-        np.array(position, dtype=float)[:, np.newaxis], np.array(cost), np.full((many, 1, 1), 100.0), np.ones(many)
-    )
+    at, ones = np.array(position, dtype=float)[:, np.newaxis], np.ones(many)
+    return Minima(at, np.array(cost), np.full((many, 1, 1), 100.0), ones, ones)
 
 
 def ended(course, worth, steps_left, position=None):

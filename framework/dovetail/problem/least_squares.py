@@ -16,8 +16,7 @@ _TINY = np.finfo(float).tiny
 _INSIDE = 1e-10
 """Smallest distance of a start from the faces of the cube."""
 _AT_BOUND = 1e-5
-"""Distance from a face of the cube within which a search that is driven towards the face is moved onto it; the method
-itself keeps all positions inside."""
+"""Distance from a face of the cube within which a search that is driven towards the face is moved onto it."""
 _NEAREST = 0.995
 """Largest part of the way to a face that a coordinate goes in one step."""
 _SINGULAR = 1e-14
@@ -108,17 +107,19 @@ class Minima:
     position : (n, p) array
         In the unit cube.
     cost : (n,) array
-        Sums of squares.
     curvature : (n, p, p) array
-        J^T J there.
+        Sums of squares, and J^T J there.
     steps : (n,) array
         Number of times that the derivatives were computed.
+    searches : (n,) array
+        How many searches ended there: more than 1 if a minimum stands for several.
     """
 
     position: NDArray[np.float64]
     cost: NDArray[np.float64]
     curvature: NDArray[np.float64]
     steps: NDArray[np.int64]
+    searches: NDArray[np.int64]
 
     @staticmethod
     def joined(minima: Sequence[Minima]) -> Minima:
@@ -130,8 +131,11 @@ class Minima:
     def ranked(*minima: Minima) -> Minima:
         """Merge several sets of minima, the lowest first."""
         together = Minima.joined(minima)
-        order = np.argsort(together.cost, kind="stable")
-        return Minima(*(getattr(together, entry.name)[order] for entry in fields(Minima)))
+        return together.at(np.argsort(together.cost, kind="stable"))
+
+    def at(self, rows: NDArray[np.intp] | slice) -> Minima:
+        """Return some of the minima."""
+        return Minima(*(getattr(self, entry.name)[rows] for entry in fields(Minima)))
 
 
 def minimise(
@@ -140,9 +144,7 @@ def minimise(
     *,
     tolerance: float,
     most_steps: int,
-    superfluous: Callable[[Minima, int], NDArray[np.bool_]] = lambda places, _: np.zeros(
-        len(places.cost), dtype=np.bool_
-    ),
+    superfluous: Callable[[Minima, int], NDArray[np.bool_]] = lambda places, _: np.zeros(len(places.cost), np.bool_),
     callback: Callable[[], None] = lambda: None,
 ) -> Minima:
     """Minimise sums of squares from several starts, which advance together, by a trust-region interior method.
@@ -153,8 +155,7 @@ def minimise(
     start : (n, p) array
         Points outside the unit cube are moved into it.
     tolerance : float
-        Decrease of the sum of m squares in one step that ends a search, if the sum is about m, as for noise; for other
-        sums in proportion.
+        Decrease of the sum of m squares in one step that ends a search, in proportion to the sum over m.
     most_steps : int
     superfluous : callable
         Called after each step with where all searches are and how many steps are left; returns which of them end.
@@ -167,9 +168,8 @@ def minimise(
     In coordinates that are scaled by the curvature and, near a face, by the distance from it, a step minimises the
     Gauss-Newton model within a sphere. The sphere grows where the model predicts the sum of squares well, and shrinks
     where it does not. No coordinate reaches a face in a step. This is the method of `scipy.optimize.least_squares`
-    without reflections at the faces, for many starts and by the normal equations.
-    In addition, steps follow the curvature of the residuals (geodesic acceleration): the valleys of badly determined
-    parameters are long and bent, and a third of the steps or fewer reach their ends.
+    without reflections at the faces, for many starts and by the normal equations. Steps also follow the curvature of
+    the residuals (geodesic acceleration): the valleys of badly determined parameters are long and bent.
 
     References
     ----------
@@ -280,7 +280,7 @@ class _Searches:
     @property
     def minima(self) -> Minima:
         """Where the searches are."""
-        return Minima(self._position, self._cost, self._curvature, self._steps)
+        return Minima(self._position, self._cost, self._curvature, self._steps, np.ones_like(self._steps))
 
     def _bend(self, position: NDArray[np.float64], step: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return J^T r'' (k, p) for the second derivatives r'' of the residuals along steps (k, p)."""

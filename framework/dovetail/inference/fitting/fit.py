@@ -242,13 +242,13 @@ def multistart(
         if limit.is_over:
             limit.leave_out(f"{starts - number} of {starts} searches")
             break
-    costs = np.array([minimum.cost[0] for minimum in minima])
+    ends = Minima.ranked(*minima)
     return fit_at(
         problem,
-        minima[int(np.argmin(costs))].position[0],
-        starts=len(costs),
-        agreeing=count_agreeing(costs),
-        steps=sum(int(minimum.steps[0]) for minimum in minima),
+        ends.position[0],
+        starts=len(minima),
+        agreeing=count_agreeing(ends),
+        steps=int(ends.steps.sum()),
         seconds=time.monotonic() - began,
     )
 
@@ -267,9 +267,9 @@ def _mean_of_response(target: Observations, variance: NDArray[np.float64]) -> ND
     return np.concatenate([np.full_like(values, values.mean()) for values in target.split(variance)])
 
 
-def count_agreeing(costs: NDArray[np.float64]) -> int:
-    """Return how many searches ended in the best minimum, from their sums of squares."""
-    return int(np.count_nonzero(costs <= highest_agreeing(costs.min())))
+def count_agreeing(minima: Minima) -> int:
+    """Return how many searches ended in the best minimum, by the sums of squares."""
+    return int(minima.searches[minima.cost <= highest_agreeing(minima.cost.min())].sum())
 
 
 def highest_agreeing(cost: float) -> float:

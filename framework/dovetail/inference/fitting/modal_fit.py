@@ -64,7 +64,7 @@ def fit_to_modes(
         problem,
         minima.position[0],
         starts=len(points),
-        agreeing=count_agreeing(ends.cost),
+        agreeing=count_agreeing(ends),
         steps=int(ends.steps.sum() + minima.steps.sum()),
         seconds=time.monotonic() - began,
     )

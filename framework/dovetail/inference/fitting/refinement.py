@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from dovetail.inference.fitting.fit import SEARCH_SHARE, UNFINISHED, Fit, Pace, count_agreeing, highest_agreeing
 from dovetail.inference.fitting.modal_fit import fit_to_modes
 from dovetail.inference.fitting.search_lines import SearchLines, with_best_delays
+from dovetail.inference.fitting.searches import Similar, Starts, different
 from dovetail.inference.fitting.whiteness import NOISE_ALARM, has_size_of_noise, is_of_few_lines, is_white
 from dovetail.interfaces import FIT_OPTIONS, FitOptions, Progress, logged, silent
 from dovetail.problem import Problem
-from dovetail.problem.definition import WithPrior, bounds_reached, fractions_within, latin_hypercube
+from dovetail.problem.definition import WithPrior, bounds_reached, fractions_within
 from dovetail.problem.least_squares import Minima, minimise
 from dovetail.problem.modal_observations import ModalProblem
-from dovetail.problem.profiles import cuts, profiles
+from dovetail.problem.profiles import profiles
 from dovetail.problem.residuals import FrfResiduals
 
 
@@ -26,17 +27,6 @@ from dovetail.problem.residuals import FrfResiduals
 class Settings:
     """Tuning constants of the refinement."""
 
-    candidates: int = 1024
-    """Random points from which the first starts are chosen. Computing their FRFs takes less time than a few steps of a
-    search, and 86 % of the searches from the most similar FRFs end in the right minimum; from random points 51 %."""
-    more_candidates: int = 4096
-    """Random points for each further batch."""
-    more_starts: int = 8
-    """Starts from random points in each further batch."""
-    along_axes: int = 4
-    """Starts in each further batch that differ from the best minimum so far in one parameter."""
-    grid_points: int = 128
-    """Points along the range of each parameter among which these starts are found."""
     doubtful: float = 0.01
     """Probability of so large a sum of squares under noise below which another batch follows nevertheless."""
     profiled_batch: int = 2
@@ -51,8 +41,8 @@ class Settings:
     """Searches of the first batch whose minima are fitted first: those with the most similar FRFs."""
     carried: int = 4
     """Searches of each further batch whose minima are fitted."""
-    enough_agreeing: int = 6
-    """Searches that must end in the same minimum before it counts as the best one, where the model does not fit."""
+    same: float = 15.0
+    """Standard deviations, by the curvature, within which two searches have ended in the same minimum."""
     least_batches: int = 3
     """Smallest number of batches before the model is taken not to fit."""
     fit_lines: int = 1500
@@ -72,6 +62,12 @@ class Settings:
 
 
 _SETTINGS = Settings()
+
+_FIRST = Similar(candidates=1024, generations=30, random=2, evolved=1)
+"""Starts of the first batch, besides the middle of the ranges: more random ones if more are asked for. Of the searches
+from the best of 1024 random points 86 % end in the right minimum; of those from any, 51 %."""
+_FURTHER = Similar(candidates=4096, generations=100, random=8, evolved=4)
+"""Starts of each further batch, besides those along the axes."""
 
 
 def refine(
@@ -127,7 +123,7 @@ class _Refinement:
     def __init__(self, problem: Problem, options: FitOptions, seed: int, progress: Progress) -> None:
         target = problem.observations
         self._problem, self._target, self._options = problem, target, options
-        self._candidates, self._random = np.random.default_rng(seed).spawn(1)[0], np.random.default_rng([seed, 1])
+        self._from = Starts(len(problem.parameters), seed)
         self._variance = target.variance()
         self._model_variance = np.zeros_like(self._variance)
         self._used = np.ones(len(target.frequency), dtype=np.bool_)
@@ -151,12 +147,14 @@ class _Refinement:
     def run(self, starts: Sequence[NDArray[np.float64]]) -> Fit:
         began = time.perf_counter()
         ends = self._searched(self._first_batch(starts))
-        minima = self._compared(ends[: _SETTINGS.first_carried])
-        best, others = self._reweighted(self._fitted(minima.position[:1])), ends[_SETTINGS.first_carried :]
+        minima = self._compared(ends.at(slice(_SETTINGS.first_carried)))
+        best = self._reweighted(self._fitted(minima.position[:1]))
+        others = ends.at(slice(_SETTINGS.first_carried, None))
         if self._is_doubtful(best):
             minima, best = self._search_further(self._extended(minima, others))
-            others = ends[:0]
-        if not (starts or self._is_doubtful(best)):
+            others = ends.at(slice(0))
+        agree = count_agreeing(minima) >= _SETTINGS.first_carried
+        if not (starts or agree or self._is_doubtful(best) or self._has_no_time()):
             minima, best = self._confirmed(minima, best, others)
         chi_squared = float(np.sum(self._residuals(best) ** 2)) / self._freedom
         discrepancy = background = 0.0
@@ -178,24 +176,17 @@ class _Refinement:
             used=self._used,
             at_bounds=bounds_reached(self._problem.parameters, best.position[0]),
             starts=self._starts,
-            agreeing=count_agreeing(minima.cost),
+            agreeing=count_agreeing(minima),
             steps=self._steps,
             seconds=time.perf_counter() - began,
         )
 
-    def _confirmed(self, minima: Minima, best: Minima, others: NDArray[np.float64]) -> tuple[Minima, Minima]:
-        """Search for a better fit than one that reaches the noise, which a wrong minimum can do as well.
-
-        Searches from points that differ in one parameter come first. Unless most agree, the ends of earlier searches
-        that were not fitted follow, and searches from similar FRFs.
-        """
-        here = self._compared(best.position)  # the weights may have changed
-        along = self._along_axes(best.position[0])
-        ends = self._searched(along) if len(along) else along
-        minima = self._extended(here, np.concatenate([minima.position[1:], ends]))
-        if count_agreeing(minima.cost) <= len(minima.cost) / 2.0 and not self._has_no_time():
-            similar = self._most_similar(_SETTINGS.more_starts, _SETTINGS.more_candidates)
-            minima = self._extended(minima, np.concatenate([others, self._searched(similar)[: _SETTINGS.carried]]))
+    def _confirmed(self, minima: Minima, best: Minima, others: Minima) -> tuple[Minima, Minima]:
+        """Search for a better fit than one that reaches the noise, which a wrong minimum can do as well."""
+        here = self._compared(replace(minima.at(slice(1)), position=best.position))  # the weights may have changed
+        ends = self._searched(self._further_starts(best))
+        earlier = Minima.joined([minima.at(slice(1, None)), others])
+        minima = self._extended(here, Minima.joined([earlier, ends.at(slice(_SETTINGS.carried))]))
         if here.cost[0] <= highest_agreeing(minima.cost[0]):
             return minima, best
         return minima, self._reweighted(self._fitted(minima.position[:1]))
@@ -207,7 +198,7 @@ class _Refinement:
         """
         profiled = np.inf
         for batch in range(1, self._options.batches + 2):
-            minima = self._compared(minima.position)  # the weights have changed
+            minima = self._compared(minima)  # the weights have changed
             best = self._reweighted(self._fitted(minima.position[:1]))
             if not self._is_doubtful(best):
                 break
@@ -215,14 +206,12 @@ class _Refinement:
             first_profiled, last = (1, 1) if passes else (_SETTINGS.profiled_batch, self._options.batches)
             if batch > last or self._has_no_time():
                 break
-            enough = batch >= _SETTINGS.least_batches and count_agreeing(minima.cost) >= _SETTINGS.enough_agreeing
+            enough = batch >= _SETTINGS.least_batches and self._most_agree(minima)
             if enough and not self._lines.missed_resonances(self._variance, self._values(best)).size:
                 break
-            along = self._along_axes(best.position[0])
-            similar = self._most_similar(_SETTINGS.more_starts, _SETTINGS.more_candidates)
-            self._expected = self._searches + len(along) + len(similar) + _SETTINGS.carried + len(minima.cost) + 1
-            ends = self._searched(np.concatenate([along, similar]))
-            minima = self._extended(minima, ends[: _SETTINGS.carried])
+            starts = self._further_starts(best)
+            self._expected = self._searches + len(starts) + _SETTINGS.carried + len(minima.cost) + 1
+            minima = self._extended(minima, self._searched(starts).at(slice(_SETTINGS.carried)))
             if batch >= first_profiled and profiled > highest_agreeing(minima.cost[0]):
                 profiled = minima.cost[0]
                 minima = self._with_profiles(minima)
@@ -239,25 +228,18 @@ class _Refinement:
         if starts:
             return fractions_within(self._problem.parameters, np.array(starts))
         middle = np.full((1, len(self._problem.parameters)), 0.5)
-        return np.concatenate([middle, self._most_similar(self._options.first_starts - 1, _SETTINGS.candidates)])
+        others = self._options.first_starts - 1
+        wanted = replace(_FIRST, random=max(0, others - _FIRST.evolved))
+        return np.concatenate([middle, self._similar(wanted)[:others]])
 
-    def _most_similar(self, count: int, candidates: int) -> NDArray[np.float64]:
-        """Return the points whose FRFs are most similar to the measured ones, among many random ones."""
-        points = latin_hypercube(candidates, len(self._problem.parameters), self._candidates)
-        squares = np.sum(self._on_fewest.logarithms(self._variance[self._lines.fewest]).residuals(points) ** 2, axis=1)
-        return np.asarray(points[np.argsort(squares, kind="stable")[:count]])
+    def _further_starts(self, best: Minima) -> NDArray[np.float64]:
+        """Return the starts of a further batch, along the axes through the best minimum and at similar FRFs."""
+        along = self._from.along_axes(self._search, best.position[0])
+        return np.concatenate([along, self._similar(_FURTHER)])
 
-    def _along_axes(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return points that differ from a minimum in one parameter only, at the minima along that parameter.
-
-        Where two resonances are close together, the valley of the right minimum is narrow, but in a wrong minimum most
-        parameters are right already. Each call uses another grid, so that repetitions find other points nearby.
-        """
-        return cuts(self._search, position, self._grid()).low_points(position, _SETTINGS.along_axes)
-
-    def _grid(self) -> NDArray[np.float64]:
-        """Return evenly spaced values along a range, with a random offset."""
-        return (np.arange(_SETTINGS.grid_points) + self._random.random()) / _SETTINGS.grid_points
+    def _similar(self, wanted: Similar) -> NDArray[np.float64]:
+        """Return points with FRFs like the measured ones, by logarithms of amplitudes on the fewest lines."""
+        return self._from.similar(self._on_fewest.logarithms(self._variance[self._lines.fewest]), wanted)
 
     def _with_profiles(self, minima: Minima) -> Minima:
         """Add the best minimum along profiles through the best one so far.
@@ -269,59 +251,68 @@ class _Refinement:
         residual = self._target.weighted(self._variance, self._used).at(self._few)
         smoothed = (self._lines.smoothed(residual, width) for width in _SETTINGS.widths)
         problems = [self._on_few.residuals(each) for each in smoothed]
-        position = minima.position[0]
-        self._expected = self._searches + _SETTINGS.grid_points + len(problems) * _SETTINGS.along_profiles
-        along = profiles(problems[0], position, self._grid(), _SETTINGS.profile_steps, self._report_search)
+        position, grid = minima.position[0], self._from.grid()
+        self._expected = self._searches + len(grid) + len(problems) * _SETTINGS.along_profiles
+        along = profiles(problems[0], position, grid, _SETTINGS.profile_steps, self._report_search)
         self._steps += along.steps
         if self._problem.limit.is_over:
             self._problem.limit.leave_out("searches along single parameters for a better fit")
             return minima
-        ends = along.low_points(position, _SETTINGS.along_profiles)
-        if not len(ends):
+        points = along.low_points(position, _SETTINGS.along_profiles)
+        if not len(points):
             return minima
-        self._starts += len(ends)
         for problem in problems:
-            ends = self._search_ends(problem, ends)
-        return self._extended(minima, self._compared(ends).position[:1])
+            ends = self._search_ends(problem, points)
+            points = ends.position
+        self._starts += 1  # only the best one is kept
+        best = self._compared(ends).at(slice(1))
+        return Minima.ranked(minima, replace(best, searches=np.ones_like(best.searches)))
 
     @property
     def _search(self) -> FrfResiduals:
         """The problem of the first searches: logarithms of amplitudes on few lines."""
         return self._on_few.logarithms(self._variance[self._few])
 
-    def _searched(self, batch: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return where searches by logarithms of amplitudes ended, the most promising first."""
+    def _searched(self, batch: NDArray[np.float64]) -> Minima:
+        """Return the minima where searches by logarithms of amplitudes ended, the most promising first."""
         self._starts += len(batch)
         residual = self._target.weighted(self._variance, self._used).at(self._some)
-        return with_best_delays(self._on_some.residuals(residual), self._turns, self._search_ends(self._search, batch))
+        ends = self._search_ends(self._search, batch)
+        return replace(ends, position=with_best_delays(self._on_some.residuals(residual), self._turns, ends.position))
 
-    def _search_ends(self, problem: FrfResiduals, start: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return where searches end, the most promising first."""
+    def _search_ends(self, problem: FrfResiduals, start: NDArray[np.float64]) -> Minima:
+        """Return the different minima where searches end, the most promising first."""
         tolerance, most_steps = _SETTINGS.search_tolerance, _SETTINGS.search_steps
         minima = minimise(problem, start, tolerance=tolerance, most_steps=most_steps, callback=self._report_search)
         self._steps += int(minima.steps.sum())
-        return minima.position[np.argsort(minima.cost, kind="stable")]
+        return different(minima, _SETTINGS.same)
 
-    def _compared(self, start: NDArray[np.float64]) -> Minima:
-        """Fit on some of the lines, which suffice to compare the minima."""
+    def _most_agree(self, minima: Minima) -> bool:
+        """Return whether most searches ended in the best minimum."""
+        return 2 * count_agreeing(minima) > self._starts
+
+    def _compared(self, ends: Minima) -> Minima:
+        """Fit on some of the lines, which suffice to compare the minima where searches ended."""
         residual = self._target.weighted(self._variance + self._model_variance, self._used).at(self._some)
-        return self._minimised(self._on_some.residuals(residual), start)
+        return self._minimised(self._on_some.residuals(residual), ends.position, ends.searches)
 
-    def _extended(self, minima: Minima, ends: NDArray[np.float64]) -> Minima:
-        return Minima.ranked(minima, self._compared(ends)) if len(ends) else minima
+    def _extended(self, minima: Minima, ends: Minima) -> Minima:
+        return Minima.ranked(minima, self._compared(ends)) if len(ends.cost) else minima
 
     def _fitted(self, start: NDArray[np.float64]) -> Minima:
         """Fit on all lines."""
         return self._minimised(self._problem.weighted(self._variance + self._model_variance, self._used), start)
 
-    def _minimised(self, misfit: FrfResiduals, start: NDArray[np.float64]) -> Minima:
+    def _minimised(
+        self, misfit: FrfResiduals, start: NDArray[np.float64], searches: NDArray[np.int64] | None = None
+    ) -> Minima:
         with_prior, pace = WithPrior(misfit, self._problem.parameters), Pace(highest_agreeing)
         options, report = self._options, self._report_search
         minima = minimise(
             with_prior, start, tolerance=options.tolerance, most_steps=options.steps, superfluous=pace, callback=report
         )
         self._steps += int(minima.steps.sum())
-        return Minima.ranked(minima)
+        return Minima.ranked(minima if searches is None else replace(minima, searches=searches))
 
     def _on_lines(self, lines: NDArray[np.intp]) -> Problem:
         return self._problem if len(lines) == len(self._variance) else self._problem.at(lines)
@@ -353,7 +344,7 @@ class _Refinement:
 
     def _with_discrepancy(self, best: Minima, minima: Minima) -> tuple[Minima, tuple[float, float]]:
         """Estimate the errors of the model and fit with them, from several minima: another may then be the best."""
-        starts = np.concatenate([best.position, minima.position[1 : _SETTINGS.refitted]])
+        starts = Minima.joined([best, minima.at(slice(1, _SETTINGS.refitted))])
         for _ in range(_SETTINGS.most_discrepancies):
             before, values = self._model_variance, self._values(best)
             magnitude = np.abs(values)
@@ -361,8 +352,8 @@ class _Refinement:
                 magnitude = np.maximum(magnitude, self._target.amplitude)  # or a vanishing model would fit best
             relative, background = self._target.discrepancy(values, magnitude, self._variance, self._used)
             self._model_variance = (relative * magnitude) ** 2 + (background * self._target.level) ** 2
-            starts = self._compared(starts).position
-            best = self._fitted(starts[:1])
+            starts = self._compared(starts)
+            best = self._fitted(starts.position[:1])
             settled = np.all(np.abs(self._model_variance - before) <= _SETTINGS.settled * self._model_variance)
             if settled or self._problem.limit.is_over:
                 break

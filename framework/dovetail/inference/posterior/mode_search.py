@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly
 from dovetail.inference.fitting import Fit
 from dovetail.inference.fitting.fit import Pace
+from dovetail.inference.fitting.searches import distinct
 from dovetail.inference.posterior.likelihood import (
     Z_LIMIT,
     Likelihood,
@@ -25,7 +26,6 @@ from dovetail.inference.posterior.likelihood import (
     unit_from_normal,
 )
 from dovetail.inference.posterior.model_error import ModelError
-from dovetail.inference.posterior.separate_modes import distinct
 from dovetail.interfaces import Progress, silent
 from dovetail.problem import Problem
 from dovetail.problem.definition import latin_hypercube

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.inference.fitting.searches import distinct
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints
 
 _LEAST_MASS = 1e-3
@@ -22,29 +21,6 @@ def separate_modes(modes: LinearisedPoints) -> LinearisedPoints:
     likely = log_mass > log_mass.max(initial=-np.inf) + np.log(_LEAST_MASS)
     order = [number for number in np.argsort(-log_mass).tolist() if likely[number]]
     return modes.at_rows(np.array(distinct(modes.z, precision, order, _APART), dtype=np.intp))
-
-
-def distinct(
-    position: NDArray[np.float64], curvature: NDArray[np.float64], order: Sequence[int], deviations: float
-) -> list[int]:
-    """Choose points in a given order, without those near a point that was chosen before.
-
-    Parameters
-    ----------
-    position : (n, p) array
-    curvature : (n, p, p) array
-        Inverse covariance of the Gaussian about each point.
-    order : sequence of int
-    deviations : float
-        Smallest distance from a chosen point, in standard deviations of its Gaussian.
-    """
-    chosen: list[int] = []
-    for number in order:
-        steps = position[chosen] - position[number]
-        squares = np.einsum("kp,kpq,kq->k", steps, curvature[chosen], steps)
-        if (squares > deviations**2).all():
-            chosen.append(number)
-    return chosen
 
 
 def nearest_modes(modes: LinearisedPoints, z: NDArray[np.float64]) -> NDArray[np.intp]:

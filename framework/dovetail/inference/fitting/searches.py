@@ -1,0 +1,228 @@
+"""Where the searches of a fit begin, and which of their ends differ.
+
+Searches begin at random points with similar FRFs, at points that have evolved from these (differential evolution), and
+at points that differ from a minimum in one parameter.
+
+References
+----------
+R. Storn, K. Price, Differential evolution - a simple and efficient heuristic for global optimization over continuous
+spaces, J. Global Optim. 11 (1997) 341-359.
+J. Zhang, A. C. Sanderson, JADE: adaptive differential evolution with optional external archive, IEEE Trans. Evol.
+Comput. 13 (2009) 945-958.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.interfaces import NO_LIMIT, TimeLimit
+from dovetail.problem.definition import latin_hypercube
+from dovetail.problem.least_squares import Minima
+from dovetail.problem.profiles import cuts
+from dovetail.problem.residuals import FrfResiduals
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Numbers of points, and how they evolve."""
+
+    evolving: int = 64
+    """The most similar of the random points, which evolve."""
+    along_axes: int = 4
+    """Points that differ from a minimum in one parameter."""
+    grid_points: int = 128
+    """Points along the range of each parameter among which these are found."""
+    best: float = 1.0 / 8.0
+    """Share of the points, the lowest ones, towards which the others move."""
+    lengths: tuple[float, float] = 0.3, 0.9
+    """Smallest and largest move, over the distance from such a point, and over the difference of two others."""
+    moved: tuple[float, float] = 0.3, 0.9
+    """Probabilities with which a coordinate moves, one drawn for each point: few coordinates at a time, or most."""
+    apart: float = 0.1
+    """Largest difference of a coordinate above which two points count as different."""
+
+
+_SETTINGS = Settings()
+
+
+@dataclass(frozen=True)
+class Similar:
+    """How many points with similar FRFs are wanted, and how they are found.
+
+    Attributes
+    ----------
+    candidates : int
+        Random points, whose FRFs take less time than a few steps of a search. The most similar of them evolve.
+    generations : int
+        Times that each of these may move.
+    random, evolved : int
+        How many random and how many evolved points are wanted, the most similar ones. Evolved points are more similar,
+        but may all be in the valley of a wrong minimum.
+    """
+
+    candidates: int
+    generations: int
+    random: int
+    evolved: int
+
+
+class Starts:
+    """Starts of searches, by random numbers of its own.
+
+    Parameters
+    ----------
+    size : int
+        Number p of parameters.
+    seed : int
+    """
+
+    def __init__(self, size: int, seed: int) -> None:
+        self._size = size
+        self._candidates, self._random = np.random.default_rng(seed).spawn(1)[0], np.random.default_rng([seed, 1])
+
+    def similar(self, misfit: FrfResiduals, wanted: Similar) -> NDArray[np.float64]:
+        """Return points (n, p) with FRFs like the measured ones, as many as wanted or fewer.
+
+        Parameters
+        ----------
+        misfit : FrfResiduals
+            By which FRFs are compared.
+        wanted : Similar
+        """
+
+        def squares(points: NDArray[np.float64]) -> NDArray[np.float64]:
+            return np.asarray(np.sum(misfit.residuals(points) ** 2, axis=1))
+
+        points = latin_hypercube(wanted.candidates, self._size, self._candidates)
+        points = points[np.argsort(squares(points), kind="stable")[: _SETTINGS.evolving]]
+        together = evolved(squares, points, self._candidates, wanted.generations, misfit.limit)
+        return np.concatenate([points[: wanted.random], together[: wanted.evolved]])
+
+    def along_axes(self, misfit: FrfResiduals, position: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return points that differ from a minimum in one parameter only, at the minima along that parameter.
+
+        Where two resonances are close together, the valley of the right minimum is narrow, but in a wrong minimum most
+        parameters are right already. Each call uses another grid, so that repetitions find other points nearby.
+        """
+        return cuts(misfit, position, self.grid()).low_points(position, _SETTINGS.along_axes)
+
+    def grid(self) -> NDArray[np.float64]:
+        """Return evenly spaced values along a range, with a random offset."""
+        return (np.arange(_SETTINGS.grid_points) + self._random.random()) / _SETTINGS.grid_points
+
+
+def evolved(
+    cost: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    points: NDArray[np.float64],
+    random: np.random.Generator,
+    generations: int,
+    limit: TimeLimit = NO_LIMIT,
+) -> NDArray[np.float64]:
+    """Let points of the unit cube evolve; return where they are then, those that differ, the lowest first.
+
+    Parameters
+    ----------
+    cost : callable
+        Takes points (n, p) to their costs (n,).
+    points : (n, p) array
+    random : numpy.random.Generator
+    generations : int
+        Times that each point may move.
+    limit : TimeLimit
+        After which no further generation follows.
+
+    Returns
+    -------
+    (k, p) array
+
+    Notes
+    -----
+    Each point tries a move towards one of the best and along the difference of two others, in some of its coordinates,
+    and keeps it if the cost is lower. A move across a face ends half way to it. The differences of points in several
+    valleys lead from one valley to another, where a search would end in the nearest.
+    """
+
+    def costs_of(points: NDArray[np.float64]) -> NDArray[np.float64]:
+        costs = cost(points)
+        return np.where(np.isnan(costs), np.inf, costs)
+
+    costs = costs_of(points)
+    order = np.argsort(costs, kind="stable")
+    points, costs = points[order], costs[order]
+    for _ in range(generations):
+        if limit.is_over:
+            break
+        tried = _moved(points, random)
+        costs_there = costs_of(tried)
+        lower = costs_there < costs
+        points, costs = np.where(lower[:, np.newaxis], tried, points), np.where(lower, costs_there, costs)
+        order = np.argsort(costs, kind="stable")
+        points, costs = points[order], costs[order]
+    return _different(points)
+
+
+def _moved(points: NDArray[np.float64], random: np.random.Generator) -> NDArray[np.float64]:
+    """Return where points (n, p), the lowest first, try to move."""
+    count, width = points.shape
+    towards = points[random.integers(0, max(1, round(_SETTINGS.best * count)), count)]
+    one, other = points[random.integers(0, count, (2, count))]
+    length = random.uniform(*_SETTINGS.lengths, (count, 1))
+    there = points + length * (towards - points + one - other)
+    there = np.where(there < 0.0, points / 2.0, np.where(there > 1.0, (1.0 + points) / 2.0, there))
+    moves = random.random((count, width)) < random.choice(_SETTINGS.moved, (count, 1))
+    moves[np.arange(count), random.integers(0, width, count)] = True
+    return np.where(moves, there, points)
+
+
+def _different(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the points (n, p) that are not close to an earlier one."""
+    kept: list[int] = []
+    for number, point in enumerate(points):
+        if not kept or np.abs(points[kept] - point).max(axis=1).min() > _SETTINGS.apart:
+            kept.append(number)
+    return points[kept]
+
+
+def different(minima: Minima, deviations: float) -> Minima:
+    """Return the minima that are not near a lower one, the lowest first, with the searches that ended near each.
+
+    Parameters
+    ----------
+    minima : Minima
+    deviations : float
+        Smallest distance from a lower minimum, in standard deviations of the Gaussian about that.
+    """
+    ranked = Minima.ranked(minima)
+    order = range(len(ranked.cost))
+    chosen = np.array(distinct(ranked.position, ranked.curvature, order, deviations), dtype=np.intp)
+    steps = ranked.position[:, np.newaxis] - ranked.position[chosen]
+    nearest = np.argmin(np.einsum("nkp,kpq,nkq->nk", steps, ranked.curvature[chosen], steps), axis=1)
+    searches = np.bincount(nearest, ranked.searches, len(chosen)).astype(np.int64)
+    return replace(ranked.at(chosen), searches=searches)
+
+
+def distinct(
+    position: NDArray[np.float64], curvature: NDArray[np.float64], order: Sequence[int], deviations: float
+) -> list[int]:
+    """Choose points in a given order, without those near a point that was chosen before.
+
+    Parameters
+    ----------
+    position : (n, p) array
+    curvature : (n, p, p) array
+        Inverse covariance of the Gaussian about each point.
+    order : sequence of int
+    deviations : float
+        Smallest distance from a chosen point, in standard deviations of its Gaussian.
+    """
+    chosen: list[int] = []
+    for number in order:
+        steps = position[chosen] - position[number]
+        squares = np.einsum("kp,kpq,kq->k", steps, curvature[chosen], steps)
+        if (squares > deviations**2).all():
+            chosen.append(number)
+    return chosen

@@ -1,0 +1,81 @@
+"""Differential evolution, before searches: on functions with many minima, and its limits."""
+
+import numpy as np
+import pytest
+
+from dovetail.inference.fitting.searches import evolved
+from dovetail.interfaces import TimeLimit
+from dovetail.problem.definition import latin_hypercube
+
+
+def rastrigin(points: np.ndarray) -> np.ndarray:
+    """A bowl about 0.3 with a local minimum at every tenth of each coordinate, and a bent valley in the first two."""
+    away = 10.0 * (points - 0.3)
+    return (
+        np.sum(away**2 + 4.0 * (1.0 - np.cos(2.0 * np.pi * away)), axis=1) + 50.0 * (away[:, 1] - away[:, 0] ** 2) ** 2
+    )
+
+
+def start(seed: int, count: int = 64, width: int = 5) -> np.ndarray:
+    """The best of eight times as many random points."""
+    points = latin_hypercube(8 * count, width, np.random.default_rng(seed))
+    return points[np.argsort(rastrigin(points))[:count]] if width > 1 else points[:count]
+
+
+def test_points_find_the_lowest_of_many_minima():
+    found = 0
+    for seed in range(20):
+        best = evolved(rastrigin, start(seed), np.random.default_rng(seed), 200)[0]
+        found += bool(np.all(np.abs(best - 0.3) < 0.05))
+    assert found >= 15  # of 10^5 minima; the best of as many random points is in none of the cases
+    random = latin_hypercube(8 * 64 + 64 * 200, 5, np.random.default_rng(0))
+    assert np.abs(random[np.argmin(rastrigin(random))] - 0.3).max() > 0.05
+
+
+def test_no_point_gets_worse_and_all_stay_in_the_cube():
+    points = start(1)
+    before, after = np.sort(rastrigin(points)), rastrigin(evolved(rastrigin, points, np.random.default_rng(1), 20))
+    assert (np.diff(after) >= 0.0).all()
+    assert (after <= before[: len(after)]).all()
+    many = evolved(lambda points: -points.sum(axis=1), points, np.random.default_rng(2), 50)  # driven to a corner
+    assert many.min() >= 0.0
+    assert many.max() <= 1.0
+
+
+def test_points_that_are_returned_differ():
+    points = evolved(rastrigin, start(3), np.random.default_rng(3), 200)
+    apart = np.abs(points[:, np.newaxis] - points).max(axis=2) + np.eye(len(points))
+    assert apart.min() > 0.1
+
+
+def test_the_same_seed_gives_the_same_points():
+    one, other = (evolved(rastrigin, start(4), np.random.default_rng(4), 10) for _ in range(2))
+    np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize(("count", "width"), [(1, 3), (2, 1), (3, 12)])
+def test_few_points_and_few_coordinates_suffice(count, width):
+    points = evolved(lambda points: np.sum(points**2, axis=1), start(5, count, width), np.random.default_rng(5), 5)
+    assert points.shape[1] == width
+    assert 1 <= len(points) <= count
+
+
+def test_a_time_limit_ends_the_generations():
+    calls = 0
+
+    def counted(points: np.ndarray) -> np.ndarray:
+        nonlocal calls
+        calls += 1
+        return rastrigin(points)
+
+    points = start(6)
+    evolved(counted, points, np.random.default_rng(6), 1000, TimeLimit(0.0))
+    assert calls == 1
+
+
+def test_costs_that_are_not_finite_are_left_behind():
+    def holed(points: np.ndarray) -> np.ndarray:
+        return np.where(points[:, 0] > 0.5, np.nan, rastrigin(points))
+
+    best = evolved(holed, start(7), np.random.default_rng(7), 30)[0]
+    assert best[0] <= 0.5
