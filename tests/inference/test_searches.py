@@ -1,11 +1,12 @@
-"""Differential evolution, before searches: on functions with many minima, and its limits."""
+"""Where searches begin: differential evolution on functions with many minima. Which of their ends differ."""
 
 import numpy as np
 import pytest
 
-from dovetail.inference.fitting.searches import evolved
+from dovetail.inference.fitting.searches import different, evolved
 from dovetail.interfaces import TimeLimit
 from dovetail.problem.definition import latin_hypercube
+from dovetail.problem.least_squares import Minima
 
 
 def rastrigin(points: np.ndarray) -> np.ndarray:
@@ -79,3 +80,14 @@ def test_costs_that_are_not_finite_are_left_behind():
 
     best = evolved(holed, start(7), np.random.default_rng(7), 30)[0]
     assert best[0] <= 0.5
+
+
+def test_minima_near_a_lower_one_count_with_it():
+    """The standard deviation about each is 0.01; one of the four stands for two searches already."""
+    position, cost, searches = [0.1, 0.5, 0.12, 0.52], [2.0, 3.0, 1.0, 4.0], np.array([1, 1, 1, 2])
+    ends = Minima(np.array(position)[:, None], np.array(cost), np.full((4, 1, 1), 1e4), np.arange(4), searches)
+    apart = different(ends, 3.0)
+    np.testing.assert_array_equal(apart.position[:, 0], [0.12, 0.5])
+    np.testing.assert_array_equal(apart.searches, [2, 3])
+    np.testing.assert_array_equal(apart.steps, [2, 1])
+    assert len(different(ends, 1.0).cost) == 4
