@@ -229,7 +229,7 @@ def test_the_benchmark_of_forecasts_compares_each_time_with_its_forecast():
 
 
 @pytest.mark.sweep(keep=1)
-@pytest.mark.parametrize(("seed", "case"), [(20261127, 2), (20261127, 34), (4242, 14)])
+@pytest.mark.parametrize(("seed", "case"), [(20261127, 34), (9001, 96), (7001, 47)])
 def test_a_fit_in_a_wrong_minimum_is_left_even_if_it_reaches_the_noise(seed, case):
     """These searches ended elsewhere as long as the first fit down to the noise was taken."""
     printed = run("genuine_measurements.py", "--seed", seed, "--only", case, "--lines", "200,3000")

@@ -22,9 +22,9 @@ def test_the_quick_description_identifies_the_measurement_that_ships(assemblies)
 
 
 def test_the_measurement_that_ships_needs_no_further_batch_of_searches(assemblies):
-    """Two of the four searches with which a fit begins end in the same minimum, which confirms it."""
+    """Four searches begin the fit, and one from each low point along a parameter confirms it, of four at most."""
     measurement = dovetail.read_frf(assemblies / "measurements" / "h0_j_t0_60Nm.uff")
     result = dovetail.identify(dovetail.load(assemblies / "bt40_er32_quick.yaml"), measurement, "refined")
     assert result.adequacy.word == "to the noise"
-    assert result.fit.starts == 4
-    assert result.fit.agreeing >= 2
+    assert 4 <= result.fit.starts <= 8
+    assert result.fit.agreeing > result.fit.starts / 2

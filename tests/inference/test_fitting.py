@@ -14,12 +14,12 @@ from scipy.optimize import least_squares
 import dovetail
 from dovetail.errors import MeasurementError, ParameterError
 from dovetail.inference.fitting import multistart, refine, refinement
+from dovetail.inference.fitting.searches import Profiles, profiles
 from dovetail.interfaces import TimeLimit
 from dovetail.measurement import complex_noise
 from dovetail.problem import Problem
 from dovetail.problem.least_squares import Linearisation, SumOfSquares, minimise
 from dovetail.problem.observations import Observations
-from dovetail.problem.profiles import Profiles, profiles
 from dovetail.problem.random_error import estimated_variance, isolated_lines
 from dovetail.problem.residuals import FrfResiduals, LogAmplitude, Weighted
 from support.noisy_measurements import noisy

@@ -12,14 +12,13 @@ from numpy.typing import NDArray
 from dovetail.inference.fitting.fit import SEARCH_SHARE, UNFINISHED, Fit, Pace, count_agreeing, highest_agreeing
 from dovetail.inference.fitting.modal_fit import fit_to_modes
 from dovetail.inference.fitting.search_lines import SearchLines, with_best_delays
-from dovetail.inference.fitting.searches import Similar, Starts, different
+from dovetail.inference.fitting.searches import Similar, Starts, different, profiles
 from dovetail.inference.fitting.whiteness import NOISE_ALARM, has_size_of_noise, is_of_few_lines, is_white
 from dovetail.interfaces import FIT_OPTIONS, FitOptions, Progress, logged, silent
 from dovetail.problem import Problem
 from dovetail.problem.definition import WithPrior, bounds_reached, fractions_within
 from dovetail.problem.least_squares import Minima, minimise
 from dovetail.problem.modal_observations import ModalProblem
-from dovetail.problem.profiles import profiles
 from dovetail.problem.residuals import FrfResiduals
 
 
@@ -153,8 +152,7 @@ class _Refinement:
         if self._is_doubtful(best):
             minima, best = self._search_further(self._extended(minima, others))
             others = ends.at(slice(0))
-        agree = count_agreeing(minima) >= _SETTINGS.first_carried
-        if not (starts or agree or self._is_doubtful(best) or self._has_no_time()):
+        if not (starts or self._is_doubtful(best)):
             minima, best = self._confirmed(minima, best, others)
         chi_squared = float(np.sum(self._residuals(best) ** 2)) / self._freedom
         discrepancy = background = 0.0
@@ -182,11 +180,19 @@ class _Refinement:
         )
 
     def _confirmed(self, minima: Minima, best: Minima, others: Minima) -> tuple[Minima, Minima]:
-        """Search for a better fit than one that reaches the noise, which a wrong minimum can do as well."""
+        """Search for a better fit than one that reaches the noise, which a wrong minimum can do as well.
+
+        Searches along the axes come first. Unless most agree, those earlier ones that were not fitted follow, and
+        searches from similar FRFs.
+        """
         here = self._compared(replace(minima.at(slice(1)), position=best.position))  # the weights may have changed
-        ends = self._searched(self._further_starts(best))
-        earlier = Minima.joined([minima.at(slice(1, None)), others])
-        minima = self._extended(here, Minima.joined([earlier, ends.at(slice(_SETTINGS.carried))]))
+        along, ends = self._along_axes(best), minima.at(slice(1, None))
+        if len(along):
+            ends = Minima.joined([ends, self._searched(along)])
+        minima = self._extended(here, ends)
+        if not (self._most_agree(minima) or self._has_no_time()):
+            similar = self._searched(self._similar(_FURTHER)).at(slice(_SETTINGS.carried))
+            minima = self._extended(minima, Minima.joined([others, similar]))
         if here.cost[0] <= highest_agreeing(minima.cost[0]):
             return minima, best
         return minima, self._reweighted(self._fitted(minima.position[:1]))
@@ -209,7 +215,7 @@ class _Refinement:
             enough = batch >= _SETTINGS.least_batches and self._most_agree(minima)
             if enough and not self._lines.missed_resonances(self._variance, self._values(best)).size:
                 break
-            starts = self._further_starts(best)
+            starts = np.concatenate([self._along_axes(best), self._similar(_FURTHER)])
             self._expected = self._searches + len(starts) + _SETTINGS.carried + len(minima.cost) + 1
             minima = self._extended(minima, self._searched(starts).at(slice(_SETTINGS.carried)))
             if batch >= first_profiled and profiled > highest_agreeing(minima.cost[0]):
@@ -232,14 +238,12 @@ class _Refinement:
         wanted = replace(_FIRST, random=max(0, others - _FIRST.evolved))
         return np.concatenate([middle, self._similar(wanted)[:others]])
 
-    def _further_starts(self, best: Minima) -> NDArray[np.float64]:
-        """Return the starts of a further batch, along the axes through the best minimum and at similar FRFs."""
-        along = self._from.along_axes(self._search, best.position[0])
-        return np.concatenate([along, self._similar(_FURTHER)])
-
     def _similar(self, wanted: Similar) -> NDArray[np.float64]:
         """Return points with FRFs like the measured ones, by logarithms of amplitudes on the fewest lines."""
         return self._from.similar(self._on_fewest.logarithms(self._variance[self._lines.fewest]), wanted)
+
+    def _along_axes(self, best: Minima) -> NDArray[np.float64]:
+        return self._from.along_axes(self._search, best.position[0])
 
     def _with_profiles(self, minima: Minima) -> Minima:
         """Add the best minimum along profiles through the best one so far.
