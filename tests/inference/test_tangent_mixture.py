@@ -7,11 +7,13 @@ import time
 import numpy as np
 import pytest
 
+import dovetail
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap
 from dovetail.inference.posterior.tangent_mixture import TangentMixture
 from dovetail.inference.posterior.weights import are_counted, effective_sample_size, enough_correlation, tempered
 from dovetail.interfaces import TimeLimit
 from dovetail.problem.least_squares import Linearisation
+from dovetail_bench import calibrate
 from support.bent_valley import Bow
 
 
@@ -136,3 +138,30 @@ def test_moved_samples_may_resemble_starts_whose_weights_are_nearly_even(effecti
     """400 samples that count as 160: with a correlation c, c^2 / effective + (1 - c^2) / 400 is 1 / 160."""
     log_weight = np.where(np.arange(400) < effective, 0.0, -50.0)
     assert enough_correlation(log_weight, 400) == pytest.approx(correlation, abs=0.01)
+
+
+def test_searches_in_a_narrow_valley_get_the_steps_that_they_need(assemblies):
+    """Half of the searches need more than 35 steps here, and one in ten more than 100."""
+    study = calibrate(dovetail.load(assemblies / "bt40_er32_quick.yaml"), cases=1, seed=3)
+    assert study.reached[0] > 0.9
+
+
+def test_a_search_that_comes_no_nearer_is_given_up():
+    """No z has a component beyond the fold of the map; that of z = 1 is reached in few steps."""
+
+    class Counted(Parabola):
+        computed = 0
+
+        def linearise(self, z):
+            self.computed += len(z)
+            return super().linearise(z)
+
+    problem = Counted()
+    start = LinearisedPoints.at(problem, np.array([[2.0]]))
+    tangent_map = TangentMap(problem, start)
+    points = np.array([[[2.0]], [[1.0]], [[0.5]]])
+    anchored, reachable, fold = (tangent_map.components(problem.residuals(z)) for z in points)
+    for target, reached, most in ((reachable, True, 20), (2.0 * fold - anchored, False, 45)):
+        problem.computed = 0
+        assert tangent_map.solve(target, start, 200)[1].tolist() == [reached]
+        assert problem.computed <= most

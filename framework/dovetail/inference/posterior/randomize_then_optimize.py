@@ -43,6 +43,11 @@ class Settings:
     hundred times this distance has converged."""
     most_damping: float = 1e8
     """Damping at which a search is given up."""
+    patience: int = 20
+    """Steps within which the squared distance from the target must fall, or else a search is given up."""
+    least_fall: float = 0.1
+    """Part by which it must fall. Of 5260 searches on the collet that end within 200 steps, some of which lead along a
+    valley in steps that hardly come nearer, 0.7 % fall less."""
 
 
 _SETTINGS = Settings()
@@ -270,6 +275,8 @@ class TangentSearches:
         self._error = tangent_map.components(start.residuals) - target
         self._squares = squared_norms(self._error)
         self._damping, self._steps = np.full(len(target), _SETTINGS.damping), np.zeros(len(target), dtype=np.int64)
+        self._before = np.full(len(target), np.inf)  # squared distances when they were last compared
+        self._hopeless = np.zeros(len(target), dtype=np.bool_)
 
     @property
     def converged(self) -> NDArray[np.bool_]:
@@ -278,8 +285,8 @@ class TangentSearches:
 
     def active(self, rows: NDArray[np.intp]) -> NDArray[np.intp]:
         """Return those of `rows` whose searches have not ended."""
-        far = self._squares[rows] > _SETTINGS.tolerance
-        return rows[far & (self._damping[rows] < _SETTINGS.most_damping) & (self._steps[rows] < self._most_steps)]
+        going_on = (self._squares[rows] > _SETTINGS.tolerance) & (self._damping[rows] < _SETTINGS.most_damping)
+        return rows[going_on & ~self._hopeless[rows] & (self._steps[rows] < self._most_steps)]
 
     def restart(
         self, rows: NDArray[np.intp], tangent_map: TangentMap, target: NDArray[np.float64], start: LinearisedPoints
@@ -290,6 +297,7 @@ class TangentSearches:
         self._target[rows], self._error[rows] = target, tangent_map.components(start.residuals) - target
         self._squares[rows] = squared_norms(self._error[rows])
         self._damping[rows], self._steps[rows] = _SETTINGS.damping, 0
+        self._before[rows], self._hopeless[rows] = np.inf, False
 
     def advance(self, rows: NDArray[np.intp]) -> None:
         """Take a step in the searches `rows`."""
@@ -304,6 +312,13 @@ class TangentSearches:
         self._error[accepted], self._squares[accepted] = error[better], squares[better]
         self._damping[rows] *= np.where(better, *_SETTINGS.damping_factors)
         self._steps[rows] += 1
+        self._compare(rows[self._steps[rows] % _SETTINGS.patience == 0])
+
+    def _compare(self, rows: NDArray[np.intp]) -> None:
+        """Give up those of `rows` that hardly came nearer to their targets since they were last compared."""
+        squares = self._squares[rows]
+        self._hopeless[rows] = squares > (1.0 - _SETTINGS.least_fall) * self._before[rows]
+        self._before[rows] = squares
 
 
 def _multiply(matrices: NDArray[Any], vectors: NDArray[np.float64]) -> NDArray[np.float64]:
