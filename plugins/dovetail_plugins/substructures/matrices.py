@@ -31,6 +31,7 @@ from dovetail_plugins.craig_bampton import ReducedPart, reduce_part
 from dovetail_plugins.substructures.definiteness import check_definiteness, check_mass
 from dovetail_plugins.substructures.imported_model import NAMES, ImportedModel, SourceFiles, import_model
 from dovetail_plugins.substructures.matrix_remarks import check_stated_units
+from dovetail_plugins.substructures.rigid_motions import check_places
 
 _WORD = r"^-?[^\s-].*$"
 """A word for a direction, after a minus if its sense is the opposite one."""
@@ -216,20 +217,21 @@ class Matrices(SubstructureModel):
         reached, motions = self._reached(model.matrices["K"].shape[0])
         check_definiteness(model.matrices, model.where, self._table.label, reached, motions)
         check_mass(model.matrices["M"], self._table.rows, self._table.directions, model.where["M"])
+        self._doubts = self._check_places(model)
         self.reduced: ReducedPart | None = None
         self._matrices = self._arranged(model)
 
     def warnings(self, frequency: float) -> list[str]:
-        """Report a reduction that leaves out too much for frequencies up to `frequency` [Hz]."""
+        """Report coordinates that do not fit, and a reduction that leaves out too much up to `frequency` [Hz]."""
+        warnings = [*self._doubts]
         if self.reduced is None or (shift := self.reduced.largest_shift(frequency)) <= _LARGEST_SHIFT:
-            return []
+            return warnings
         kept, following = len(self.reduced.natural_frequencies), self.reduced.next_frequency
         text = f"reduced to {kept} modes, and the next one, with the interface held, is at {following:.4g} Hz: "
         if np.isinf(shift):
-            return [f"{text}above that the reduced part is wrong. Keep more modes by 'reduce.up_to'."]
-        return [
-            f"{text}natural frequencies up to {frequency:.4g} Hz may change by {100 * shift:.2f} %. Keep more modes."
-        ]
+            return [*warnings, f"{text}above that the reduced part is wrong. Keep more modes by 'reduce.up_to'."]
+        change = f"natural frequencies up to {frequency:.4g} Hz may change by {100 * shift:.2f} %"
+        return [*warnings, f"{text}{change}. Keep more modes."]
 
     @cached_property
     def nodes(self) -> tuple[Node, ...]:
@@ -315,6 +317,14 @@ class Matrices(SubstructureModel):
             problem += f"the unit of time would be {seconds:.4g} s."
             remedy = "In a consistent system the unit of stiffness is that of mass over the square of that of time."
             raise DovetailError(Fault(where, problem, "1 s, 1 ms or 1 us", remedy))
+
+    def _check_places(self, model: ImportedModel) -> tuple[str, ...]:
+        """Return warnings about places of nodes and units; a plane part of a model in space has the model's axes."""
+        words = model.axes if self._is_planar and self._table.points is not None else self._words
+        units = self.config.units
+        speed = units.length * float(np.sqrt(units.stiffness / units.mass))
+        M, K = (model.matrices[name] for name in "MK")
+        return check_places(M, K, self._table, words, model.where["K"], speed)
 
     def _reached(self, size: int) -> tuple[list[int], int]:
         """Return the rows of the nodes' DOFs, and the largest number of rigid-body motions of all DOFs."""
