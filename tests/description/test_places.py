@@ -158,3 +158,24 @@ def test_coordinates_without_a_node_are_refused_with_the_nearest():
     ((where, problem),) = problems(two_bars(position=[0.1, 0.01, 0.2]))
     assert where == "response.position"
     assert problem == "substructure 'arm' has no node at (100, 10, 200) mm."
+
+
+def test_an_origin_with_too_few_coordinates_is_one_fault():
+    ((where, problem),) = problems(two_bars({"origin": [0.1], "along": "x", "across": "z"}))
+    assert (where, problem) == ("substructures.arm.place.origin", "'place.origin' of 'arm' has 1 of 3 elements.")
+
+
+def test_a_position_on_a_body_whose_nodes_have_none_names_the_nodes():
+    description = two_bars()
+    body = {
+        "model": "rigid_body",
+        "mass": 1.0,
+        "inertia": [1e-3] * 3,
+        "nodes": {"top": [0, 0, 0.1], "tip": [0, 0, 0.2]},
+    }
+    description["substructures"]["body"] = body
+    description["response"] |= {"at": "body", "position": 0.1}
+    with pytest.raises(dovetail.DovetailError) as error:
+        dovetail.load(description)
+    fault = next(fault for fault in error.value.faults if "has no node" in fault.problem)
+    assert (fault.accepted, fault.remedy) == ("top, tip, or coordinates", "")

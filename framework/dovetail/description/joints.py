@@ -302,13 +302,15 @@ def find_node(
         labels = listing(nodes[index].label for index in indices)
         faults.add(path, f"{text} of substructure '{name}' could be any of its nodes {labels}.")
     else:
-        remedy = _nearest(nodes, position)
+        positions = dict.fromkeys(format_quantity(node.position, "m") for node in nodes)
+        accepted, remedy = listing(positions), _nearest(nodes, position)
+        if len(positions) == 1 < len(nodes):
+            accepted, remedy = f"{listing(node.label for node in nodes)}, or coordinates", ""
         if any(_is_at(node.position, scale * position) for node in nodes if position for scale in (1e-3, 1e3)):
-            remedy = f"{remedy} A number without a unit is in metres."
+            remedy = f"{remedy} A number without a unit is in metres.".strip()
         if any(node.label == f"{position:g}" for node in nodes):
             remedy = f"A number is a position; for the node with this label write 'node {position:g}'."
-        positions = listing(format_quantity(node.position, "m") for node in nodes)
-        faults.add(path, f"substructure '{name}' has no node at {text}.", positions, remedy)
+        faults.add(path, f"substructure '{name}' has no node at {text}.", accepted, remedy)
     return None
 
 

@@ -123,7 +123,7 @@ class _Translation:
                 misspelt.add((*path[:-1], self._unknown(path)))
         for path, details in by_path.items():
             if details[0]["type"] == "missing" and path not in misspelt:
-                self._missing(path)
+                self._missing(path, by_path)
             elif details[0]["type"] not in ("missing", "extra_forbidden") and not _is_implied(path, details, by_path):
                 self._unfit(path, details)
 
@@ -137,7 +137,13 @@ class _Translation:
                 path = (*path, step)
         return (*path, last) if detail["type"] == "missing" else path
 
-    def _missing(self, path: Path) -> None:
+    def _missing(self, path: Path, refused: Collection[Path]) -> None:
+        if isinstance(path[-1], int):
+            lengths = [other[-1] for other in refused if other[:-1] == path[:-1] and isinstance(other[-1], int)]
+            if path[-1] == min(lengths):
+                problem = f"{self._title(path[:-1])} has {path[-1]} of {max(lengths) + 1} elements."
+                self.faults.add((*self.path, *path[:-1]), problem)
+            return
         keys = keys_of(models_at(self.model, path[:-1]))
         unit = keys.get(str(path[-1]), "")
         section = self._title(path[:-1])
