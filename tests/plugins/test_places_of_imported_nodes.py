@@ -116,3 +116,21 @@ def test_inner_dofs_follow_the_nodes():
     np.savez("bar.npz", M=given.M, K=given.K, **columns | {"positions": -columns["positions"]})
     with pytest.raises(dovetail.DovetailError, match="strains it"):
         model(model.Config(file="bar.npz"))
+
+
+EXCHANGED = {
+    "its masses along x, y and z are": [6 * node + axis for node in range(8) for axis in (1, 2, 0, 3, 4, 5)],
+    "its mass has no centre": [6 * node + axis for node in (4, 2, 0, 7, 1, 5, 3, 6) for axis in range(6)],
+}
+
+
+@pytest.mark.parametrize("reported", EXCHANGED)
+def test_rows_of_the_mass_in_another_order_than_those_of_the_stiffness_are_a_warning(reported):
+    model = fe_files.frame().sorted()
+    outer = EXCHANGED[reported]
+    rows = [*outer, *range(len(outer), len(model.M))]
+    model.M = model.M[np.ix_(rows, rows)]
+    section = {"model": "matrices", **fe_files.write_op4(Path(), model), "units": UNITS}
+    (warning,) = dovetail.load(assembly(section)).description.substructures["part"].warnings(1e3)
+    assert reported in warning
+    assert warning.endswith("are the rows of M those of K?")

@@ -17,6 +17,8 @@ _ABOVE_ROUNDING = 100.0
 """Strain energy of a rotation over that of displacements, which is rounding in a free part, from which it counts."""
 _SPEEDS = 10.0, 1e5
 """Speeds of waves [m/s] beyond which there is a warning. A wrong unit of length changes them by 1000."""
+_UNEQUAL = 0.02
+"""Relative difference of the masses along the axes from which it is reported."""
 _FEW = 2000
 """DOFs without a known place up to which these are made to follow the others."""
 
@@ -121,6 +123,34 @@ def wave_speed(M: Any, K: Any, placed: PlacedDofs) -> float | None:
     return float(np.sqrt(max(squares, default=0.0))) or None
 
 
+def unlike_a_body(M: Any, K: Any, placed: PlacedDofs) -> str:
+    """Return how the mass of a part differs from that of a body, which is the same along all axes, or ''.
+
+    Parameters
+    ----------
+    M, K : (d, d) sparse array
+        Symmetric.
+    placed : PlacedDofs
+    """
+    inner = np.setdiff1d(np.arange(K.shape[0]), placed.rows)
+    counts = np.abs(placed.vectors[~placed.turns]).sum(axis=0)
+    if inner.size > _FEW or not counts.all() or np.ptp(counts):  # at some nodes displacements are held, or unknown
+        return ""
+    points, still = placed.points - placed.points.mean(axis=0), np.zeros(3)
+    along = [_moved(K, placed, inner, np.broadcast_to(axis, points.shape), still) for axis in np.eye(3)]
+    turns = [_moved(K, placed, inner, np.cross(axis, points), axis) for axis in np.eye(3)]
+    masses, couplings = (
+        np.array([[one @ (M @ other) for one in along] for other in motions]) for motions in (along, turns)
+    )
+    mass, size = float(np.trace(masses)) / 3.0, float(np.ptp(points, axis=0).max())
+    if np.abs(masses - mass * np.eye(3)).max() > _UNEQUAL * mass:
+        x, y, z = np.diag(masses) / mass
+        return f"its masses along x, y and z are {x:.3g}, {y:.3g} and {z:.3g} of their mean"
+    if np.abs(couplings + couplings.T).max() > _UNEQUAL * mass * size:
+        return "its mass has no centre"
+    return ""
+
+
 def _strain(
     K: Any, placed: PlacedDofs, inner: NDArray[np.intp], motion: NDArray[np.float64], turn: NDArray[np.float64]
 ) -> _Strain:
@@ -146,7 +176,7 @@ def _moved(
 def check_places(
     M: Any, K: Any, table: DofTable, words: Mapping[Direction, str], where: str, speed: float
 ) -> tuple[str, ...]:
-    """Raise an error if places of nodes contradict the stiffness, and return warnings about places and units.
+    """Raise an error if places of nodes contradict the stiffness, and return warnings about places, mass and units.
 
     Parameters
     ----------
@@ -178,6 +208,8 @@ def check_places(
         if not lowest < speed * waves < highest:
             text = f"its mass, stiffness and size give waves a speed of {speed * waves:.2g} m/s (about 5000 in metals)"
             warnings.append(f"{text}: are 'units' those of the file?")
+    if problem := unlike_a_body(M, K, placed):
+        warnings.append(f"{problem}, and a body has one mass: are the rows of M those of K?")
     return tuple(warnings)
 
 
