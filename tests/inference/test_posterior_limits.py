@@ -232,7 +232,7 @@ def test_no_step_is_taken_that_would_not_lead_back(monkeypatch):
 
 
 class Bent:
-    """One residual u + u^2 / 2 with u = 4 z: a step by v of u from 0 is bent by v^2, its acceleration."""
+    """One residual u + u^2 / 2 with u = 4 z, which is v where u = sqrt(1 + 2 v) - 1."""
 
     def residuals(self, z):
         return 4.0 * z + 8.0 * z**2
@@ -241,10 +241,15 @@ class Bent:
         return Linearisation(self.residuals(z), 4.0 + 16.0 * z[:, :, np.newaxis])
 
 
-@pytest.mark.parametrize(("velocity", "taken"), [(1.4, True), (1.6, False)])
-def test_a_step_that_is_bent_by_more_than_half_again_its_length_is_not_trusted(velocity, taken):
+@pytest.mark.parametrize("target", [1.4, 8.0, 30.0])
+def test_a_search_follows_the_path_on_which_its_components_go_straight_to_the_target(target):
+    """A tenth of the way is u = sqrt(1 + 2 v / 10) - 1, to second order v / 10 - (v / 10)^2 / 2."""
     start = LinearisedPoints.at(Bent(), np.zeros((1, 1)))
-    ends, _ = TangentMap(Bent(), start).solve(np.array([[velocity]]), start, 1)
-    assert bool(ends.z[0, 0] != 0.0) is taken
-    if taken:
-        assert 4.0 * ends.z[0, 0] == pytest.approx(velocity - velocity**2 / 2.0, rel=1e-3)
+    tangent_map = TangentMap(Bent(), start)
+    sign = float(tangent_map.components(np.ones((1, 1)))[0, 0])
+    first, _ = tangent_map.solve(np.array([[sign * target]]), start, 1)
+    end, found = tangent_map.solve(np.array([[sign * target]]), start, 20)
+    if target < 10.0:  # the step is a whole tenth
+        assert 4.0 * first.z[0, 0] == pytest.approx(target / 10.0 - (target / 10.0) ** 2 / 2.0, rel=1e-3)
+    assert found.all()
+    assert 4.0 * end.z[0, 0] == pytest.approx(np.sqrt(1.0 + 2.0 * target) - 1.0, abs=1e-3)

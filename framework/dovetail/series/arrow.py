@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,6 +62,7 @@ class ArrowMatrix:
         border = self.border + _diagonal(diagonal[:, :shared])
         return ArrowMatrix(border, self.right, self.below, [block + _diagonal(part) for block, part in pairs])
 
+    @cached_property
     def _reduced(self) -> tuple[Array, list[Array]]:
         """Return the Schur complements (n, g, g), and block^-1 below (n, l_k, g) of each test."""
         solved = [
@@ -72,7 +74,7 @@ class ArrowMatrix:
     def solve(self, vector: Array) -> Array:
         """Return the solutions (n, d) for right sides (n, d)."""
         shared = self.border.shape[1]
-        schur, solved = self._reduced()
+        schur, solved = self._reduced
         own = np.split(vector[:, shared:], np.cumsum([block.shape[1] for block in self.blocks])[:-1], axis=1)
         inner = [_solved(block, part) for block, part in zip(self.blocks, own, strict=True)]
         coupled = sum(_times(right, part) for right, part in zip(self.right, inner, strict=True))
@@ -83,7 +85,7 @@ class ArrowMatrix:
 
     def log_determinant(self) -> Array:
         """Return the logarithms (n,) of the absolute determinants."""
-        schur, _ = self._reduced()
+        schur, _ = self._reduced
         parts = [np.linalg.slogdet(schur)[1], *(np.linalg.slogdet(block)[1] for block in self.blocks)]
         return np.asarray(np.sum(parts, axis=0))
 
@@ -111,7 +113,7 @@ class ArrowMatrix:
 
     def shared_covariance(self) -> Array:
         """Return the part of the inverse that belongs to the shared unknowns (n, g, g)."""
-        return np.asarray(np.linalg.inv(self._reduced()[0]), dtype=np.float64)
+        return np.asarray(np.linalg.inv(self._reduced[0]), dtype=np.float64)
 
     def variances(self) -> Array:
         """Return the diagonals (n, d) of the inverses."""
@@ -121,7 +123,7 @@ class ArrowMatrix:
 
     def own_covariance(self, index: int) -> Array:
         """Return the part of the inverse (n, g + l, g + l) that belongs to the shared unknowns and those of a test."""
-        schur, solved = self._reduced()
+        schur, solved = self._reduced
         common, part = np.linalg.inv(schur), solved[index]
         cross = -common @ np.swapaxes(part, 1, 2)
         own = np.linalg.inv(self.blocks[index]) + part @ common @ np.swapaxes(part, 1, 2)

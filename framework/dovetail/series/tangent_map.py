@@ -7,13 +7,14 @@ L, has the form of an arrow, so that the cost of a step is linear in the number 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.inference.posterior.likelihood import Z_LIMIT
-from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, bent_step
-from dovetail.series.arrow import ArrowMatrix
+from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap
+from dovetail.series.arrow import ArrowMatrix, ArrowRoot
 from dovetail.series.residuals import SeriesResiduals
 
 Array = NDArray[np.float64]
@@ -35,7 +36,7 @@ class ArrowTangentMap(TangentMap):
         self._residuals = residuals
         self._jacobian = residuals.without_rows(anchors.jacobian, held)
         covariance = residuals.products(self._jacobian, self._jacobian, np.ones_like(anchors.z))
-        self._root, self._diagonal = covariance.root(), covariance.diagonal()
+        self._root = covariance.root()
 
     def along(self, residuals: Array, rows: NDArray[np.intp]) -> Array:
         """Return the components (n, d) of residuals by the tangents of some of the rows."""
@@ -52,42 +53,53 @@ class ArrowTangentMap(TangentMap):
             return self
         chosen = object.__new__(ArrowTangentMap)
         chosen._residuals, chosen._jacobian = self._residuals, self._jacobian[rows]
-        chosen._root, chosen._diagonal = self._root.at_rows(rows), self._diagonal[rows]
+        chosen._root = self._root.at_rows(rows)
         return chosen
 
     def overwrite(self, rows: NDArray[np.intp], others: TangentMap) -> None:
         """Overwrite the tangents of `rows` by as many others."""
         assert isinstance(others, ArrowTangentMap)
-        self._jacobian[rows], self._diagonal[rows] = others._jacobian, others._diagonal
+        self._jacobian[rows] = others._jacobian
         for mine, theirs in zip(self._root.arrays, others._root.arrays, strict=True):
             mine[rows] = theirs
+
+    def residuals(self, z: Array) -> Array:
+        """Return the residuals at points z (n, d)."""
+        return self._residuals.residuals(z)
 
     def tried(self, z: Array) -> LinearisedPoints:
         """Linearise the residuals at points z (n, d), moved within the limits of z."""
         return self._residuals.linearise(np.clip(z, -Z_LIMIT, Z_LIMIT))
 
-    def steps(
-        self,
-        points: LinearisedPoints,
-        error: Array,
-        rows: NDArray[np.intp],
-        target: Array,
-        damping: Array,
-    ) -> tuple[Array, NDArray[np.bool_]]:
-        """Return damped steps with half their geodesic acceleration, and which of them may be trusted."""
-        here, chosen = points.at_rows(rows), self.at_rows(rows)
-        derivative = chosen._derivative(here)
-        diagonal = np.broadcast_to(chosen._diagonal, here.z.shape)
-        damped = derivative.plus(damping[:, np.newaxis] * diagonal)
-        return bent_step(
-            to_step=lambda change: -damped.solve(chosen._root.times(change)),
-            linear=lambda step: chosen._root.solve(derivative.times(step)),
-            components=lambda z: self.along(self._residuals.residuals(z), rows) - target,
-            z=here.z,
-            error=error,
-            diagonal=diagonal,
-        )
+    def derivative(self, points: LinearisedPoints, rows: NDArray[np.intp]) -> ArrowDerivative:
+        """Return the derivative of the components at some of the points."""
+        chosen = self.at_rows(rows)
+        return ArrowDerivative(chosen._root, chosen._derivative(points.at_rows(rows)))
 
     def _derivative(self, points: LinearisedPoints) -> ArrowMatrix:
         """Return the derivatives of J0^T r at points."""
         return self._residuals.products(self._jacobian, points.jacobian, np.ones_like(points.z))
+
+
+@dataclass(frozen=True, eq=False)
+class ArrowDerivative:
+    """Derivatives L^-1 D of the components.
+
+    Parameters
+    ----------
+    root : ArrowRoot
+        L.
+    matrix : ArrowMatrix
+        D, those of J0^T r.
+    """
+
+    root: ArrowRoot
+    matrix: ArrowMatrix
+
+    def times(self, step: Array) -> Array:
+        """Return the linear changes (n, d) of the components with steps (n, d)."""
+        return self.root.solve(self.matrix.times(step))
+
+    def solve(self, change: Array) -> Array:
+        """Return the steps (n, d) with these linear changes (n, d)."""
+        return self.matrix.solve(self.root.times(change))

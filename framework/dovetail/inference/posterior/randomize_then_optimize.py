@@ -4,18 +4,25 @@ The tangent map takes z to the components of the residuals along their tangent s
 are normal these components are standard normal, however curved the valley of the posterior is. A sample is the z whose
 components are a standard normal draw.
 
+A search follows the path on which the components go straight to the target: damped Newton steps, bent as the path is,
+whose lengths depend on how far the path's next step differs from the one that was expected. Lengths are measured in z,
+so that narrow valleys, in which every step leaves the residuals' scale, are no obstacle.
+
 References
 ----------
 J. M. Bardsley, A. Solonen, H. Haario, M. Laine, Randomize-then-optimize: a method for sampling from posterior
 distributions in nonlinear inverse problems, SIAM J. Sci. Comput. 36 (2014) A1895-A1910.
+P. Deuflhard, Newton methods for nonlinear problems: affine invariance and adaptive algorithms (2004), sections 3.1-3.3.
+M. K. Transtrum, J. P. Sethna, Improvements to the Levenberg-Marquardt algorithm for nonlinear least-squares
+minimization (2012), arXiv:1201.5885: steps with half their acceleration.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,31 +33,29 @@ from dovetail.interfaces import NO_LIMIT, TimeLimit
 
 @dataclass(frozen=True)
 class Settings:
-    """Constants of the searches (damped Gauss-Newton with geodesic acceleration)."""
+    """Constants of the searches (damped Newton steps with half their acceleration)."""
 
-    damping: float = 1e-4
-    """First damping, relative to the diagonal of the normal matrix; starts are near, so little is needed."""
-    damping_factors: tuple[float, float] = (1 / 5, 3.0)
-    """Change of the damping after a step that comes nearer to the target, and after one that does not."""
-    longest_step: float = 0.7
-    """Largest change of a coordinate in one step: the prior's standard deviation is 1."""
+    first_fraction: float = 0.1
+    """Fraction of the first Newton step that is taken."""
+    least_fraction: float = 1e-4
+    """Fraction at which a search is given up: the map is about to fold over."""
     probe: float = 0.1
-    """Fraction of a step after which the curvature of the residuals along it is measured."""
-    largest_bend: float = 1.5
-    """Ratio of acceleration to velocity above which a step is not trusted."""
+    """Part of a step after which the curvature of the residuals along it is measured."""
+    largest_bend: float = 2.0
+    """Length of half the acceleration over that of the step, up to which a step goes."""
+    deviation: float = 1.0
+    """Deviation from the path, over the length of the step, for which the fraction of the next step is chosen."""
+    decrease: float = 0.5
+    """Part of the fraction taken by which the Newton step must become shorter, or else the step is rejected."""
+    rejected: tuple[float, float] = (0.1, 0.5)
+    """Smallest and largest change of the fraction after a step that is rejected."""
     tolerance: float = 1e-6
     """Squared distance from the target, in standard deviations, at which a search ends. A search that ends within a
     hundred times this distance has converged."""
-    most_damping: float = 1e8
-    """Damping at which a search is given up."""
-    patience: int = 20
-    """Steps within which the squared distance from the target must fall, or else a search is given up."""
-    least_fall: float = 0.1
-    """Part by which it must fall. Of 5260 searches on the collet that end within 200 steps, some of which lead along a
-    valley in steps that hardly come nearer, 0.7 % fall less."""
 
 
 _SETTINGS = Settings()
+_TINY = np.finfo(float).tiny
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,65 +193,42 @@ class TangentMap:
         """Return the components of residuals by the tangents of some of the rows."""
         return np.asarray((residuals[:, np.newaxis] @ self._tangents_of(rows))[:, 0])
 
+    def residuals(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the residuals (n, d + m) at points z (n, d)."""
+        return self._posterior.residuals(z)
+
     def tried(self, z: NDArray[np.float64]) -> LinearisedPoints:
         """Linearise the residuals at points z (n, d), moved within the limits of z."""
         return LinearisedPoints.at(self._posterior, np.clip(z, -Z_LIMIT, Z_LIMIT))
 
-    def steps(
-        self,
-        points: LinearisedPoints,
-        error: NDArray[np.float64],
-        rows: NDArray[np.intp],
-        target: NDArray[np.float64],
-        damping: NDArray[np.float64],
-    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Return damped steps with half their geodesic acceleration, and which of them may be trusted."""
-        along = points.jacobian[rows] @ self._tangents_of(rows)
-        matrix = along @ along.transpose(0, 2, 1)
-        diagonal = np.einsum("ndd->nd", matrix).copy()
-        np.einsum("ndd->nd", matrix)[:] += damping[:, np.newaxis] * diagonal
-        to_step = -np.linalg.solve(matrix, along)
-        return bent_step(
-            to_step=lambda change: _multiply(to_step, change),
-            linear=lambda step: _multiply(along.transpose(0, 2, 1), step),
-            components=lambda z: self.along(self._posterior.residuals(z), rows) - target,
-            z=points.z[rows],
-            error=error,
-            diagonal=diagonal,
-        )
+    def derivative(self, points: LinearisedPoints, rows: NDArray[np.intp]) -> MapDerivative:
+        """Return the derivative of the components at some of the points."""
+        return _DenseDerivative(np.swapaxes(points.jacobian[rows] @ self._tangents_of(rows), 1, 2))
 
 
-def bent_step(
-    *,
-    to_step: Callable[[NDArray[np.float64]], NDArray[np.float64]],
-    linear: Callable[[NDArray[np.float64]], NDArray[np.float64]],
-    components: Callable[[NDArray[np.float64]], NDArray[np.float64]],
-    z: NDArray[np.float64],
-    error: NDArray[np.float64],
-    diagonal: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Return damped steps with half their geodesic acceleration, and which of them may be trusted.
+class MapDerivative(Protocol):
+    """The derivatives of the components by z at n points."""
 
-    Parameters
-    ----------
-    to_step : callable
-        Takes changes of the components (n, d) to the damped steps (n, d) that remove them.
-    linear : callable
-        Takes steps to the linear changes of the components.
-    components : callable
-        The difference of the components at points (n, d) from their targets.
-    z, error : (n, d) arrays
-        Where the steps begin, and this difference there.
-    diagonal : (n, d) array
-        Squared scale of each coordinate, for the lengths of steps.
-    """
-    velocity = to_step(error)
-    longest = np.abs(velocity).max(axis=1)
-    velocity *= np.minimum(1.0, _SETTINGS.longest_step / np.maximum(longest, np.finfo(float).tiny))[:, np.newaxis]
-    change = (components(z + _SETTINGS.probe * velocity) - error) / _SETTINGS.probe
-    acceleration = to_step(2.0 / _SETTINGS.probe * (change - linear(velocity)))
-    lengths = [np.einsum("nd,nd->n", diagonal, vector**2) for vector in (acceleration, velocity)]
-    return velocity + acceleration / 2.0, lengths[0] <= _SETTINGS.largest_bend**2 * lengths[1]
+    def times(self, step: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the linear changes (n, d) of the components with steps (n, d)."""
+        ...
+
+    def solve(self, change: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the steps (n, d) with these linear changes (n, d), 0 where the derivative is singular."""
+        ...
+
+
+class _DenseDerivative:
+    """Derivatives (n, d, d)."""
+
+    def __init__(self, matrices: NDArray[np.float64]) -> None:
+        self._matrices, self._inverse = matrices, _inverse(matrices)
+
+    def times(self, step: NDArray[np.float64]) -> NDArray[np.float64]:
+        return _multiply(self._matrices, step)
+
+    def solve(self, change: NDArray[np.float64]) -> NDArray[np.float64]:
+        return _multiply(self._inverse, change)
 
 
 class TangentSearches:
@@ -274,9 +256,8 @@ class TangentSearches:
         self.ends = start.copy()
         self._error = tangent_map.components(start.residuals) - target
         self._squares = squared_norms(self._error)
-        self._damping, self._steps = np.full(len(target), _SETTINGS.damping), np.zeros(len(target), dtype=np.int64)
-        self._before = np.full(len(target), np.inf)  # squared distances when they were last compared
-        self._hopeless = np.zeros(len(target), dtype=np.bool_)
+        self._fraction = np.full(len(target), _SETTINGS.first_fraction)
+        self._steps = np.zeros(len(target), dtype=np.int64)
 
     @property
     def converged(self) -> NDArray[np.bool_]:
@@ -285,8 +266,8 @@ class TangentSearches:
 
     def active(self, rows: NDArray[np.intp]) -> NDArray[np.intp]:
         """Return those of `rows` whose searches have not ended."""
-        going_on = (self._squares[rows] > _SETTINGS.tolerance) & (self._damping[rows] < _SETTINGS.most_damping)
-        return rows[going_on & ~self._hopeless[rows] & (self._steps[rows] < self._most_steps)]
+        going_on = (self._squares[rows] > _SETTINGS.tolerance) & (self._fraction[rows] > _SETTINGS.least_fraction)
+        return rows[going_on & (self._steps[rows] < self._most_steps)]
 
     def restart(
         self, rows: NDArray[np.intp], tangent_map: TangentMap, target: NDArray[np.float64], start: LinearisedPoints
@@ -296,31 +277,59 @@ class TangentSearches:
         self.ends.overwrite(rows, start)
         self._target[rows], self._error[rows] = target, tangent_map.components(start.residuals) - target
         self._squares[rows] = squared_norms(self._error[rows])
-        self._damping[rows], self._steps[rows] = _SETTINGS.damping, 0
-        self._before[rows], self._hopeless[rows] = np.inf, False
+        self._fraction[rows], self._steps[rows] = _SETTINGS.first_fraction, 0
 
     def advance(self, rows: NDArray[np.intp]) -> None:
         """Take a step in the searches `rows`."""
-        target, ends = self._target[rows], self.ends
-        step, trusted = self._map.steps(ends, self._error[rows], rows, target, self._damping[rows])
-        tried = self._map.tried(ends.z[rows] + step)
-        error = self._map.along(tried.residuals, rows) - target
-        squares = squared_norms(error)
-        better = trusted & (squares < self._squares[rows])
-        accepted = rows[better]
-        ends.overwrite(accepted, tried.at_rows(np.flatnonzero(better)))
-        self._error[accepted], self._squares[accepted] = error[better], squares[better]
-        self._damping[rows] *= np.where(better, *_SETTINGS.damping_factors)
+        fraction, derivative = self._fraction[rows], self._map.derivative(self.ends, rows)
+        newton = derivative.solve(-self._error[rows])
+        acceleration = self._acceleration(rows, derivative, newton)
+        length, bend = _lengths(newton), _lengths(acceleration) / 2.0
+        fraction /= np.maximum(1.0, fraction * bend / (_SETTINGS.largest_bend * np.maximum(length, _TINY)))
+        part = fraction[:, np.newaxis]
+        tried = self._map.tried(self.ends.z[rows] + part * newton + part**2 / 2.0 * acceleration)
+        error = self._map.along(tried.residuals, rows) - self._target[rows]
+        left = derivative.solve(-error)
+        deviation = _lengths(left - (1.0 - part) * newton)
+        suitable = fraction * np.sqrt(_SETTINGS.deviation * fraction * length) / np.sqrt(np.maximum(deviation, _TINY))
+        nearer = _lengths(left) < (1.0 - _SETTINGS.decrease * fraction) * length
+        least, most = _SETTINGS.rejected
+        rejected = np.clip(suitable, least * fraction, most * fraction)
+        self._fraction[rows] = np.where(nearer, np.clip(suitable, 2.0 * _SETTINGS.least_fraction, 1.0), rejected)
+        accepted = rows[nearer]
+        self.ends.overwrite(accepted, tried.at_rows(np.flatnonzero(nearer)))
+        self._error[accepted], self._squares[accepted] = error[nearer], squared_norms(error[nearer])
         self._steps[rows] += 1
-        self._compare(rows[self._steps[rows] % _SETTINGS.patience == 0])
 
-    def _compare(self, rows: NDArray[np.intp]) -> None:
-        """Give up those of `rows` that hardly came nearer to their targets since they were last compared."""
-        squares = self._squares[rows]
-        self._hopeless[rows] = squares > (1.0 - _SETTINGS.least_fall) * self._before[rows]
-        self._before[rows] = squares
+    def _acceleration(
+        self, rows: NDArray[np.intp], derivative: MapDerivative, newton: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return the accelerations (n, d) of the paths at `rows`, 0 where the whole Newton step is taken."""
+        ahead = _SETTINGS.probe * self._fraction[rows, np.newaxis]
+        linear, curvature = derivative.times(ahead * newton), np.zeros_like(newton)
+        bent = np.flatnonzero(self._fraction[rows] < 1.0)
+        if bent.size:
+            some = rows[bent]
+            residuals = self._map.residuals(self.ends.z[some] + ahead[bent] * newton[bent])
+            change = self._map.along(residuals, some) - self._target[some] - self._error[some]
+            curvature[bent] = 2.0 / ahead[bent] ** 2 * (change - linear[bent])
+        return derivative.solve(-curvature)
+
+
+def _lengths(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.sqrt(squared_norms(vectors))
 
 
 def _multiply(matrices: NDArray[Any], vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the products (n, i) of matrices (n, i, k) and vectors (n, k)."""
     return np.asarray((matrices @ vectors[:, :, np.newaxis])[:, :, 0])
+
+
+def _inverse(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the inverses of matrices (n, d, d), 0 for singular ones."""
+    try:
+        return np.asarray(np.linalg.inv(matrices))
+    except np.linalg.LinAlgError:
+        inverse, regular = np.zeros_like(matrices), np.linalg.det(matrices) != 0.0
+        inverse[regular] = np.linalg.inv(matrices[regular])
+        return inverse
