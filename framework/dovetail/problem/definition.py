@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly, FrfModel, ParameterScales
+from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf
+from dovetail.frf.frequency_response import same_axes
 from dovetail.interfaces import NO_LIMIT, Estimate, IdentificationProblem, Parameter, Scale, TimeLimit
 from dovetail.measurement.roles import power_balance
 from dovetail.problem.least_squares import Linearisation, SumOfSquares
@@ -42,6 +44,11 @@ class Problem(IdentificationProblem):
         The model to compare instead of the assembly, with the same parameters.
     limit : TimeLimit
         The time for whatever is done with the problem, or with one that is derived from it.
+
+    Raises
+    ------
+    MeasurementError
+        The lines of an observed FRF are not those of the assembly.
     """
 
     assembly: Assembly
@@ -52,6 +59,12 @@ class Problem(IdentificationProblem):
     changed: FrfModel | None = None
     limit: TimeLimit = NO_LIMIT
 
+    def __post_init__(self) -> None:
+        for observations in filter(None, (self.observations, self.unweighted)):
+            for frf, response in zip(observations.frfs, self.assembly.each_response, strict=False):
+                if not same_axes([frf.frequency], [response.frequency]):
+                    raise MeasurementError(_other_lines(frf, response))
+
     @staticmethod
     def of(assembly: Assembly, measured: Frf | Sequence[Frf], unweighted: Frf | Sequence[Frf] | None = None) -> Problem:
         """Return the problem of one measured FRF, or of one for each response, in any quantities.
@@ -59,6 +72,7 @@ class Problem(IdentificationProblem):
         Parameters
         ----------
         assembly : Assembly
+            On the lines of each measured FRF, as from ``assembly.on(measured.frequency)``.
         measured : Frf or sequence of Frf
         unweighted : Frf or sequence of Frf, optional
             The same with their own random error, if the variance of `measured` represents weights.
@@ -66,7 +80,7 @@ class Problem(IdentificationProblem):
         Raises
         ------
         MeasurementError
-            There are more or fewer than responses.
+            There are more or fewer than responses, or their lines are not those of the assembly.
         """
         description = assembly.description
         own = None if unweighted is None else Observations.of(description, unweighted)
@@ -143,7 +157,7 @@ class Problem(IdentificationProblem):
         delivered, total = np.sum(balances, axis=0) if balances else (0.0, 0.0)
         return float(delivered / total) if total else 0.0
 
-    def freedom(self, fraction: NDArray[np.float64], _there: Linearisation) -> float:
+    def freedom(self, fraction: NDArray[np.float64], _linear: Linearisation) -> float:
         """Return the degrees of freedom of a fit (p,), with its residuals linearised."""
         return self.observations.residual_count(np.ones(len(self.values), dtype=np.bool_)) - len(fraction)
 
@@ -194,6 +208,18 @@ class Problem(IdentificationProblem):
     def with_model(self, model: FrfModel) -> Problem:
         """Return the problem of the same observations with the FRFs of another model of the same parameters."""
         return replace(self, changed=model)
+
+
+def _other_lines(frf: Frf, response: FrfModel) -> Fault:
+    """Say that an FRF is on other lines than its response."""
+    measured, described = (
+        f"{len(axis)} lines from {axis[0]:.6g} to {axis[-1]:.6g} Hz" for axis in (frf.frequency, response.frequency)
+    )
+    problem = f"the measured FRF has {measured}, and the assembly '{response.description.name}' has {described}"
+    if measured == described:
+        problem += ", but between these they differ"
+    remedy = "Take 'assembly.on(measured.frequency)', with one axis for each response, or 'dovetail.identify'."
+    return Fault(frf.label or "measured", f"{problem}.", "the same lines", remedy)
 
 
 class WithPrior(SumOfSquares):

@@ -208,7 +208,13 @@ def judge(
     JudgedFit
         With weights, the adequacy is that of a fit by the random error, and the fit has the given parameters with their
         chi-squared over the random error.
+
+    Raises
+    ------
+    ParameterError
+        The fit is of another problem.
     """
+    fit.check_belongs_to(problem)
     options = options or JudgementOptions()
     judgement = judge_without_causes(problem, fit, options, seed=seed, progress=progress)
     adequacy = judgement.with_causes(judgement.judged.adequacy, options, progress)

@@ -120,6 +120,19 @@ class Fit(Estimate):
             ignored=np.split(self.ignored, ignored)[index],
         )
 
+    def check_belongs_to(self, problem: Problem) -> None:
+        """Refuse a problem with other parameters or lines than those of the fit.
+
+        Raises
+        ------
+        ParameterError
+            It has more or fewer.
+        """
+        own, theirs = (len(self.theta), len(self.variance)), (len(problem.parameters), len(problem.values))
+        if own != theirs:
+            fit, given = (f"{numbers[0]} parameters and {numbers[1]} measured values" for numbers in (own, theirs))
+            raise ParameterError(Fault("fit", f"it has {fit}, and the problem has {given}.", "a fit of this problem"))
+
     def allowing_for_unknown_noise(self, target: Observations) -> Fit:
         """Return the fit with the random error that intervals allow for where too few lines show it.
 

@@ -118,9 +118,10 @@ def laplace_posterior(
     Raises
     ------
     ParameterError
-        An option is out of its range.
+        An option is out of its range, or the fit is of another problem.
     """
     check_options(samples)
+    fit.check_belongs_to(problem)
     progress("modes", 0, 1)
     chain = UnknownChain.of(problem, fit, model_error) if model_error.background else None
     if chain is not None:

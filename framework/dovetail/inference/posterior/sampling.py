@@ -119,7 +119,7 @@ def sample_posterior(
     Raises
     ------
     ParameterError
-        An option is out of its range.
+        An option is out of its range, or the fit is of another problem.
 
     Notes
     -----
@@ -129,6 +129,7 @@ def sample_posterior(
     independent of their starts.
     """
     check_options(samples)
+    fit.check_belongs_to(problem)
     chain = UnknownChain.of(problem, fit, model_error) if model_error.background else None
     if chain is not None:
         posterior = sample_posterior(
