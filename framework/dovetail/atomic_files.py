@@ -352,10 +352,10 @@ def check_room(folder: Path, room: int = _LEAST_ROOM) -> None:
     FileError
         It cannot be written, or its disk has less than `room` bytes left.
     """
-    there = next(place for place in (folder, *folder.parents) if place.exists())
+    existing = next(place for place in (folder, *folder.parents) if place.exists())
     try:
-        with tempfile.TemporaryFile(dir=there):
-            free = shutil.disk_usage(there).free
+        with tempfile.TemporaryFile(dir=existing):
+            free = shutil.disk_usage(existing).free
     except OSError as error:
         remedy = "Choose another folder."
         raise FileError(Fault(str(folder), f"nothing can be written here: {_reason(error)}.", remedy=remedy)) from None

@@ -53,8 +53,8 @@ def motion_at(assembly: Assembly, node: Node) -> Point:
 
 def _can_move(assembly: Assembly, node: Node) -> bool:
     description = assembly.description
-    there = description.placed_parts[node[0]].nodes[node[1]]
-    if there.carrier is not None or description.response.direction not in there.directions:
+    placed_node = description.placed_parts[node[0]].nodes[node[1]]
+    if placed_node.carrier is not None or description.response.direction not in placed_node.directions:
         return False
     substructure, dof = motion_at(assembly, node)
     return bool(assembly.graph.substructure_dofs(substructure)[dof] != HELD)

@@ -60,8 +60,8 @@ class Side:
     def points(self) -> NDArray[np.float64]:
         """Coordinates (n, 3) of the nodes in the assembly [m]."""
         chosen = [self.model.nodes[node] for node in self.nodes]
-        there = [node if self.placement is None else self.placement.node(node) for node in chosen]
-        return np.array([node.coordinates for node in there])
+        placed_nodes = [node if self.placement is None else self.placement.node(node) for node in chosen]
+        return np.array([node.coordinates for node in placed_nodes])
 
     @property
     def all_points(self) -> NDArray[np.float64]:
@@ -168,7 +168,7 @@ def facing_faults(model: JointModel, sides: Mapping[str, Side]) -> Iterator[tupl
         reported |= {same} if problem else set()
     for first, second in (*facing, *_declared_pairs(model)):
         if sides[first].in_space:
-            if not refused and (problem := _apart(model, sides[first], sides[second])):
+            if not refused and (problem := _describe_offset(model, sides[first], sides[second])):
                 refused.add(second)
                 yield second, problem, "Correct the places of the parts, or list the nodes that face each other."
         elif {first, second} <= comparable.keys() - refused:
@@ -238,7 +238,7 @@ def _mismatch(side: Side, other: Side) -> tuple[str, str]:
     return problem, "Facing nodes lie at the same places of the assembly: list nodes with equal distances."
 
 
-def _apart(model: JointModel, side: Side, other: Side) -> str:
+def _describe_offset(model: JointModel, side: Side, other: Side) -> str:
     """Return how two nodes that face each other lie at different points of the assembly, or an empty text."""
     if not side.has_points or not other.has_points:
         return ""
@@ -249,16 +249,16 @@ def _apart(model: JointModel, side: Side, other: Side) -> str:
     limit = _LEAST + _SMALL * max(float(np.ptp(one.all_points, axis=0).max()) for one in (side, other))
     shifted = between - axes_of(model)[:, 0] * (axes_of(model)[:, 0] @ between)
     if distances[node] > limit:
-        apart = f"it is {_mm(distances[node])} away"
+        offset = f"it is {_mm(distances[node])} away"
         if model.spans_a_distance:
-            apart = f"the way between them differs by {_mm(distances[node])} from that of the first pair"
+            offset = f"the way between them differs by {_mm(distances[node])} from that of the first pair"
     elif np.linalg.norm(shifted) > limit:
-        apart = f"not opposite to it: it is {_mm(float(np.linalg.norm(shifted)))} away along the faces"
+        offset = f"not opposite to it: it is {_mm(float(np.linalg.norm(shifted)))} away along the faces"
     else:
         return ""
     return (
         f"the node of '{other.part}' at {format_point(other.points[node])} faces that of '{side.part}' at "
-        f"{format_point(side.points[node])}, but {apart}."
+        f"{format_point(side.points[node])}, but {offset}."
     )
 
 

@@ -113,7 +113,7 @@ class OrientedJoint(JointInCoordinates):
     def blocks(self) -> list[NDArray[np.float64]]:
         """The directions of the model at each node by those of this joint."""
         pairs = zip(self.model.node_dofs.directions, self.node_dofs.directions, strict=True)
-        return [self._along(own)[:, [DIRECTIONS.index(direction) for direction in there]] for own, there in pairs]
+        return [self._along(of_model)[:, [DIRECTIONS.index(each) for each in of_joint]] for of_model, of_joint in pairs]
 
     @property
     def merged_dofs(self) -> tuple[tuple[int, int], ...]:

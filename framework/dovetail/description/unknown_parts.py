@@ -176,8 +176,8 @@ class UnknownReceptance(UnknownPart):
         stiffness = np.zeros((len(theta), len(frequency), self.size, self.size), dtype=np.complex128)
         with plugin_errors(self.part, f"substructure model '{self.part.name}'"):
             for row, part in enumerate(self._each(theta)):
-                there = placed(part, self.placement)
-                stiffness[row][:, np.array(dofs)[:, None], dofs] = inverted_receptance(there, dofs, frequency)
+                placed_part = placed(part, self.placement)
+                stiffness[row][:, np.array(dofs)[:, None], dofs] = inverted_receptance(placed_part, dofs, frequency)
         return stiffness
 
     def between(self, dofs: Sequence[int]) -> UnknownReceptance:

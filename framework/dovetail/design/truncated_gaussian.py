@@ -86,9 +86,9 @@ class _Walk:
 
     def step(self) -> NDArray[np.float64]:
         """Take one step of each walk and return the positions (n, p)."""
-        here, other = self._place - self._centre, self._drawn()
-        angle = self._allowed_angle(np.hypot(here, other), np.arctan2(other, here))[:, np.newaxis]
-        ahead = self._centre + here * np.cos(angle) + other * np.sin(angle)
+        offset, other = self._place - self._centre, self._drawn()
+        angle = self._allowed_angle(np.hypot(offset, other), np.arctan2(other, offset))[:, np.newaxis]
+        ahead = self._centre + offset * np.cos(angle) + other * np.sin(angle)
         self._place = np.clip(ahead, 0.0, 1.0)
         return self._place
 

@@ -154,10 +154,10 @@ def train(
 def _check_chains(assembly: Assembly) -> None:
     """Refuse what remains of other responses' chains: a saved model is read by its description, without those."""
     description = assembly.description
-    here = {SHARED, *(response.name for response in description.responses)}
+    own_chains = {SHARED, *(response.name for response in description.responses)}
     owners = {owner for owner, _ in description.identified_parameters}
     owners |= {tie.owner for entry in description.entries.values() for tie in entry.ties.values()}
-    if strange := sorted((owners & set(description.calibrations)) - here):
+    if strange := sorted((owners & set(description.calibrations)) - own_chains):
         problem = f"it has parameters of the chain of {listing(strange)}, whose FRF is not among its own."
         remedy = "Train on all responses, or describe this one alone."
         raise ParameterError(Fault(f"assembly {assembly.name}", problem, remedy=remedy))

@@ -54,11 +54,11 @@ def joint_warnings(assembly: Assembly, result: Identification, sources: Mapping[
     for name, model, section in _pairs(assembly, result, sources):
         if section["model"].rpartition(":")[2] != model.name:
             continue
-        here, before = _options(model.config), _options_of_section(model, section)
-        options = sorted({*here, *before} - {*model.free_options}) if before else []
-        differing = [each for each in options if not _equal(here.get(each), before.get(each))]
+        used, before = _options(model.config), _options_of_section(model, section)
+        options = sorted({*used, *before} - {*model.free_options}) if before else []
+        differing = [each for each in options if not _equal(used.get(each), before.get(each))]
         if differing:
-            texts = "; ".join(f"{each} is {here.get(each)} here, and was {before.get(each)}" for each in differing)
+            texts = "; ".join(f"{each} is {used.get(each)} here, and was {before.get(each)}" for each in differing)
             yield f"joint {name}: {texts} where it was identified. The identified values are those of the latter."
         known = {**{f"{p.joint}.{p.bare_name}": p.value for p in result.parameters.values()}, **result.known}
         units = {parameter.name: parameter.unit for parameter in model.parameters}
@@ -108,10 +108,10 @@ def _exchanged_responses(
     assembly: Assembly, result: Identification, sources: Mapping[str, str | None]
 ) -> Iterator[Fault]:
     """Yield a fault for each response whose chain was identified at the point of another one."""
-    before, here = [result.point, *(at.point for at in result.further)], assembly.description.response_labels
+    before, now = [result.point, *(at.point for at in result.further)], assembly.description.response_labels
     names = [response.name for response in assembly.description.responses]
     for name in {*sources} & {*names} if len(before) > 1 else ():
         number = names.index(name)
-        if number < len(before) and here[number] != before[number] and here[number] in before:
-            problem = f"it is at {here[number]} here, and its measurement chain was identified at {before[number]}."
+        if number < len(before) and now[number] != before[number] and now[number] in before:
+            problem = f"it is at {now[number]} here, and its measurement chain was identified at {before[number]}."
             yield Fault(f"response {name}", problem, remedy="List the responses in the order of the identification.")

@@ -239,7 +239,7 @@ class MeasuredLines:
         FRFs with a calibration are left out: they may differ.
         """
         calibrated = self.described.description.calibrations
-        for (first, one, here), (second, other, there) in combinations(self._responses, 2):
+        for (first, one, one_place), (second, other, other_place) in combinations(self._responses, 2):
             first_response, second_response = one.description.response, other.description.response
             exchanged = (first_response.terms, first_response.force_terms) == (
                 second_response.force_terms,
@@ -254,9 +254,9 @@ class MeasuredLines:
             difference, explained = _difference_of_reciprocals(first.to("receptance"), second.to("receptance"))
             if difference > max(_RECIPROCITY, _EXCESS * explained):
                 yield Note(
-                    f"The measurements{here} and{there} should be equal by reciprocity. Half of their lines differ by "
-                    f"{100 * difference:.2g} % or more, and random errors explain {100 * explained:.2g} %: a gain, a "
-                    "sensor or a point is not what the description says, or the structure is not linear.",
+                    f"The measurements{one_place} and{other_place} should be equal by reciprocity. Half of their lines "
+                    f"differ by {100 * difference:.2g} % or more, and random errors explain {100 * explained:.2g} %: a "
+                    "gain, a sensor or a point is not what the description says, or the structure is not linear.",
                     Importance.DECISIVE,
                 )
 

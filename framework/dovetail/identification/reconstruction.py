@@ -116,8 +116,8 @@ def _at_points(problem: Problem, theta: NDArray[np.float64], label: str) -> tupl
         name = label if len(measured) == 1 else f"{label}, {point}"
         computed = alone.frf(theta) if len(alone.frequency) <= MOST_LINES else frf_in_blocks(alone, theta)
         values = response.frf(alone.frequency, computed, label=name)
-        there = replace(frf, rotation=response.rotation, moment=response.moment)
-        at_points.append(AtPoint(point, values, there))
+        measurement = replace(frf, rotation=response.rotation, moment=response.moment)
+        at_points.append(AtPoint(point, values, measurement))
     return tuple(at_points)
 
 
@@ -186,7 +186,7 @@ def _modes(
     if not inside:
         return (), "The identified model has no natural frequency within the assembly's frequencies."
     responses = zip(assembly.description.responses, at_points, strict=True)
-    at_each = [paired_modes(inside, (response.terms, response.force_terms), there) for response, there in responses]
+    at_each = [paired_modes(inside, (each.terms, each.force_terms), at_point) for each, at_point in responses]
     return tuple(
         next((mode for mode in pairs if mode.measured_peak), pairs[0]) for pairs in zip(*at_each, strict=True)
     ), ""

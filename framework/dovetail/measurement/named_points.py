@@ -135,9 +135,9 @@ class GivenDof(NamedTuple):
 
 def axes_disagree(one: tuple[GivenDof, ModelDof], other: tuple[GivenDof, ModelDof]) -> bool:
     """Return whether one direction of the model has two in the files, or two directions of the model have one."""
-    (first, here), (second, there) = one, other
-    is_comparable = here.rotation == there.rotation and not {"", "r"} & {first.axis, second.axis}
-    return is_comparable and (first.axis == second.axis) != (here.direction == there.direction)
+    (first, first_dof), (second, second_dof) = one, other
+    is_comparable = first_dof.rotation == second_dof.rotation and not {"", "r"} & {first.axis, second.axis}
+    return is_comparable and (first.axis == second.axis) != (first_dof.direction == second_dof.direction)
 
 
 def are_opposite(response: str, force: str) -> bool:

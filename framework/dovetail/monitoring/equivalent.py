@@ -125,8 +125,8 @@ def _tabulated(
     positions = np.empty((_POINTS, len(columns)))
     covariance = np.empty((_POINTS, len(columns), len(columns)))
     for row, covariate in enumerate(grid.tolist()):
-        here, own = unknowns.elsewhere(test, {**test.covariates, over: covariate})
-        fractions, jacobian = here.linearise(np.append(known, np.zeros(len(own)))[np.newaxis])
+        test_map, own = unknowns.elsewhere(test, {**test.covariates, over: covariate})
+        fractions, jacobian = test_map.linearise(np.append(known, np.zeros(len(own)))[np.newaxis])
         slopes = jacobian[0][columns]
         law_slopes, scatter = slopes[:, : len(known)], slopes[:, len(known) :]
         positions[row] = fractions[0, columns]

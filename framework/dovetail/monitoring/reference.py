@@ -179,8 +179,8 @@ class Reference:
         offset, first = np.zeros(len(self.parameters)), self.series.tests[0].covariates
         for curve in self.curves:
             if curve.covariate in covariates and curve.covariate in first:
-                here, there = (curve.at(values[curve.covariate]) for values in (covariates, first))
-                offset[curve.columns] += here - there
+                at_these, at_first = (curve.at(values[curve.covariate]) for values in (covariates, first))
+                offset[curve.columns] += at_these - at_first
         return offset
 
 
@@ -215,11 +215,11 @@ def _check_lines(path: Path, frf: Frf, known: Frf) -> None:
         raise MeasurementError(Fault(str(path), f"it has {has}, and the first test's measurement has {had}."))
     if len(frf.frequency) == len(known.frequency) and np.allclose(frf.frequency, known.frequency, rtol=1e-6):
         return
-    here, there = (
+    has, expected = (
         f"{len(one.frequency)} lines from {one.frequency[0]:g} to {one.frequency[-1]:g} Hz" for one in (frf, known)
     )
-    accepted = f"{there}, as the first test"
-    raise MeasurementError(Fault(str(path), f"it has {here} within the band.", accepted, _INCOMPLETE))
+    accepted = f"{expected}, as the first test"
+    raise MeasurementError(Fault(str(path), f"it has {has} within the band.", accepted, _INCOMPLETE))
 
 
 def _has_end(path: Path) -> bool:

@@ -130,8 +130,8 @@ class Minima:
     @staticmethod
     def ranked(*minima: Minima) -> Minima:
         """Merge several sets of minima, the lowest first."""
-        together = Minima.joined(minima)
-        return together.at(np.argsort(together.cost, kind="stable"))
+        joined = Minima.joined(minima)
+        return joined.at(np.argsort(joined.cost, kind="stable"))
 
     def at(self, rows: NDArray[np.intp] | slice) -> Minima:
         """Return some of the minima."""
@@ -223,16 +223,16 @@ class _Searches:
 
     def __init__(self, problem: SumOfSquares, position: NDArray[np.float64], tolerance: float) -> None:
         self._problem, self._tolerance = problem, tolerance
-        self._here = problem.linearise(position)  # of the active searches
+        self._linear = problem.linearise(position)  # of the active searches
         self._position = position
-        self._cost, self._gradient, self._curvature = self._here.cost, self._here.gradient, self._here.curvature
+        self._cost, self._gradient, self._curvature = self._linear.cost, self._linear.gradient, self._linear.curvature
         self._sizes = _column_sizes(self._curvature)
         self._steps = np.ones(len(position), dtype=np.int64)
         scale = np.sqrt(self._distances(np.arange(len(position)))) / self._sizes
         first = np.linalg.norm(position / np.maximum(scale, _TINY), axis=1)
         self._radius = np.where(first > 0.0, first, 1.0)
         self.active = np.arange(len(position))
-        self.stop(~_are_finite(self._here))
+        self.stop(~_are_finite(self._linear))
 
     def _distances(self, rows: NDArray[np.intp]) -> NDArray[np.float64]:
         """Return the distances from the faces towards which the sum of squares falls."""
@@ -255,26 +255,26 @@ class _Searches:
         trusted = np.linalg.norm(acceleration, axis=1) <= _LARGEST_BEND * length
         step = straight + np.where(trusted[:, np.newaxis], scale * acceleration / 2.0, 0.0)
         step = _kept_inside(position, step)
-        there = self._problem.linearise(position + step)
+        tried = self._problem.linearise(position + step)
         self._steps[rows] += 1
-        decrease, count = self._cost[rows] - there.cost, there.residuals.shape[1]
+        decrease, count = self._cost[rows] - tried.cost, tried.residuals.shape[1]
         with np.errstate(over="ignore"):
             barrier_cost = np.sum(barrier * (step / np.maximum(scale, _TINY)) ** 2, axis=1)
             ratio = (decrease - barrier_cost) / np.maximum(model.decrease(velocity), _TINY)
         grown = np.where((ratio > 0.75) & (length > 0.95 * radius), 2.0 * radius, radius)
         grown = np.where(trusted, grown, np.minimum(grown, 0.5 * length))
         self._radius[rows] = np.where(ratio >= 0.25, grown, 0.25 * length)
-        better = (decrease > 0.0) & _are_finite(there)
+        better = (decrease > 0.0) & _are_finite(tried)
         ended = better & trusted & (ratio > 0.25) & (decrease < self._tolerance / count * self._cost[rows])
         ended |= self._radius[rows] < _LEAST_RADIUS * np.linalg.norm(position * self._sizes[rows], axis=1)
-        self._move(rows, np.flatnonzero(better), position + step, there)
+        self._move(rows, np.flatnonzero(better), position + step, tried)
         return self.stop(ended)
 
     def stop(self, ended: NDArray[np.bool_]) -> int:
         """Stop some of the active searches; return how many."""
         self.active, kept = self.active[~ended], np.flatnonzero(~ended)
         if len(kept) < len(ended):
-            self._here = self._here.at_rows(kept)
+            self._linear = self._linear.at_rows(kept)
         return len(ended) - len(kept)
 
     @property
@@ -285,21 +285,21 @@ class _Searches:
     def _bend(self, position: NDArray[np.float64], step: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return J^T r'' (k, p) for the second derivatives r'' of the residuals along steps (k, p)."""
         ahead = self._problem.residuals(position + _PROBE * step)
-        linear = self._here.changes(step)
-        return self._here.times_jacobian(2.0 / _PROBE * ((ahead - self._here.residuals) / _PROBE - linear))
+        linear = self._linear.changes(step)
+        return self._linear.times_jacobian(2.0 / _PROBE * ((ahead - self._linear.residuals) / _PROBE - linear))
 
     def _move(
-        self, rows: NDArray[np.intp], better: NDArray[np.intp], position: NDArray[np.float64], there: Linearisation
+        self, rows: NDArray[np.intp], better: NDArray[np.intp], position: NDArray[np.float64], new: Linearisation
     ) -> None:
         """Move those of the active searches, by their places among these, that have come lower."""
         moved = rows[better]
-        self._position[moved], self._cost[moved] = position[better], there.cost[better]
-        self._gradient[moved], self._curvature[moved] = there.gradient[better], there.curvature[better]
-        self._sizes[moved] = np.maximum(self._sizes[moved], _column_sizes(there.curvature[better]))
+        self._position[moved], self._cost[moved] = position[better], new.cost[better]
+        self._gradient[moved], self._curvature[moved] = new.gradient[better], new.curvature[better]
+        self._sizes[moved] = np.maximum(self._sizes[moved], _column_sizes(new.curvature[better]))
         if len(better) == len(rows):
-            self._here = there
+            self._linear = new
         else:
-            self._here.residuals[better], self._here.jacobian[better] = there.residuals[better], there.jacobian[better]
+            self._linear.residuals[better], self._linear.jacobian[better] = new.residuals[better], new.jacobian[better]
 
     def ends(self) -> Minima:
         """Return where the searches have come to, on a face of the cube where they are driven towards it."""
@@ -307,8 +307,8 @@ class _Searches:
         onto = np.where((position < _AT_BOUND) & (gradient > 0.0), 0.0, position)
         onto = np.where((position > 1.0 - _AT_BOUND) & (gradient < 0.0), 1.0, onto)
         if (moved := np.flatnonzero((onto != position).any(axis=1))).size:
-            there = self._problem.linearise(onto[moved])
-            self._position[moved], self._cost[moved], self._curvature[moved] = onto[moved], there.cost, there.curvature
+            tried = self._problem.linearise(onto[moved])
+            self._position[moved], self._cost[moved], self._curvature[moved] = onto[moved], tried.cost, tried.curvature
         return self.minima
 
 

@@ -280,13 +280,13 @@ class ModalProblem(Problem):
         normal = [replace(parameter, prior="normal") for parameter in self.parameters]
         return WithPrior(self.weighted(self.observations.variance_with(errors)), normal)
 
-    def freedom(self, fraction: NDArray[np.float64], there: Linearisation) -> float:
+    def freedom(self, fraction: NDArray[np.float64], linear: Linearisation) -> float:
         """Return the degrees of freedom: numbers, less those that parameters can follow."""
-        return sum(self.freedom_of_groups(fraction, there))
+        return sum(self.freedom_of_groups(fraction, linear))
 
-    def freedom_of_groups(self, fraction: NDArray[np.float64], there: Linearisation) -> list[float]:
+    def freedom_of_groups(self, fraction: NDArray[np.float64], linear: Linearisation) -> list[float]:
         """Return the degrees of freedom of each group at fractions of the ranges (p,)."""
         pairs = zip(self.parameters, fraction, strict=True)
         prior = np.diag([float(parameter.normal_residual(part)[1]) for parameter, part in pairs])
-        tangent = np.linalg.qr(np.concatenate([prior, there.jacobian[0].T]))[0][len(prior) :]
+        tangent = np.linalg.qr(np.concatenate([prior, linear.jacobian[0].T]))[0][len(prior) :]
         return [float(np.sum(1.0 - part)) for part in self.observations.split(np.sum(tangent**2, axis=1))]

@@ -262,8 +262,8 @@ def misfit_sentence(result: Identification) -> str:
         where = f" at {response.point}" if result.further else ""
         residual = residual_over_noise(response.measured, response.frf.values)[lines]
         noises = number(np.sqrt(np.mean(residual**2)).item(), 2, padded=False)
-        there = f"a mean of {min(agreement):.3f} and a residual of {noises} times the noise"
-        worst.append(f"from {low:.5g} to {high:.5g} Hz{where}, with {there}")
+        agreement_words = f"a mean of {min(agreement):.3f} and a residual of {noises} times the noise"
+        worst.append(f"from {low:.5g} to {high:.5g} Hz{where}, with {agreement_words}")
     return f"The agreement is least {'; '.join(worst)}." if worst else ""
 
 

@@ -156,13 +156,13 @@ def minimise(
     cost, damping = _cost(residuals, points, prior), np.full(len(start), _SETTINGS.damping)
     active = np.arange(len(start))
     for _ in range(_SETTINGS.steps):
-        here = points.at_rows(active)
-        matrix, gradient = normal_equations(residuals, here, prior, held)
+        current = points.at_rows(active)
+        matrix, gradient = normal_equations(residuals, current, prior, held)
         diagonal = np.maximum(matrix.diagonal(), _SETTINGS.least_diagonal)
         step = -matrix.plus(damping[active, np.newaxis] * diagonal).solve(gradient)
         longest = np.maximum(np.abs(step).max(axis=1, keepdims=True), np.finfo(float).tiny)
         step *= np.minimum(1.0, _SETTINGS.longest_step / longest)
-        tried = residuals.linearise(np.clip(here.z + step, -Z_LIMIT, Z_LIMIT))
+        tried = residuals.linearise(np.clip(current.z + step, -Z_LIMIT, Z_LIMIT))
         decrease = cost[active] - _cost(residuals, tried, prior)
         better = np.nan_to_num(decrease, nan=-np.inf) > 0.0
         ended = better & (decrease < _SETTINGS.tolerance) & (damping[active] <= _SETTINGS.damping)
@@ -267,8 +267,8 @@ def _with_likely_means(residuals: SeriesResiduals, z: Array, fractions: Sequence
             ]
             by_means = _deviations_by(residuals, z, parameter, means)
             pull = np.sqrt(prior[means])  # towards the middle of a normal prior
-            together = np.concatenate([by_means, np.diag(pull)])
-            step = np.linalg.lstsq(together, -np.append(z[0, deviations], pull * z[0, means]), rcond=None)[0]
+            stacked = np.concatenate([by_means, np.diag(pull)])
+            step = np.linalg.lstsq(stacked, -np.append(z[0, deviations], pull * z[0, means]), rcond=None)[0]
             longest = _SETTINGS.longest_mean_step
             z[0, means] = np.clip(z[0, means] + np.clip(step, -longest, longest), -Z_LIMIT, Z_LIMIT)
         z = _with_values(residuals, z, fractions)

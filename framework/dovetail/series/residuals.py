@@ -77,9 +77,9 @@ class SeriesResiduals:
         parts = zip(self.split_by_test(residuals), self.jacobians(jacobian), strict=True)
         for index, (test_residuals, test_slopes) in enumerate(parts):
             fractions, slopes = self.unknowns.maps[index].linearise(self.unknowns.for_test(index, z))
-            there = self.misfits[index].linearise(fractions)
-            test_residuals[:] = there.residuals
-            np.matmul(np.swapaxes(slopes, 1, 2), there.jacobian, out=test_slopes)
+            linear = self.misfits[index].linearise(fractions)
+            test_residuals[:] = linear.residuals
+            np.matmul(np.swapaxes(slopes, 1, 2), linear.jacobian, out=test_slopes)
         return LinearisedPoints(z, residuals, jacobian)
 
     def products(self, left: Array, right: Array, diagonal: Array) -> ArrowMatrix:

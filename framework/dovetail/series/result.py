@@ -119,8 +119,8 @@ class SeriesIdentification:
         curves = []
         for value in covariate.tolist():
             test_map, own = self.unknowns.elsewhere(test, {**test.covariates, role.over: value})
-            there = np.concatenate([z[:, : test_map.shared], np.zeros((len(z), len(own)))], axis=1)
-            curves.append(test.assembly.from_unit(np.clip(test_map.fractions(there), 0.0, 1.0))[:, column])
+            by_test = np.concatenate([z[:, : test_map.shared], np.zeros((len(z), len(own)))], axis=1)
+            curves.append(test.assembly.from_unit(np.clip(test_map.fractions(by_test), 0.0, 1.0))[:, column])
         levels = [ends_of(LEVEL)[0], 0.5, ends_of(LEVEL)[1]]
         return covariate, *quantiles(np.stack(curves, axis=1), weight, levels)
 

@@ -241,11 +241,11 @@ def _check_derivatives(
     noun: str,
 ) -> None:
     """Compare derivatives (n, ..., d, d) with differences, entry by entry, where the differences agree."""
-    here = function(theta)
-    diagonal = np.sqrt(np.abs(np.diagonal(here, axis1=-2, axis2=-1)))
-    scale = diagonal[..., :, None] * diagonal[..., None, :] + np.abs(here)
+    values_at_theta = function(theta)
+    diagonal = np.sqrt(np.abs(np.diagonal(values_at_theta, axis1=-2, axis2=-1)))
+    scale = diagonal[..., :, None] * diagonal[..., None, :] + np.abs(values_at_theta)
     for column, (parameter, derivative) in enumerate(zip(specimen.component.parameters, derivatives, strict=True)):
-        differences, noise, smooth = _differences(specimen, theta, column, function, here, scale)
+        differences, noise, smooth = _differences(specimen, theta, column, function, values_at_theta, scale)
         error = np.abs(derivative - differences)
         wrong = smooth & ~(error <= SETTINGS.wrong * np.abs(differences) + noise)
         if wrong.any():
@@ -263,16 +263,16 @@ def _differences(
     theta: NDArray[np.float64],
     column: int,
     function: _Function,
-    here: NDArray[np.complex128] | NDArray[np.float64],
+    values_at_theta: NDArray[np.complex128] | NDArray[np.float64],
     scale: NDArray[np.float64],
 ) -> tuple[NDArray[np.complex128], NDArray[np.float64], NDArray[np.bool_]]:
     """Return one-sided differences within the range, their rounding errors, and where they can be trusted."""
     parameter = specimen.component.parameters[column]
     at, width = theta[:, column], parameter.upper - parameter.lower
     size = np.minimum(np.maximum(np.abs(at), 1e-2 * width), 100.0 * width)
-    best = np.zeros(here.shape, dtype=np.complex128)
-    noise = SETTINGS.rounding * scale / _broad(SETTINGS.steps[0] * size, here)
-    smooth = np.ones(here.shape, dtype=np.bool_)
+    best = np.zeros(values_at_theta.shape, dtype=np.complex128)
+    noise = SETTINGS.rounding * scale / _broad(SETTINGS.steps[0] * size, values_at_theta)
+    smooth = np.ones(values_at_theta.shape, dtype=np.bool_)
     taken = np.zeros(len(theta), dtype=np.bool_)
     for sign in (1.0, -1.0):
         for factor in SETTINGS.steps:
@@ -283,8 +283,8 @@ def _differences(
             far[:, column] += 2.0 * step[inside]
             if not inside.any():
                 continue
-            values = 4.0 * function(near) - function(far) - 3.0 * here[inside]
-            difference = values / _broad(2.0 * step[inside], here)
+            values = 4.0 * function(near) - function(far) - 3.0 * values_at_theta[inside]
+            difference = values / _broad(2.0 * step[inside], values_at_theta)
             first = inside & ~taken
             best[first] = difference[first[inside]]
             taken |= inside

@@ -88,8 +88,9 @@ def check_derivatives_are_those_of_the_values(specimen: LawSpecimen) -> None:
 def check_rows_do_not_depend_on_one_another(specimen: LawSpecimen) -> None:
     """A vector of unknowns gives the same value alone and among others."""
     for covariate in _INSIDE:
-        together, alone = specimen.at(covariate, specimen.vectors)[0], specimen.at(covariate, specimen.vectors[3:4])[0]
-        if abs(float(together[3] - alone[0])) > 1e-12:
+        among_others = specimen.at(covariate, specimen.vectors)[0]
+        alone = specimen.at(covariate, specimen.vectors[3:4])[0]
+        if abs(float(among_others[3] - alone[0])) > 1e-12:
             raise Nonconformity("a row alone gives another value than among others.", "Compute each row by itself.")
 
 

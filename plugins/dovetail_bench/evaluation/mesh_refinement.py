@@ -85,11 +85,12 @@ def _node(coarse: SubstructureModel, node: int, fine: SubstructureModel) -> int:
     if fine is coarse:
         return node
     position = coarse.nodes[node].position
-    here, there = (
+    coarse_nodes, fine_nodes = (
         [index for index, other in enumerate(part.nodes) if abs(other.position - position) <= _SAME_PLACE]
         for part in (coarse, fine)
     )
-    if len(here) != len(there):  # of nodes at one place, each is that of the same rank among them
-        problem = f"its finer mesh has {len(there)} nodes at {position:g} m, where the coarser one has {len(here)}."
+    if len(coarse_nodes) != len(fine_nodes):  # of nodes at one place, each is that of the same rank among them
+        counts = len(fine_nodes), len(coarse_nodes)
+        problem = f"its finer mesh has {counts[0]} nodes at {position:g} m, where the coarser one has {counts[1]}."
         raise ParameterError(Fault(f"substructure model '{coarse.name}'", problem))
-    return there[here.index(node)]
+    return fine_nodes[coarse_nodes.index(node)]

@@ -41,7 +41,7 @@ class ContactPoints:
     @cached_property
     def _places(self) -> dict[str, tuple[str, Place]]:
         """The point and the place of each contact."""
-        return {name: (point, at) for point, own in self.contacts.items() for name, at in own.items()}
+        return {name: (point, at) for point, contacts in self.contacts.items() for name, at in contacts.items()}
 
     @cached_property
     def nodes(self) -> tuple[Node, ...]:
@@ -61,9 +61,9 @@ class ContactPoints:
         ]
         for owner, at in self._places.values():
             point, moved = self.points.points[owner], np.zeros((6, len(modes)))
-            here = MeasuredDofs(DIRECTIONS, np.tile(at, (6, 1)), np.tile(np.eye(3), (2, 1)), np.arange(6) >= 3)
-            own = [name == owner for name, _ in modes]
-            moved[:, own] = interface_modes(here, point.point, point.modes, turning=True)
+            dofs = MeasuredDofs(DIRECTIONS, np.tile(at, (6, 1)), np.tile(np.eye(3), (2, 1)), np.arange(6) >= 3)
+            is_of_owner = [name == owner for name, _ in modes]
+            moved[:, is_of_owner] = interface_modes(dofs, point.point, point.modes, turning=True)
             rows += moved[[DIRECTIONS.index(each) for each in self.directions[owner]]].tolist()
         return np.array(rows)
 

@@ -256,8 +256,8 @@ class Matrices(SubstructureModel):
             return {direction: config.axes[direction] for direction in DIRECTIONS if direction in config.axes}
         if self._is_planar:
             return {"x": config.displacement, "rz": config.rotation}
-        there = set(model.table.directions)
-        return {direction: word for direction in DIRECTIONS if (word := model.axes.get(direction)) in there}
+        in_table = set(model.table.directions)
+        return {direction: word for direction in DIRECTIONS if (word := model.axes.get(direction)) in in_table}
 
     def _directions_of(self, label: str) -> tuple[str, ...]:
         """Return the directions of a node: in space those that the table has."""

@@ -358,8 +358,8 @@ def _perturbed(fits: QuickFits, perturbation: Perturbation, amounts: tuple[float
         if fits.late or any(_is_noise(quick.misfit) for _, _, quick in candidates):
             break
         try:
-            there = perturbation.apply(amount)
-            joint = fits.search(there, fits.unchanged.theta) if amount else fits.unchanged.theta
+            perturbed = perturbation.apply(amount)
+            joint = fits.search(perturbed, fits.unchanged.theta) if amount else fits.unchanged.theta
             found, theta = fits.fit_amount(perturbation, joint, amount)
             if abs(found) >= perturbation.negligible:
                 quick = fits.fit(fits.problem.with_model(perturbation.apply(found)), [theta])

@@ -41,12 +41,12 @@ def assess_modes(problem: ModalProblem, fit: Fit, allowed: float | None) -> tupl
     (fraction,) = fit_with_errors(problem, fraction[np.newaxis], used.sizes_of_modes).position[:1]
     sizes = zip(target.deviations, used.sizes_of_modes, strict=False)
     variance = target.variance_with([size if sd is None else 0.0 for sd, size in sizes])
-    there = problem.weighted(variance).linearise(fraction[np.newaxis])
+    linear = problem.weighted(variance).linearise(fraction[np.newaxis])
     refitted = replace(
         fit,
         theta=problem.from_unit(fraction),
-        information=there.curvature[0],
-        chi_squared=float(there.cost[0]) / max(1.0, freedom),
+        information=linear.curvature[0],
+        chi_squared=float(linear.cost[0]) / max(1.0, freedom),
         degrees_of_freedom=freedom,
         variance=variance,
         discrepancy=error.natural_frequency,
@@ -72,9 +72,9 @@ def _shown(problem: ModalProblem, fraction: NDArray[np.float64], used: ModelErro
     """Return the errors that explain the residuals of a fit, and its degrees of freedom."""
     target = problem.observations
     variance = target.variance_with(used.sizes_of_modes)
-    there = problem.weighted(variance).linearise(fraction[np.newaxis])
-    freedom = problem.freedom_of_groups(fraction, there)
-    remains = target.split(there.residuals[0] * np.sqrt(variance))
+    linear = problem.weighted(variance).linearise(fraction[np.newaxis])
+    freedom = problem.freedom_of_groups(fraction, linear)
+    remains = target.split(linear.residuals[0] * np.sqrt(variance))
     groups = zip(remains, target.deviations, target.scales, freedom, SETTINGS.least, SETTINGS.assumed, strict=False)
     sizes = [_size(*group) for group in groups]
     return ModelError(sizes[0], damping=sizes[1] if len(sizes) == 2 else 0.0), sum(freedom)

@@ -92,8 +92,8 @@ def try_points(fits: QuickFits) -> Iterator[Candidate]:
     ends = dict[tuple[bool, Node], QuickFit]()
 
     def at(node: Node, with_force: bool, start: NDArray[np.float64]) -> Candidate:
-        there = measured_at(fits.assembly, node, with_force=with_force)
-        quick = fits.fit(fits.problem.with_assembly(there), [fits.search(there, fits.shape, start)])
+        moved = measured_at(fits.assembly, node, with_force=with_force)
+        quick = fits.fit(fits.problem.with_assembly(moved), [fits.search(moved, fits.shape, start)])
         ends[with_force, node] = quick
         which = "force and response" if with_force else "the response"
         return "point", f"{which} {_words(fits.assembly, node)}", quick

@@ -187,9 +187,9 @@ class PerturbedResiduals(SumOfSquares):
     def _linearise(self, position: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         fraction, amount = position[np.newaxis, :-1], self.amount(position)
         step = -_SETTINGS.difference if position[-1] > 0.5 else _SETTINGS.difference
-        here = self._at(amount).linearise(fraction)
+        linear = self._at(amount).linearise(fraction)
         ahead = self._at(amount + step * self._width).residuals(fraction)
-        return here.residuals[0], np.concatenate([here.jacobian[0], (ahead - here.residuals) / step])
+        return linear.residuals[0], np.concatenate([linear.jacobian[0], (ahead - linear.residuals) / step])
 
     def _at(self, amount: float) -> FrfResiduals:
         return FrfResiduals(self._perturbation.apply(amount), self._residual)
@@ -231,7 +231,7 @@ class LoadedModel:
         """Return the same model at other frequencies: one axis for all responses, or one for each."""
         axes = (frequency, *further) if further else (frequency,) * len(self._responses)
         pairs = zip(self._responses, axes, strict=True)
-        return LoadedModel([(plain.on(axis), there.on(axis)) for (plain, there), axis in pairs], self._mass)
+        return LoadedModel([(plain.on(axis), at_response.on(axis)) for (plain, at_response), axis in pairs], self._mass)
 
     def combined(self, _others: Sequence[FrfModel], /) -> None:
         """Return None, since the structure is another one for each response."""
@@ -244,7 +244,7 @@ class LoadedModel:
         """Return the FRFs as measured and their derivatives, with a last axis n_params."""
         values, jacobian = self._plain.frf_jacobian(theta)
         same = self._at_response is self._plain
-        there, slope = (values, jacobian) if same else self._at_response.frf_jacobian(theta)
-        loaded = values / (1.0 + self._load * there)
+        load_frf, slope = (values, jacobian) if same else self._at_response.frf_jacobian(theta)
+        loaded = values / (1.0 + self._load * load_frf)
         change = jacobian - (loaded * self._load)[..., np.newaxis] * slope
-        return loaded, change / (1.0 + self._load * there)[..., np.newaxis]
+        return loaded, change / (1.0 + self._load * load_frf)[..., np.newaxis]

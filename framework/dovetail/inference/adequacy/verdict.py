@@ -201,8 +201,8 @@ class Adequacy:
                 with np.errstate(divide="ignore", invalid="ignore"):
                     lower, upper, at = parameter.to_unit(np.array([*ends, value]))
                 if abs(at - 0.5 * (lower + upper)) > upper - lower:
-                    there = format_quantity(value, parameter.unit)
-                    moved.setdefault(parameter.name, f"with {cause.words} it is {there}")
+                    shown = format_quantity(value, parameter.unit)
+                    moved.setdefault(parameter.name, f"with {cause.words} it is {shown}")
         return moved
 
     def to_dict(self) -> dict[str, Any]:
