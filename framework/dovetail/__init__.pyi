@@ -82,7 +82,7 @@ from .identification import natural_frequencies as natural_frequencies
 from .identification import predict as predict
 from .identification import predict_band as predict_band
 from .identification import train as train
-from .identification.truth import Truth as Truth
+from .identification.truth import TrueValues as TrueValues
 from .identification.truth import read_truth as read_truth
 from .inference.adequacy.assess import JudgedFit as JudgedFit
 from .inference.adequacy.assess import JudgementOptions as JudgementOptions
@@ -112,15 +112,15 @@ from .interfaces import FrfToWrite as FrfToWrite
 from .interfaces import IdentificationMethod as IdentificationMethod
 from .interfaces import IdentificationProblem as IdentificationProblem
 from .interfaces import JointModel as JointModel
+from .interfaces import JointPort as JointPort
 from .interfaces import Law as Law
 from .interfaces import LawUnknown as LawUnknown
 from .interfaces import MatrixMeaning as MatrixMeaning
 from .interfaces import MatrixReader as MatrixReader
-from .interfaces import Node as Node
 from .interfaces import NodeDofs as NodeDofs
 from .interfaces import Omission as Omission
 from .interfaces import Parameter as Parameter
-from .interfaces import Port as Port
+from .interfaces import PartNode as PartNode
 from .interfaces import PosteriorOptions as PosteriorOptions
 from .interfaces import Progress as Progress
 from .interfaces import RecordedArrays as RecordedArrays

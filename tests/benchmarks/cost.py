@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from processes import ASSEMBLY
 
 import dovetail
-from dovetail import JointModel, Parameter, Port
+from dovetail import JointModel, JointPort, Parameter
 from dovetail.dataset import latin_hypercube
 from dovetail.registry import Registry
 from dovetail.synthesis import Attachment, Connection, Engine, Graph
@@ -40,7 +40,7 @@ class Chain(JointModel):
 
     name, summary = "chain", "Benchmark"
     parameters = (Parameter("k", "N/m", 1e5, 1e7, "log"), Parameter("c", "N s/m", 1, 100), Parameter("m", "kg", 0.1, 1))
-    ports = (Port("a", 1), Port("b", 1))
+    ports = (JointPort("a", 1), JointPort("b", 1))
     internal_dofs = 1
 
     @classmethod

@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterable
 import numpy as np
 
 import dovetail
-from dovetail import Node, StructuralMatrices, SubstructureModel
+from dovetail import PartNode, StructuralMatrices, SubstructureModel
 from dovetail.registry import Registry
 from dovetail.synthesis import Attachment, Connection, Engine, Graph
 from dovetail.synthesis import plan as plan_module
@@ -37,9 +37,9 @@ class Block(SubstructureModel):
         self.count, self.seed = nodes, seed
 
     @property
-    def nodes(self) -> tuple[Node, ...]:
+    def nodes(self) -> tuple[PartNode, ...]:
         """The nodes, a metre apart."""
-        return tuple(Node(f"n{i}", float(i)) for i in range(self.count))
+        return tuple(PartNode(f"n{i}", float(i)) for i in range(self.count))
 
     def matrices(self) -> StructuralMatrices:
         """Return matrices with natural frequencies from 50 Hz to 12 kHz and a loss factor of 0.01."""

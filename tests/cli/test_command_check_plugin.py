@@ -20,7 +20,7 @@ class Pad(dovetail.JointModel):
     name = "pad"
     summary = "Elastic pad"
     parameters = (dovetail.Parameter("kp", "N/m", 1e5, 1e7, "log", "stiffness"),)
-    ports = (dovetail.Port("a", 1), dovetail.Port("b", 1))
+    ports = (dovetail.JointPort("a", 1), dovetail.JointPort("b", 1))
 
     def matrices(self, theta):
         """Return the (n, 4, 4) matrices."""

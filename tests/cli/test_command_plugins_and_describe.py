@@ -126,7 +126,7 @@ class Row(dovetail.JointModel):
 
     @property
     def ports(self):
-        return (dovetail.Port("a", self.config.count),)
+        return (dovetail.JointPort("a", self.config.count),)
 
     def matrices(self, theta):
         return dovetail.StructuralMatrices.zeros(len(theta), self.size)

@@ -22,7 +22,7 @@ class HystereticSpring(dovetail.JointModel):
         dovetail.Parameter("k", "N/m", 1e5, 1e7, "log", "stiffness"),
         dovetail.Parameter("d", "N/m", 1e3, 1e5, "log", "structural damping"),
     )
-    ports = (dovetail.Port("a", 1), dovetail.Port("b", 1))
+    ports = (dovetail.JointPort("a", 1), dovetail.JointPort("b", 1))
 
     def matrices(self, theta):
         joint = dovetail.StructuralMatrices.zeros(len(theta), self.size)

@@ -45,7 +45,7 @@ class SlowSpring(dovetail.JointModel):
 
     name = "slow_spring"
     summary = "a spring whose matrices take a while"
-    ports = (dovetail.Port("a", 1), dovetail.Port("b", 1))
+    ports = (dovetail.JointPort("a", 1), dovetail.JointPort("b", 1))
     parameters = (dovetail.Parameter("k", "N/m", 1e5, 1e7, "log", "stiffness"),)
 
     def matrices(self, theta):

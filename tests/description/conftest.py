@@ -14,9 +14,9 @@ from dovetail import (
     ComponentConfig,
     InUnit,
     JointModel,
-    Node,
+    JointPort,
     Parameter,
-    Port,
+    PartNode,
     Reducer,
     Regressor,
     StructuralMatrices,
@@ -81,9 +81,9 @@ class Rod(SubstructureModel):
         sections: Annotated[tuple[Section, ...], Field(min_length=1)]
 
     @property
-    def nodes(self) -> tuple[Node, ...]:
+    def nodes(self) -> tuple[PartNode, ...]:
         lengths = [s.length / s.elements for s in self.config.sections for _ in range(s.elements)]
-        return tuple(Node(f"n{i}", float(x)) for i, x in enumerate(np.cumsum([0.0, *lengths])))
+        return tuple(PartNode(f"n{i}", float(x)) for i, x in enumerate(np.cumsum([0.0, *lengths])))
 
     def matrices(self) -> StructuralMatrices:
         return StructuralMatrices.zeros(2 * len(self.nodes))
@@ -93,7 +93,7 @@ class Wall(SubstructureModel):
     name = "wall"
     summary = "does not move"
     grounded = True
-    nodes = (Node("g", 0.0),)
+    nodes = (PartNode("g", 0.0),)
 
     def matrices(self) -> StructuralMatrices:
         return StructuralMatrices.zeros(2)
@@ -102,7 +102,7 @@ class Wall(SubstructureModel):
 class Pair(SubstructureModel):
     name = "pair"
     summary = "two nodes at one place"
-    nodes = (Node("left", 0.0), Node("right", 0.0))
+    nodes = (PartNode("left", 0.0), PartNode("right", 0.0))
 
     def matrices(self) -> StructuralMatrices:
         return StructuralMatrices.zeros(4)
@@ -116,7 +116,7 @@ class Clamp(JointModel):
         Parameter("mn1", "kg", 0.0, 0.2),
         Parameter("kr_tc", "N m/rad", 1e3, 1e5, "log"),
     )
-    ports = (Port("tool", 2), Port("holder", 2))
+    ports = (JointPort("tool", 2), JointPort("holder", 2))
 
     def matrices(self, theta: np.ndarray) -> StructuralMatrices:
         return StructuralMatrices.zeros(len(theta), self.size)
@@ -126,7 +126,7 @@ class Weld(JointModel):
     name = "weld"
     summary = "a joint without parameters"
     parameters = ()
-    ports = (Port("a", 1), Port("b", 1))
+    ports = (JointPort("a", 1), JointPort("b", 1))
 
     def matrices(self, theta: np.ndarray) -> StructuralMatrices:
         return StructuralMatrices.zeros(len(theta), self.size)

@@ -18,7 +18,7 @@ PLUGIN = '''
 
 import numpy as np
 
-from dovetail import JointModel, Parameter, Port, StructuralMatrices, hookimpl
+from dovetail import JointModel, JointPort, Parameter, StructuralMatrices, hookimpl
 
 K = (Parameter("k", "N/m", 1e6, 1e9, "log", "stiffness, per node"),)
 
@@ -27,7 +27,7 @@ class Sleeve(JointModel):
     name = "sleeve"
     summary = "a layer whose nodes are 5 and 15 mm apart"
     parameters = K
-    ports = (Port("a", 3, (0.0, 0.005, 0.020)), Port("b", 3, (0.0, 0.005, 0.020)))
+    ports = (JointPort("a", 3, (0.0, 0.005, 0.020)), JointPort("b", 3, (0.0, 0.005, 0.020)))
     internal_dofs = 2
 
     def matrices(self, theta):
@@ -41,7 +41,7 @@ class Glue(JointModel):
     name = "glue"
     summary = "a layer of four nodes that declares nothing"
     parameters = K
-    ports = (Port("a", 4), Port("b", 4))
+    ports = (JointPort("a", 4), JointPort("b", 4))
 
     def matrices(self, theta):
         joint = StructuralMatrices.zeros(len(theta), self.size)
@@ -321,7 +321,7 @@ def test_tied_lengths_of_both_sides_move_together():
 )
 def test_positions_of_a_port_are_increasing_numbers_one_for_each_node(positions):
     with pytest.raises(dovetail.PluginError, match="its positions are"):
-        dovetail.Port("a", 2, positions)
+        dovetail.JointPort("a", 2, positions)
 
 
 @pytest.mark.parametrize(

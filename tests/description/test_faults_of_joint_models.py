@@ -13,14 +13,14 @@ from dovetail.interfaces import joint_faults
 PLUGIN = """\
 import numpy as np
 import dovetail
-from dovetail import Parameter, Port
+from dovetail import JointPort, Parameter
 
 
 class Pad(dovetail.JointModel):
     name = "pad"
     summary = "A pad"
     parameters = (Parameter("k", "N/m", 1e5, 1e7), Parameter("c", "N s/m", 1.0, 10.0, "log"))
-    ports = (Port("a", 1), Port("b", 1))
+    ports = (JointPort("a", 1), JointPort("b", 1))
     internal_dofs = 0
     merged_dofs = ()
 
@@ -96,7 +96,12 @@ AT_READING = {
     ),
     "strangers": (K, '("k", "N/m")', "has ('k', 'N/m') among its parameters, which is not a Parameter.\n", "Accepted"),
     "no_ports": ("ports = (", "ports = None and (", "has None for its ports, not a tuple.\n", "Accepted: a tuple such"),
-    "port_strangers": ('Port("b", 1)', '"b"', "has 'b' among its ports, which is not a Port.\n", "Accepted: a tuple"),
+    "port_strangers": (
+        'JointPort("b", 1)',
+        '"b"',
+        "has 'b' among its ports, which is not a JointPort.\n",
+        "Accepted: a tuple",
+    ),
     "ports_alike": ('"b"', '"a"', "has 2 ports of the name 'a'.\n", "Accepted: names that differ"),
     "internal": ("internal_dofs = 0", "internal_dofs = 0.5", "has 0.5 for its internal_dofs.\n", "Accepted: a whole"),
     "merged": ("merged_dofs = ()", "merged_dofs = ((0, 4),)", "has (0, 4) among its merged_dofs.\n", "Accepted: pairs"),

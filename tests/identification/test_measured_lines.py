@@ -12,7 +12,7 @@ import pytest
 import dovetail
 from dovetail.errors import MeasurementError
 from dovetail.identification.result_file import load_result
-from dovetail.identification.truth import Truth
+from dovetail.identification.truth import TrueValues
 
 NOISE = 0.02
 FEW = {"multistart": {"starts": 8}, "posterior": {"samples": 100}}
@@ -140,7 +140,7 @@ def test_a_natural_frequency_outside_the_measured_lines_is_compared_with_the_tru
     assert mode.natural_frequency == pytest.approx(natural, rel=1e-3)
     assert mode.measured_peak is None
     assert f"it was compared from 1 to {frequency[-1]:.6g} Hz only" in " ".join(result.warnings)
-    truth = Truth(dict(zip(result.parameters, theta, strict=True)), (float(natural),))
+    truth = TrueValues(dict(zip(result.parameters, theta, strict=True)), (float(natural),))
     page = dovetail.write_report(result, tmp_path / "report.html", truth=truth).read_text()
     assert f"{natural:.1f}" in page
 

@@ -20,7 +20,7 @@ class Creeping(dovetail.JointModel):
     name = "creeping"
     summary = "A spring that depends on frequency"
     parameters = (dovetail.Parameter("k", "N/m", 1e5, 1e7),)
-    ports = (dovetail.Port("a", 1), dovetail.Port("b", 1))
+    ports = (dovetail.JointPort("a", 1), dovetail.JointPort("b", 1))
 
     def matrices(self, theta):
         joint = dovetail.StructuralMatrices.zeros(len(theta), 4)

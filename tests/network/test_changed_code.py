@@ -19,7 +19,7 @@ class Spring(dovetail.JointModel):
     name = "spring"
     summary = "A spring and a damper"
     parameters = (dovetail.Parameter("k", "N/m", 1e5, 1e7, "log"), dovetail.Parameter("c", "N s/m", 1.0, 100.0))
-    ports = (dovetail.Port("a", 1), dovetail.Port("b", 1))
+    ports = (dovetail.JointPort("a", 1), dovetail.JointPort("b", 1))
 
     def matrices(self, theta):
         joint = dovetail.StructuralMatrices.zeros(len(theta), 4)

@@ -25,7 +25,7 @@ import dovetail
 class Pad(dovetail.JointModel):
     name, summary = "{name}", "Elastic pad"
     parameters = (dovetail.Parameter("kp", "N/m", 1e5, 1e7, "log", "stiffness"),)
-    ports = (dovetail.Port("a", 1), dovetail.Port("b", 1))
+    ports = (dovetail.JointPort("a", 1), dovetail.JointPort("b", 1))
     {extra}
 
     def matrices(self, theta):
@@ -215,8 +215,8 @@ def test_one_plugin_file_given_twice_is_taken_once(tmp_path, monkeypatch):
     ("nodes", "found"),
     [
         ("None", "has None for its nodes, not a tuple."),
-        ("('left',)", "has 'left' among its nodes, which is not a Node."),
-        ("(dovetail.Node('n', float('nan')),)", "has nan for the position of the node 'n'."),
+        ("('left',)", "has 'left' among its nodes, which is not a PartNode."),
+        ("(dovetail.PartNode('n', float('nan')),)", "has nan for the position of the node 'n'."),
         ("()", "has no nodes."),
     ],
 )

@@ -16,7 +16,7 @@ from pydantic import create_model
 import dovetail
 from dovetail import StructuralMatrices, hookimpl
 from dovetail.errors import PluginError
-from dovetail.interfaces import ComponentConfig, JointModel, Parameter, Port
+from dovetail.interfaces import ComponentConfig, JointModel, JointPort, Parameter
 from dovetail.registry import Registry, components
 from dovetail.registry import loading as module
 from support.mass_on_mount import mass_on_mount
@@ -24,7 +24,7 @@ from support.mass_on_mount import mass_on_mount
 GOOD = '''
 import numpy as np
 import dovetail
-from dovetail import ComponentConfig, JointModel, Parameter, Port, StructuralMatrices
+from dovetail import ComponentConfig, JointModel, JointPort, Parameter, StructuralMatrices
 
 
 class Pad(JointModel):
@@ -33,7 +33,7 @@ class Pad(JointModel):
     name = "pad"
     summary = "Elastic pad"
     parameters = (Parameter("kp", "N/m", 1e5, 1e7, "log", "stiffness"),)
-    ports = (Port("a", 1), Port("b", 1))
+    ports = (JointPort("a", 1), JointPort("b", 1))
 
     class Config(ComponentConfig):
         """No options."""
@@ -56,7 +56,7 @@ def joint(**attributes):
         "name": "pad",
         "summary": "Elastic pad",
         "parameters": (Parameter("kp", "N/m", 1e5, 1e7, "log"),),
-        "ports": (Port("a", 1), Port("b", 1)),
+        "ports": (JointPort("a", 1), JointPort("b", 1)),
         "matrices": lambda self, theta: StructuralMatrices.zeros(len(theta), 4),
         **attributes,
     }

@@ -11,7 +11,7 @@ import pytest
 
 from dovetail.frf import Frf
 from dovetail.identification import Identification, IdentifiedParameter, Mode
-from dovetail.identification.truth import Truth
+from dovetail.identification.truth import TrueValues
 
 PARAMETERS = (  # name, unit, lower, upper, scale, identified, true, description
     ("Dc", "m", 26e-3, 40e-3, "linear", 35.18e-3, 34.9e-3, "equivalent outer diameter of the collet"),
@@ -66,8 +66,8 @@ def result() -> Identification:
 
 
 @pytest.fixture(scope="session")
-def truth() -> Truth:
-    return Truth(
+def truth() -> TrueValues:
+    return TrueValues(
         {name: true for name, _, _, _, _, _, true, _ in PARAMETERS},
         (1330.0, 6610.0, 8240.0),
         synthetic=True,

@@ -12,7 +12,7 @@ import pytest
 
 import dovetail
 from dovetail.identification import Adequacy, Cause, Identification, Mode, ModelError
-from dovetail.identification.truth import Truth
+from dovetail.identification.truth import TrueValues
 from dovetail.inference.fitting import refine
 from dovetail.plain_text import ABSENT
 from dovetail.problem import Problem
@@ -42,7 +42,7 @@ def with_value(result: Identification, name: str, value: float) -> Identificatio
     return replace(result, parameters={name: parameter})
 
 
-def test_a_value_lies_on_its_range_on_the_parameters_own_scale(result: Identification, truth: Truth) -> None:
+def test_a_value_lies_on_its_range_on_the_parameters_own_scale(result: Identification, truth: TrueValues) -> None:
     rows = {row.identified.name: row for row in parameter_rows(result, truth)}
     assert rows["Dc"].place == pytest.approx((35.18 - 26) / 14)
     assert rows["Dc"].true_place == pytest.approx((34.9 - 26) / 14)
@@ -65,14 +65,14 @@ def test_zero_lies_below_a_logarithmic_range(result: Identification) -> None:
 def test_each_true_natural_frequency_is_held_against_the_identified_one_that_is_nearest(
     result: Identification,
 ) -> None:
-    rows = mode_rows(result, Truth(natural_frequencies=(1330.0, 6610.0, 8240.0)))
+    rows = mode_rows(result, TrueValues(natural_frequencies=(1330.0, 6610.0, 8240.0)))
     assert [row.error for row in rows] == ["+1.65", "\N{MINUS SIGN}1.06", "+1.09"]
     assert [row.difference for row in rows] == ["+1.67", "\N{MINUS SIGN}1.06", "+1.08"]
 
 
 def test_a_natural_frequency_that_the_model_misses_has_a_row_of_its_own(result: Identification) -> None:
     missed = replace(result, modes=(result.modes[0], result.modes[2]))
-    rows = mode_rows(missed, Truth(natural_frequencies=(1330.0, 6610.0, 8240.0, 12000.0)))
+    rows = mode_rows(missed, TrueValues(natural_frequencies=(1330.0, 6610.0, 8240.0, 12000.0)))
     assert [(row.natural, row.true_natural) for row in rows] == [
         ("1352.0", "1330.0"),
         (ABSENT, "6610.0"),
@@ -81,12 +81,12 @@ def test_a_natural_frequency_that_the_model_misses_has_a_row_of_its_own(result: 
 
 
 def test_a_natural_frequency_that_the_truth_does_not_have_is_held_against_none(result: Identification) -> None:
-    rows = mode_rows(result, Truth(natural_frequencies=(1330.0, 8240.0)))
+    rows = mode_rows(result, TrueValues(natural_frequencies=(1330.0, 8240.0)))
     assert [row.true_natural for row in rows] == ["1330.0", ABSENT, "8240.0"]
 
 
 def test_a_natural_frequency_that_is_not_a_number_comes_last(result: Identification) -> None:
-    rows = mode_rows(replace(result, modes=(Mode(math.nan, None, None), result.modes[0])), Truth({}, (1330.0,)))
+    rows = mode_rows(replace(result, modes=(Mode(math.nan, None, None), result.modes[0])), TrueValues({}, (1330.0,)))
     assert [row.natural for row in rows] == ["1352.0", ABSENT]
     assert [row.error for row in rows] == ["+1.65", ABSENT]
 
@@ -106,8 +106,8 @@ def test_a_parameter_whose_r2_is_undefined_has_none(result: Identification) -> N
 
 def test_the_warning_of_synthetic_data_appears_once(result: Identification) -> None:
     warned = replace(result, warnings=("This measurement is synthetic.",))
-    assert is_synthetic(warned, Truth(synthetic=True))
-    assert warnings_of(warned, Truth(synthetic=True)) == ["This measurement is synthetic."]
+    assert is_synthetic(warned, TrueValues(synthetic=True))
+    assert warnings_of(warned, TrueValues(synthetic=True)) == ["This measurement is synthetic."]
 
 
 SIZE = ModelError(0.012, damping=0.2, magnitude=0.15, phase=0.1)

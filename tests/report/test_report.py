@@ -21,7 +21,7 @@ import dovetail
 from dovetail.errors import DovetailError
 from dovetail.frf import Frf
 from dovetail.identification import Adequacy, AtPoint, Identification, Mode, ModelError
-from dovetail.identification.truth import Truth
+from dovetail.identification.truth import TrueValues
 from dovetail.report import html_report
 from dovetail.report.html_report import write_report
 
@@ -54,7 +54,7 @@ class Page(HTMLParser):
         return [attributes[name] or "" for _, attributes in self.tags if name in attributes]
 
 
-def written(result: Identification, tmp_path: Path, truth: Truth | None = None) -> Page:
+def written(result: Identification, tmp_path: Path, truth: TrueValues | None = None) -> Page:
     return Page(write_report(result, tmp_path / "report.html", truth=truth))
 
 
@@ -80,7 +80,7 @@ def assert_nothing_is_loaded(page: Page) -> None:
     assert all(attributes["type"] == "application/json" for attributes in others)
 
 
-def test_the_report_loads_nothing(result: Identification, truth: Truth, tmp_path: Path) -> None:
+def test_the_report_loads_nothing(result: Identification, truth: TrueValues, tmp_path: Path) -> None:
     page = written(result, tmp_path, truth)
     assert_nothing_is_loaded(page)
     names = ["http://www.w3.org/2000/svg", "https://github.com/leeoniya/uPlot"]  # of a namespace, and in a comment
@@ -110,7 +110,7 @@ def test_hostile_names_are_only_text(result: Identification, tmp_path: Path) -> 
             "packages": [HOSTILE],
         },
     )
-    page = written(hostile, tmp_path, Truth(note=HOSTILE, synthetic=True))
+    page = written(hostile, tmp_path, TrueValues(note=HOSTILE, synthetic=True))
     assert_nothing_is_loaded(page)
     assert page.text.count("<script>alert(1)</script>") > 2 * len(parameters)
     assert "49" not in re.findall(r"alert\(1\)>(\S+)", page.text)
@@ -157,7 +157,7 @@ def test_warnings_stand_above_the_parameters(result: Identification, tmp_path: P
 
 @pytest.mark.parametrize("says", ["truth", "label", "provenance", "measurement"])
 def test_a_synthetic_measurement_is_reported_as_synthetic(result: Identification, tmp_path: Path, says: str) -> None:
-    truth = Truth(synthetic=True) if says == "truth" else None
+    truth = TrueValues(synthetic=True) if says == "truth" else None
     if says == "label":
         result = replace(result, measured=replace(result.measured, label="SYNTHETIC H0-J-T0"))
     if says in ("provenance", "measurement"):
@@ -167,10 +167,12 @@ def test_a_synthetic_measurement_is_reported_as_synthetic(result: Identification
 
 
 def test_a_measurement_is_not_called_synthetic_without_reason(result: Identification, tmp_path: Path) -> None:
-    assert "synthetic" not in written(result, tmp_path, Truth({"Dc": 35e-3})).text
+    assert "synthetic" not in written(result, tmp_path, TrueValues({"Dc": 35e-3})).text
 
 
-def test_truth_and_error_are_listed_next_to_the_values(result: Identification, truth: Truth, tmp_path: Path) -> None:
+def test_truth_and_error_are_listed_next_to_the_values(
+    result: Identification, truth: TrueValues, tmp_path: Path
+) -> None:
     text = written(result, tmp_path, truth).text
     assert after(text, "equivalent outer diameter of the collet")[:6] == ["35.18", "mm", "34.90", "+0.80", "%", "26"]
     assert truth.note in text
@@ -178,14 +180,14 @@ def test_truth_and_error_are_listed_next_to_the_values(result: Identification, t
 
 
 def test_a_truth_of_some_parameters_leaves_the_others_open(result: Identification, tmp_path: Path) -> None:
-    text = written(result, tmp_path, Truth({"dc": 13e-3})).text
+    text = written(result, tmp_path, TrueValues({"dc": 13e-3})).text
     assert after(text, "equivalent inner diameter of the collet")[:4] == ["12.40", "mm", "13.00", "\N{MINUS SIGN}4.62"]
     assert after(text, "equivalent outer diameter of the collet")[2:4] == ["\N{EN DASH}"] * 2
 
 
 def test_modes_without_peaks_and_without_numbers(result: Identification, tmp_path: Path) -> None:
     modes = (Mode(float("nan"), None, None), Mode(1352.0, 1352.4, None), Mode(6540.0, None, None))
-    page = written(replace(result, modes=modes), tmp_path, Truth(natural_frequencies=(1330.0, 6600.0, 8240.0)))
+    page = written(replace(result, modes=modes), tmp_path, TrueValues(natural_frequencies=(1330.0, 6600.0, 8240.0)))
     assert "1352.0" in page.text
     assert not re.search(r"\bnan\b", page.source, flags=re.I)
     assert "Natural frequencies" not in written(replace(result, modes=()), tmp_path).text

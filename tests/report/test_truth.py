@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from dovetail.errors import FileError, MeasurementError
-from dovetail.identification.truth import Truth, read_truth
+from dovetail.identification.truth import TrueValues, read_truth
 from dovetail.interfaces import Parameter
 
 PARAMETERS = (
@@ -43,12 +43,12 @@ def test_texts_with_units_and_numbers_become_si(tmp_path: Path) -> None:
 
 
 def test_every_key_may_be_missing(tmp_path: Path) -> None:
-    assert read_truth(truth_file(tmp_path, {}), PARAMETERS) == Truth()
+    assert read_truth(truth_file(tmp_path, {}), PARAMETERS) == TrueValues()
 
 
 def test_a_truth_cannot_be_changed() -> None:
     with pytest.raises(TypeError):
-        Truth({"Dc": 1.0}).parameters["Dc"] = 2.0  # type: ignore[index]
+        TrueValues({"Dc": 1.0}).parameters["Dc"] = 2.0  # type: ignore[index]
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dovetail import ComponentConfig, JointModel, Parameter, Port
+from dovetail import ComponentConfig, JointModel, JointPort, Parameter
 from dovetail.registry import Registry
 from dovetail.synthesis import Attachment, Connection, Graph
 
@@ -21,7 +21,7 @@ class Viscoelastic(JointModel):
         Parameter("c", "N s^alpha/m", 1e2, 1e4, "log"),
         Parameter("alpha", "1", 0.2, 0.8),
     )
-    ports = (Port("a", 1), Port("b", 1))
+    ports = (JointPort("a", 1), JointPort("b", 1))
 
     class Config(ComponentConfig):
         """No options."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import dovetail
-from dovetail import ComponentConfig, JointModel, Parameter, Port, StructuralMatrices
+from dovetail import ComponentConfig, JointModel, JointPort, Parameter, StructuralMatrices
 
 
 class Tripod(JointModel):
@@ -24,7 +24,7 @@ class Tripod(JointModel):
         Parameter("c", "N s/m", 1.0, 1e4, "log", "damper of the absorber"),
         Parameter("m", "kg", 1e-3, 1.0, "log", "inner mass"),
     )
-    ports = (Port("top", 1), Port("feet", 2), Port("absorber", 1))
+    ports = (JointPort("top", 1), JointPort("feet", 2), JointPort("absorber", 1))
     internal_dofs = 2
     merged_dofs = ((0, 8),)
     contact_dofs = ((0, 2), (6, 9))
@@ -57,7 +57,7 @@ class Rubber(JointModel):
         Parameter("alpha", "1", 0.1, 0.9, "linear", "order of the derivative"),
         Parameter("m", "kg", 1e-3, 0.1, "log", "mass of the rubber"),
     )
-    ports = (Port("a", 1), Port("b", 1))
+    ports = (JointPort("a", 1), JointPort("b", 1))
     internal_dofs = 1
 
     class Config(ComponentConfig):

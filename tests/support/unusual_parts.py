@@ -14,9 +14,9 @@ from dovetail import (
     ComponentConfig,
     InUnit,
     JointModel,
-    Node,
+    JointPort,
     Parameter,
-    Port,
+    PartNode,
     StructuralMatrices,
     SubstructureModel,
 )
@@ -32,9 +32,9 @@ class Dashpots(SubstructureModel):
         """No options."""
 
     @property
-    def nodes(self) -> tuple[Node, ...]:
+    def nodes(self) -> tuple[PartNode, ...]:
         """Left, between the dampers, right."""
-        return Node("left", 0.0), Node("middle", 0.1), Node("right", 0.2)
+        return PartNode("left", 0.0), PartNode("middle", 0.1), PartNode("right", 0.2)
 
     def matrices(self) -> StructuralMatrices:
         """Return the matrices; nothing turns."""
@@ -64,9 +64,9 @@ class FewModes(SubstructureModel):
         first: Annotated[float, Field(gt=0), InUnit("Hz")] = 200.0
 
     @property
-    def nodes(self) -> tuple[Node, ...]:
+    def nodes(self) -> tuple[PartNode, ...]:
         """Evenly spread."""
-        return tuple(Node(f"p{index}", 0.4 * index / 3.0) for index in range(4))
+        return tuple(PartNode(f"p{index}", 0.4 * index / 3.0) for index in range(4))
 
     def matrices(self) -> None:
         """Return None: only FRFs are known."""
@@ -107,10 +107,10 @@ class Twin(SubstructureModel):
         pieces: Annotated[int, Field(ge=1)] = 2
 
     @property
-    def nodes(self) -> tuple[Node, ...]:
+    def nodes(self) -> tuple[PartNode, ...]:
         """Upper ones, then the lower ones."""
         places = np.linspace(0.0, 0.2, self.config.pieces + 1)
-        return tuple(Node(f"{row}{index}", float(x)) for row in "ul" for index, x in enumerate(places))
+        return tuple(PartNode(f"{row}{index}", float(x)) for row in "ul" for index, x in enumerate(places))
 
     def matrices(self) -> StructuralMatrices:
         """Return a string of equal masses and springs, twice."""
@@ -133,7 +133,7 @@ class KnownBefore(JointModel):
 
     name = "known_before"
     summary = "Spring known beforehand"
-    ports = (Port("a", 1), Port("b", 1))
+    ports = (JointPort("a", 1), JointPort("b", 1))
     parameters = (Parameter("k", "N/m", 1e5, 1e7, "log", "stiffness", prior="normal"),)
     contact_dofs = ((0, 2),)
 

@@ -132,7 +132,7 @@ class Spring(dovetail.JointModel):
     name = "spring"
     summary = "A spring"
     parameters = (dovetail.Parameter("k", "N/m", 1e5, 1e7, "log"), dovetail.Parameter("p", "1", 0.5, 2.0))
-    ports = (dovetail.Port("a", 1), dovetail.Port("b", 1))
+    ports = (dovetail.JointPort("a", 1), dovetail.JointPort("b", 1))
 
     def stiffness(self, k, p):
         return k + 1e5 * p**3
@@ -285,7 +285,7 @@ class Stop(dovetail.JointModel):
     name = "stop"
     summary = "A spring in translation, and one in rotation that acts only above p = 2"
     parameters = (dovetail.Parameter("k", "N/m", 1e5, 1e7, "log"), dovetail.Parameter("p", "1", 0.5, 2.0))
-    ports = (dovetail.Port("a", 1), dovetail.Port("b", 1))
+    ports = (dovetail.JointPort("a", 1), dovetail.JointPort("b", 1))
     linear_parameters = DECLARED
 
     def matrices(self, theta):

@@ -23,7 +23,7 @@ class Frail(dovetail.JointModel):
     name = "frail"
     summary = "A spring"
     parameters = (dovetail.Parameter("k", "N/m", 1e5, 1e7),)
-    ports = (dovetail.Port("a", 1), dovetail.Port("b", 1))
+    ports = (dovetail.JointPort("a", 1), dovetail.JointPort("b", 1))
 
     class Config(dovetail.ComponentConfig):
         """Where it fails."""
@@ -87,7 +87,7 @@ class Hollow(dovetail.SubstructureModel):
 
     name = "hollow"
     summary = "A part"
-    nodes = (dovetail.Node("n", 0.0),)
+    nodes = (dovetail.PartNode("n", 0.0),)
 
     def matrices(self):
         raise OSError("no such mesh")
@@ -98,7 +98,7 @@ class Table(dovetail.SubstructureModel):
 
     name = "table"
     summary = "A part"
-    nodes = (dovetail.Node("n", 0.0),)
+    nodes = (dovetail.PartNode("n", 0.0),)
 
     def matrices(self):
         return None
@@ -146,7 +146,7 @@ class Block(dovetail.SubstructureModel):
 
     name = "block"
     summary = "A part"
-    nodes = (dovetail.Node("n", 0.0),)
+    nodes = (dovetail.PartNode("n", 0.0),)
 
     def matrices(self):
         return dovetail.StructuralMatrices(np.eye(2), np.zeros((2, 2)))
@@ -157,7 +157,7 @@ class Measured(dovetail.SubstructureModel):
 
     name = "measured"
     summary = "A part"
-    nodes = (dovetail.Node("n", 0.0),)
+    nodes = (dovetail.PartNode("n", 0.0),)
 
     def matrices(self):
         return None

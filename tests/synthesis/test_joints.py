@@ -192,7 +192,7 @@ class Spring(dovetail.JointModel):
 
     name, summary = "spring", "Test joint"
     parameters = (dovetail.Parameter("k", "N/m", 1e3, 1e6, "log"), dovetail.Parameter("p", "1", 0.5, 2.0))
-    ports = (dovetail.Port("a", 1), dovetail.Port("b", 1))
+    ports = (dovetail.JointPort("a", 1), dovetail.JointPort("b", 1))
 
     def stiffness(self, k, p):
         return np.minimum(k, 2e6) + 1e5 * p**3

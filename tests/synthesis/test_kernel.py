@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail import JointModel, Parameter, Port
+from dovetail import JointModel, JointPort, Parameter
 from dovetail.dataset import latin_hypercube
 from dovetail.registry import Registry
 from dovetail.synthesis import Attachment, Connection, Engine, Graph, direct_receptance
@@ -150,7 +150,7 @@ class Bar(JointModel):
 
     name, summary = "bar", "Test joint"
     parameters = (Parameter("k", "N/m", 1e3, 1e7, "log"), Parameter("m", "kg", 0.1, 10.0))
-    ports = (Port("a", 1), Port("b", 1))
+    ports = (JointPort("a", 1), JointPort("b", 1))
     internal_dofs = 1
 
     def matrices(self, theta):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dovetail import Node, StructuralMatrices, SubstructureModel
+from dovetail import PartNode, StructuralMatrices, SubstructureModel
 from dovetail.dataset import latin_hypercube
 from dovetail.synthesis import Attachment, Connection, Engine, Graph, direct_receptance
 from dovetail.synthesis import plan as plan_module
@@ -26,7 +26,7 @@ class Block(SubstructureModel):
 
     @property
     def nodes(self):
-        return tuple(Node(f"n{i}", float(i)) for i in range(self.count))
+        return tuple(PartNode(f"n{i}", float(i)) for i in range(self.count))
 
     def matrices(self):
         rng, size = np.random.default_rng(self.seed), 2 * self.count

@@ -221,13 +221,13 @@ def test_stiffness_between_dofs_that_become_one_leaves_no_spring_to_the_ground()
 TWO_UNITS = """
 import numpy as np
 
-from dovetail import Node, StructuralMatrices, SubstructureModel, hookimpl
+from dovetail import PartNode, StructuralMatrices, SubstructureModel, hookimpl
 
 
 class TwoUnits(SubstructureModel):
     name = "two_units"
     summary = "a part that no imported matrices may be, since it is not positive semidefinite"
-    nodes = (Node("n", 0.0),)
+    nodes = (PartNode("n", 0.0),)
 
     def matrices(self):
         return StructuralMatrices(np.zeros((2, 2)), np.array([[1e14, 1e12], [1e12, 1.0]]))

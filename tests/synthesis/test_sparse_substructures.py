@@ -36,7 +36,7 @@ class Solid(dovetail.SubstructureModel):
     @property
     def nodes(self):
         steps = (0, round(0.9 * self.config.along), self.config.along)
-        return tuple(dovetail.Node(f"s{step}", LENGTH * step / self.config.along) for step in steps)
+        return tuple(dovetail.PartNode(f"s{step}", LENGTH * step / self.config.along) for step in steps)
 
     @property
     def condensation_tolerance(self):

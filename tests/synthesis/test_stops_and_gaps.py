@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail import ComponentConfig, JointModel, Parameter, Port, StructuralMatrices
+from dovetail import ComponentConfig, JointModel, JointPort, Parameter, StructuralMatrices
 from dovetail.errors import DovetailError, PluginError
 from dovetail.interfaces import SparseMatrices
 from dovetail.interfaces.differentiation import Differentiation
@@ -31,7 +31,7 @@ class Spring(JointModel):
 
     name, summary = "spring_with_stop", "Test joint"
     parameters = (Parameter("k", "N/m", 1e5, 1e7), Parameter("c", "N s/m", 1.0, 100.0))
-    ports = (Port("a", 1), Port("b", 1))
+    ports = (JointPort("a", 1), JointPort("b", 1))
 
     class Config(ComponentConfig):
         """No options."""
@@ -351,7 +351,7 @@ import dovetail
 
 class Pad(dovetail.JointModel):
     name, summary = "pad", "A pad whose rotational stop bears above 97 % of the range of k"
-    ports = (dovetail.Port("a", 1), dovetail.Port("b", 1))
+    ports = (dovetail.JointPort("a", 1), dovetail.JointPort("b", 1))
     parameters = (dovetail.Parameter("k", "N/m", 1e5, 1e7), dovetail.Parameter("c", "N s/m", 1.0, 100.0))
 
     class Config(dovetail.ComponentConfig):

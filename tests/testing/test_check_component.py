@@ -12,7 +12,7 @@ import pytest
 import dovetail.testing
 from dovetail import InUnit
 from dovetail.errors import PluginError
-from dovetail.interfaces import KINDS, ComponentConfig, Node, StructuralMatrices, SubstructureModel
+from dovetail.interfaces import KINDS, ComponentConfig, PartNode, StructuralMatrices, SubstructureModel
 from dovetail.registry import Registry, installed_components
 from dovetail.testing import CheckResult, check_component, check_names, conformance
 from support.broken_plugins.joints import SoundJoint
@@ -85,9 +85,9 @@ class Spring(SubstructureModel):
         stiffness: Annotated[float, InUnit("N/m")] = 1e6
 
     @property
-    def nodes(self) -> tuple[Node, ...]:
+    def nodes(self) -> tuple[PartNode, ...]:
         """Both ends."""
-        return Node("left", 0.0), Node("right", 0.1)
+        return PartNode("left", 0.0), PartNode("right", 0.1)
 
     def matrices(self) -> StructuralMatrices:
         """Return the (4, 4) matrices."""

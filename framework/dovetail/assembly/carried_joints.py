@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.description.joint_coordinates import JointOfCarriedPoints, LawInCoordinates
-from dovetail.interfaces import DIRECTIONS, JointModel, NodeDofs, Port, SubstructureModel
+from dovetail.interfaces import DIRECTIONS, JointModel, JointPort, NodeDofs, SubstructureModel
 from dovetail.synthesis import Attachment, Connection
 from dovetail.synthesis.joint_evaluation import depends_on_frequency
 
@@ -47,7 +47,7 @@ class CarriedJoint(JointOfCarriedPoints):
         return motions
 
     @cached_property
-    def ports(self) -> tuple[Port, ...]:
+    def ports(self) -> tuple[JointPort, ...]:
         """One for each node, in the directions in which the joint acts there."""
         return self.ports_named(f"node_{number}" for number in range(len(self._nodes)))
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from dovetail.description.changed_joint import pair_functions
 from dovetail.description.joint_coordinates import JointInCoordinates, LawInCoordinates
-from dovetail.interfaces import JointModel, NodeDofs, Port, SparseMatrices, StructuralMatrices
+from dovetail.interfaces import JointModel, JointPort, NodeDofs, SparseMatrices, StructuralMatrices
 from dovetail.synthesis import Connection, Graph, Point
 from dovetail.synthesis.condensation import substructure_constraints
 from dovetail.synthesis.graph import HELD
@@ -44,7 +44,7 @@ class FollowingJoint(JointInCoordinates):
         The model's DOFs by those of this joint.
     """
 
-    ports: tuple[Port, ...] = ()
+    ports: tuple[JointPort, ...] = ()
     facing_ports = merged_dofs = contact_dofs = ()
 
     def __init__(self, model: JointModel, motion: NDArray[np.float64]) -> None:

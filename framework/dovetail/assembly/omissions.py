@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dovetail.assembly.model import Assembly
 from dovetail.assembly.vibration_modes import lowest_frequencies
 from dovetail.errors import DovetailError, Fault, PluginError, listing
-from dovetail.interfaces import JointModel, Omission, Parameter, Port, StructuralMatrices, plugin_errors
+from dovetail.interfaces import JointModel, JointPort, Omission, Parameter, StructuralMatrices, plugin_errors
 from dovetail.synthesis import Connection
 
 _MODES = 3
@@ -23,7 +23,7 @@ class _Added(JointModel):
 
     Parameters
     ----------
-    ports : tuple of Port
+    ports : tuple of JointPort
     stiffness : (d, d) array
     """
 
@@ -31,12 +31,12 @@ class _Added(JointModel):
     summary = "A known stiffness"
     parameters: tuple[Parameter, ...] = ()
 
-    def __init__(self, ports: Sequence[Port], stiffness: NDArray[np.float64]) -> None:
+    def __init__(self, ports: Sequence[JointPort], stiffness: NDArray[np.float64]) -> None:
         super().__init__()
         self._ports, self._stiffness = tuple(ports), stiffness
 
     @property
-    def ports(self) -> tuple[Port, ...]:
+    def ports(self) -> tuple[JointPort, ...]:
         """Those of the joint."""
         return self._ports
 

@@ -24,9 +24,9 @@ from dovetail.errors import DovetailError, Fault, ParameterError
 from dovetail.interfaces import (
     DIRECTIONS,
     JointModel,
-    Node,
+    JointPort,
     Parameter,
-    Port,
+    PartNode,
     StructuralMatrices,
     SubstructureModel,
     is_rotation,
@@ -55,8 +55,8 @@ class _SensorMass(JointModel):
         self._directions = directions
 
     @property
-    def ports(self) -> tuple[Port, ...]:
-        return (Port("sensor", 1, directions=self._directions),)
+    def ports(self) -> tuple[JointPort, ...]:
+        return (JointPort("sensor", 1, directions=self._directions),)
 
     def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
         matrices = StructuralMatrices.zeros(len(theta), self.size)
@@ -97,7 +97,7 @@ class _NodesAlone(SubstructureModel):
         self._nodes, self._size = part.nodes, part.node_dofs.size
 
     @property
-    def nodes(self) -> tuple[Node, ...]:
+    def nodes(self) -> tuple[PartNode, ...]:
         """The nodes of the part."""
         return self._nodes
 

@@ -14,7 +14,7 @@ from dovetail.interfaces import Parameter
 from dovetail.synthesis import Point
 from dovetail.synthesis.graph import HELD
 
-Node = tuple[str, int]
+NodePlace = tuple[str, int]
 """Substructure and number of a node."""
 
 
@@ -26,7 +26,7 @@ def at_drive_point(assembly: Assembly) -> Assembly:
     return _with_responses(assembly, replace(response, force=None))
 
 
-def measured_at(assembly: Assembly, node: Node, *, with_force: bool) -> Assembly:
+def measured_at(assembly: Assembly, node: NodePlace, *, with_force: bool) -> Assembly:
     """Return an assembly of one response that is measured at another node, with the force there too or as described."""
     described = assembly.description.response
     force = described.force or Place(described.substructure, described.node, described.direction, described.dofs)
@@ -38,7 +38,7 @@ def _with_responses(assembly: Assembly, *responses: Response) -> Assembly:
     return assembly.with_description(replace(assembly.description, responses=responses))
 
 
-def movable_nodes(assembly: Assembly) -> list[Node]:
+def movable_nodes(assembly: Assembly) -> list[NodePlace]:
     """Return all nodes that can move in the direction of the response, except the response's own."""
     response, substructures = assembly.description.response, assembly.description.substructures.items()
     nodes = [(name, node) for name, model in substructures for node in range(len(model.nodes))]
@@ -46,12 +46,12 @@ def movable_nodes(assembly: Assembly) -> list[Node]:
     return [node for node in nodes if _can_move(assembly, node)]
 
 
-def motion_at(assembly: Assembly, node: Node) -> Point:
+def motion_at(assembly: Assembly, node: NodePlace) -> Point:
     """Return the DOF of a node in the direction of the response."""
     return assembly.description.moved(assembly.description.response, *node).point
 
 
-def _can_move(assembly: Assembly, node: Node) -> bool:
+def _can_move(assembly: Assembly, node: NodePlace) -> bool:
     description = assembly.description
     placed_node = description.placed_parts[node[0]].nodes[node[1]]
     if placed_node.carrier is not None or description.response.direction not in placed_node.directions:

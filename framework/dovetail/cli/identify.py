@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from dovetail.assembly import Assembly
     from dovetail.frf import Frf
     from dovetail.identification import Identification, Identifier
-    from dovetail.identification.truth import Truth
+    from dovetail.identification.truth import TrueValues
     from dovetail.interfaces import IdentificationMethod
     from dovetail.measurement import ModalParameters
     from dovetail.report.content import ParameterRow
@@ -149,7 +149,7 @@ class _Job:
     model: Callable[[], Identifier | None]
     """Returns the network to use, which may be trained now."""
 
-    def known(self) -> Truth | None:
+    def known(self) -> TrueValues | None:
         """Read the true values of parameters that are identified, and of those that are tied to them."""
         from dovetail.identification.reconstruction import identified_parameters
         from dovetail.identification.truth import read_truth
@@ -289,7 +289,7 @@ def _model(
     return kept_model(assembly, plugins) if method.uses_starts else None
 
 
-def _print(result: Identification, truth: Truth | None) -> None:
+def _print(result: Identification, truth: TrueValues | None) -> None:
     from dovetail.inference.posterior import NOT_TRUSTWORTHY
     from dovetail.report.content import fit_sentence, mode_rows
 
@@ -325,7 +325,7 @@ def _print(result: Identification, truth: Truth | None) -> None:
     _print_notes(result, truth, decisive=False)
 
 
-def _print_notes(result: Identification, truth: Truth | None, *, decisive: bool) -> None:
+def _print_notes(result: Identification, truth: TrueValues | None, *, decisive: bool) -> None:
     """Print the notes that decide what the numbers are worth, which come first, or the others, which come last."""
     from dovetail.errors import is_decisive
     from dovetail.report.content import warnings_of
@@ -335,7 +335,7 @@ def _print_notes(result: Identification, truth: Truth | None, *, decisive: bool)
             say(f"Note: {warning}")
 
 
-def _print_parameters(result: Identification, truth: Truth | None) -> None:
+def _print_parameters(result: Identification, truth: TrueValues | None) -> None:
     """Print how well the model fits, the table of parameters, its meaning, and why parameters are not identified."""
     from dovetail.inference.posterior import NOT_TRUSTWORTHY
     from dovetail.report import content

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.description.joint_coordinates import JointOfCarriedPoints, LawInCoordinates
-from dovetail.interfaces import DIRECTIONS, JointModel, Port, carried
+from dovetail.interfaces import DIRECTIONS, JointModel, JointPort, carried
 from dovetail.synthesis.joint_evaluation import depends_on_frequency
 
 
@@ -35,7 +35,7 @@ class CarryingJoint(JointOfCarriedPoints):
         return [carried(way)[row] for way, row in zip(self._ways, rows, strict=True)]
 
     @cached_property
-    def ports(self) -> tuple[Port, ...]:
+    def ports(self) -> tuple[JointPort, ...]:
         """Those of the model, with the directions of the nodes by which the point moves."""
         return self.ports_named(port.name for port in self.model.ports)
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from dovetail.interfaces import (
     JointModel,
+    JointPort,
     Parameter,
-    Port,
     ScaledMatrices,
     SparseMatrices,
     StructuralMatrices,
@@ -45,7 +45,7 @@ class ChangedJoint(JointModel):
         return self.model.parameters
 
     @property
-    def ports(self) -> tuple[Port, ...]:
+    def ports(self) -> tuple[JointPort, ...]:
         """Those of the model."""
         return self.model.ports
 

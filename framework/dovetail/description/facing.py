@@ -16,7 +16,7 @@ from dovetail.description.changed_joint import axes_of
 from dovetail.description.placed_parts import Placement
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.tree import Path
-from dovetail.interfaces import JointModel, Port, SubstructureModel
+from dovetail.interfaces import JointModel, JointPort, SubstructureModel
 from dovetail.synthesis import Attachment, Connection
 from dovetail.units import format_point, format_quantity
 
@@ -34,7 +34,7 @@ class Side:
 
     Parameters
     ----------
-    port : Port
+    port : JointPort
     part : str
         Name of the substructure.
     model : SubstructureModel
@@ -48,7 +48,7 @@ class Side:
         Along which the joint counts positions, in the assembly; None for one whose nodes lie on no line of its own.
     """
 
-    port: Port
+    port: JointPort
     part: str
     model: SubstructureModel
     nodes: tuple[int, ...]
@@ -105,7 +105,7 @@ def sides_of(
     connection: Connection, substructures: Mapping[str, SubstructureModel], placements: Mapping[str, Placement]
 ) -> dict[str, Side]:
     """Return the sides of a joint by the names of its ports."""
-    pairs: Iterator[tuple[Port, Attachment]] = zip(connection.model.ports, connection.attachments, strict=True)
+    pairs: Iterator[tuple[JointPort, Attachment]] = zip(connection.model.ports, connection.attachments, strict=True)
     in_space = any(placement.in_space for placement in placements.values())
     on_a_line = in_space and connection.model.nodes_along == ("y",)
     axis = -axes_of(connection.model)[:, 1] if on_a_line else None

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.description.changed_joint import MappedJoint, pair_functions
-from dovetail.interfaces import DIRECTIONS, Coordinates, Port, SparseMatrices, StructuralMatrices
+from dovetail.interfaces import DIRECTIONS, Coordinates, JointPort, SparseMatrices, StructuralMatrices
 
 
 class JointInCoordinates(MappedJoint):
@@ -59,11 +59,11 @@ class JointOfCarriedPoints(JointInCoordinates):
         """The model's DOFs at each point by those DOFs of its node that move it."""
         return [motion[:, motion.any(axis=0)] for motion in self.motions]
 
-    def ports_named(self, names: Iterable[str]) -> tuple[Port, ...]:
+    def ports_named(self, names: Iterable[str]) -> tuple[JointPort, ...]:
         """Return a port for each node, in the directions in which the joint acts there."""
         acts = [np.flatnonzero(motion.any(axis=0)) for motion in self.motions]
         return tuple(
-            Port(name, 1, directions=tuple(DIRECTIONS[axis] for axis in axes))
+            JointPort(name, 1, directions=tuple(DIRECTIONS[axis] for axis in axes))
             for name, axes in zip(names, acts, strict=True)
         )
 

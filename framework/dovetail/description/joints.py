@@ -23,7 +23,7 @@ from dovetail.documents.fault_list import FaultList
 from dovetail.documents.tree import Path, format_path, format_value
 from dovetail.documents.validation import validate
 from dovetail.errors import Fault, ParameterError, did_you_mean, listing
-from dovetail.interfaces import JointModel, Node, Port, SubstructureModel, joint_faults, source_file
+from dovetail.interfaces import JointModel, JointPort, PartNode, SubstructureModel, joint_faults, source_file
 from dovetail.registry import Registry
 from dovetail.synthesis import Attachment, Connection
 from dovetail.units import format_point, format_quantity
@@ -176,7 +176,7 @@ class _Connect:
         self._substructures = substructures
         self._faults = faults
 
-    def read(self, ports: tuple[Port, ...]) -> tuple[Attachment | None, ...]:
+    def read(self, ports: tuple[JointPort, ...]) -> tuple[Attachment | None, ...]:
         section = self._faults.root.at(self._path)
         names = [port.name for port in ports]
         if section is None and not names:
@@ -204,7 +204,7 @@ class _Connect:
         self._faults.add((*self._path, key), problem, listing(names), hint, key=True)
         return hint
 
-    def _attachment(self, port: Port) -> Attachment | None:
+    def _attachment(self, port: JointPort) -> Attachment | None:
         path: Path = (*self._path, port.name)
         section = validate(AttachmentSection, path, self._faults, f"the port '{port.name}'")
         if section is None:
@@ -223,7 +223,7 @@ class _Connect:
         return None if substructure is None else self._on_nodes(section, substructure, port, path)
 
     def _on_nodes(
-        self, section: AttachmentSection, substructure: SubstructureModel, port: Port, path: Path
+        self, section: AttachmentSection, substructure: SubstructureModel, port: JointPort, path: Path
     ) -> Attachment | None:
         nodes = [
             find_node(section.to, substructure, position, (*path, "at", index), self._faults)
@@ -243,7 +243,7 @@ class _Connect:
                 return None
         return Attachment(section.to, complete)
 
-    def _check_distinct(self, ports: tuple[Port, ...], attachments: tuple[Attachment | None, ...]) -> None:
+    def _check_distinct(self, ports: tuple[JointPort, ...], attachments: tuple[Attachment | None, ...]) -> None:
         taken: set[tuple[str, int]] = set()
         for port, attachment in zip(ports, attachments, strict=True):
             substructure = self._substructures.get(attachment.substructure) if attachment is not None else None
@@ -371,7 +371,7 @@ def _find_coordinates(
     return None
 
 
-def _nearest(nodes: Sequence[Node], position: float) -> str:
+def _nearest(nodes: Sequence[PartNode], position: float) -> str:
     distinct = sorted({node.position for node in nodes}, key=lambda other: abs(other - position))
     nearest = [format_quantity(other, "m", 8) for other in sorted(distinct[:2])]
     if len(nearest) == 1:

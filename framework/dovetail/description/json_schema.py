@@ -27,7 +27,16 @@ from dovetail.description.sections import (
     SensorSection,
 )
 from dovetail.description.study_section import StudySection
-from dovetail.interfaces import KINDS, Component, JointModel, Kind, Parameter, Port, SubstructureModel, option_schema
+from dovetail.interfaces import (
+    KINDS,
+    Component,
+    JointModel,
+    JointPort,
+    Kind,
+    Parameter,
+    SubstructureModel,
+    option_schema,
+)
 from dovetail.registry import Offer, Registry
 from dovetail.units import format_quantity
 
@@ -267,7 +276,7 @@ def _declared(model: type[JointModel], name: str) -> tuple[tuple[Any, ...], bool
     """
     value = inspect.getattr_static(model, name)
     if isinstance(value, tuple):
-        return tuple(entry for entry in value if isinstance(entry, (Parameter, Port))), True
+        return tuple(entry for entry in value if isinstance(entry, (Parameter, JointPort))), True
     by_name: dict[str, Any] = {}
     with tempfile.TemporaryDirectory() as folder, suppress(Exception):  # a plugin may raise anything
         for options in model.examples(Path(folder)):

@@ -15,7 +15,7 @@ from dovetail.interfaces import (
     DIRECTIONS,
     ComponentConfig,
     JointModel,
-    Port,
+    JointPort,
     are_perpendicular,
     exact_rotation,
     six_directions,
@@ -101,12 +101,12 @@ class OrientedJoint(JointInCoordinates):
         return six_directions(self._rotation).T[[DIRECTIONS.index(direction) for direction in directions]]
 
     @cached_property
-    def ports(self) -> tuple[Port, ...]:
+    def ports(self) -> tuple[JointPort, ...]:
         """Those of the model, with the directions of the assembly in which it acts."""
         ports = []
         for port in self.model.ports:
             acts = np.flatnonzero(self._along(port.directions).any(axis=0))
-            ports.append(Port(port.name, port.nodes, port.positions, tuple(DIRECTIONS[axis] for axis in acts)))
+            ports.append(JointPort(port.name, port.nodes, port.positions, tuple(DIRECTIONS[axis] for axis in acts)))
         return tuple(ports)
 
     @cached_property

@@ -16,7 +16,7 @@ from dovetail.interfaces import (
     ComponentConfig,
     Coordinates,
     Direction,
-    Node,
+    PartNode,
     SparseMatrices,
     StructuralMatrices,
     SubstructureModel,
@@ -193,7 +193,7 @@ class Placement:
     reversed: bool = False
     in_space: bool = True
 
-    def problem(self, nodes: Sequence[Node]) -> str:
+    def problem(self, nodes: Sequence[PartNode]) -> str:
         """Return why nodes cannot be placed so, or an empty text."""
         for node in nodes:
             if self._directions(node) is None:
@@ -204,19 +204,19 @@ class Placement:
                 )
         return ""
 
-    def _directions(self, node: Node) -> tuple[str, ...] | None:
+    def _directions(self, node: PartNode) -> tuple[str, ...] | None:
         """Return the directions of a node in the assembly, or None if they are not those of axes."""
         moved = np.abs(six_directions(self.rotation)[:, _axes(node.directions)]).max(axis=1) > 0.0
         return tuple(np.array(DIRECTIONS)[moved].tolist()) if moved.sum() == len(node.directions) else None
 
-    def node(self, node: Node) -> Node:
+    def node(self, node: PartNode) -> PartNode:
         """Return a node as it lies in the assembly; its position along the part stays."""
         directions = self._directions(node)
         assert directions is not None
         point = tuple((self.origin + self.rotation @ np.asarray(node.coordinates)).tolist())
-        return Node(node.label, node.position, directions, point, node.carrier)
+        return PartNode(node.label, node.position, directions, point, node.carrier)
 
-    def coordinates(self, nodes: Sequence[Node]) -> Coordinates:
+    def coordinates(self, nodes: Sequence[PartNode]) -> Coordinates:
         """Return the nodes' own DOFs by those in the assembly."""
         blocks = []
         for node in nodes:
@@ -281,7 +281,7 @@ class PlacedPart(SubstructureModel):
         return self._part.condensation_tolerance
 
     @cached_property
-    def nodes(self) -> tuple[Node, ...]:
+    def nodes(self) -> tuple[PartNode, ...]:
         """Those of the part, with their directions and points in the assembly."""
         return tuple(map(self._placement.node, self._part.nodes))
 

@@ -13,8 +13,8 @@ from dovetail.errors import DovetailError, Fault, PluginError
 from dovetail.interfaces import (
     Coordinates,
     JointModel,
+    JointPort,
     Parameter,
-    Port,
     ScaledMatrices,
     SparseMatrices,
     StructuralMatrices,
@@ -61,11 +61,11 @@ class UnknownPart(JointModel):
         return self._parameters
 
     @cached_property
-    def ports(self) -> tuple[Port, ...]:
+    def ports(self) -> tuple[JointPort, ...]:
         """Each node with DOFs of its own."""
         nodes = placed(self.part, self.placement).nodes
         own = ((number, node) for number, node in enumerate(nodes) if node.carrier is None)
-        return tuple(Port(f"node_{number}", 1, directions=node.directions) for number, node in own)
+        return tuple(JointPort(f"node_{number}", 1, directions=node.directions) for number, node in own)
 
     @cached_property
     def _coordinates(self) -> Coordinates | None:

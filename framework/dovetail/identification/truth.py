@@ -30,7 +30,7 @@ class _Named(Protocol):
 
 
 @dataclass(frozen=True)
-class Truth:
+class TrueValues:
     """True parameters and natural frequencies.
 
     Parameters
@@ -63,7 +63,7 @@ class Truth:
         return {**values, **self.parameters}
 
 
-def read_truth(path: str | Path, parameters: Iterable[_Named]) -> Truth:
+def read_truth(path: str | Path, parameters: Iterable[_Named]) -> TrueValues:
     """Read the truth behind a measurement.
 
     Parameters
@@ -77,7 +77,7 @@ def read_truth(path: str | Path, parameters: Iterable[_Named]) -> Truth:
 
     Returns
     -------
-    Truth
+    TrueValues
 
     Raises
     ------
@@ -97,7 +97,7 @@ def read_truth(path: str | Path, parameters: Iterable[_Named]) -> Truth:
         faults.append(Fault(f"{file}  note", f"{note!r} is not a text.", 'a text in "quotes"'))
     if faults:
         raise MeasurementError(*faults)
-    return Truth(values, frequencies, synthetic, note)
+    return TrueValues(values, frequencies, synthetic, note)
 
 
 def truth_text(

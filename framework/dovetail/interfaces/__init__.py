@@ -57,7 +57,7 @@ from dovetail.interfaces.recorded_model import DofTable, MatrixMeaning, Recorded
 from dovetail.interfaces.reducer import FittedReducer, Reducer
 from dovetail.interfaces.regressor import FittedRegressor, Regressor, TargetDistribution, TrainingEpoch, spread_normal
 from dovetail.interfaces.state import ComponentState
-from dovetail.interfaces.substructure import Node, Omission, Port, SubstructureModel
+from dovetail.interfaces.substructure import JointPort, Omission, PartNode, SubstructureModel
 from dovetail.interfaces.superposition import Declaration, Superposition
 
 __all__ = [
@@ -91,16 +91,16 @@ __all__ = [
     "IdentificationMethod",
     "IdentificationProblem",
     "JointModel",
+    "JointPort",
     "Kind",
     "Law",
     "LawUnknown",
     "MatrixMeaning",
     "MatrixReader",
-    "Node",
     "NodeDofs",
     "Omission",
     "Parameter",
-    "Port",
+    "PartNode",
     "PosteriorOptions",
     "Prior",
     "Progress",

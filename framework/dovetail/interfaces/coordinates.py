@@ -11,7 +11,7 @@ import scipy  # loads a part of it when that is first used
 from numpy.typing import NDArray
 
 from dovetail.interfaces.matrices import DIRECTIONS, SparseMatrices, StructuralMatrices, carried
-from dovetail.interfaces.substructure import Node
+from dovetail.interfaces.substructure import PartNode
 
 _EXACT = 1e-12
 """Distance from 0, 1 or -1 within which an entry of a rotation is that number."""
@@ -37,7 +37,7 @@ def six_directions(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
     return both
 
 
-def rigid_body_motions(nodes: Sequence[Node]) -> NDArray[np.float64]:
+def rigid_body_motions(nodes: Sequence[PartNode]) -> NDArray[np.float64]:
     """Return the six motions (n_dofs, 6) of the nodes' DOFs with a rigid body: along x, y, z, and about them."""
     rows = [
         carried(np.asarray(node.coordinates))[[DIRECTIONS.index(direction) for direction in node.directions]]

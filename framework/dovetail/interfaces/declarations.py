@@ -12,7 +12,7 @@ from dovetail.errors import Fault, PluginError
 from dovetail.interfaces.component import Component
 from dovetail.interfaces.joint import JointModel, Parameter
 from dovetail.interfaces.matrices import DIRECTIONS, direction_problem
-from dovetail.interfaces.substructure import Node, Port
+from dovetail.interfaces.substructure import JointPort, PartNode
 from dovetail.units import is_unit
 
 
@@ -53,18 +53,18 @@ def parameter_faults(parameters: object) -> list[Fault]:
 
 def port_faults(ports: object) -> list[Fault]:
     """Return the faults of a joint's ports: their types and names."""
-    if faults := _member_faults("ports", ports, Port, 'a tuple such as (Port("a", 1), Port("b", 1))'):
+    if faults := _member_faults("ports", ports, JointPort, 'a tuple such as (JointPort("a", 1), JointPort("b", 1))'):
         return faults
-    members: Sequence[Port] = ports  # type: ignore[assignment]
+    members: Sequence[JointPort] = ports  # type: ignore[assignment]
     return _name_faults("ports", [port.name for port in members])
 
 
 def node_faults(nodes: object) -> list[Fault]:
     """Return the faults of a substructure's nodes: their types, labels and positions."""
-    accepted = 'a tuple such as (Node("left", 0.0), Node("right", 0.1))'
-    if faults := _member_faults("nodes", nodes, Node, accepted):
+    accepted = 'a tuple such as (PartNode("left", 0.0), PartNode("right", 0.1))'
+    if faults := _member_faults("nodes", nodes, PartNode, accepted):
         return faults
-    members: Sequence[Node] = nodes  # type: ignore[assignment]
+    members: Sequence[PartNode] = nodes  # type: ignore[assignment]
     for node in members:
         if isinstance(node.position, bool) or not isinstance(node.position, Real) or not math.isfinite(node.position):
             problem = f"has {_shortened(node.position)} for the position of the node '{node.label}'."
@@ -78,7 +78,7 @@ def node_faults(nodes: object) -> list[Fault]:
     return []
 
 
-def _can_carry(nodes: Sequence[Node], carrier: object) -> bool:
+def _can_carry(nodes: Sequence[PartNode], carrier: object) -> bool:
     """Return whether a node can carry others."""
     if isinstance(carrier, bool) or not isinstance(carrier, int) or not 0 <= carrier < len(nodes):
         return False
@@ -155,7 +155,7 @@ def _pair_faults(pairs: object, size: int) -> list[Fault]:
     return []
 
 
-def _facing_faults(pairs: object, ports: Sequence[Port]) -> list[Fault]:
+def _facing_faults(pairs: object, ports: Sequence[JointPort]) -> list[Fault]:
     nodes = {port.name: port.nodes for port in ports}
     accepted = f"pairs of the ports {', '.join(nodes)} with equal numbers of nodes; () for none"
     if not isinstance(pairs, (tuple, list)):

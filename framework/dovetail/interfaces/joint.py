@@ -17,7 +17,7 @@ from dovetail.errors import Fault, PluginError, listing
 from dovetail.interfaces.component import Component, Kind
 from dovetail.interfaces.differentiation import Differentiation, differences
 from dovetail.interfaces.matrices import NodeDofs, ScaledMatrices, StructuralMatrices, describes_matrices
-from dovetail.interfaces.substructure import Omission, Port, SubstructureModel
+from dovetail.interfaces.substructure import JointPort, Omission, SubstructureModel
 from dovetail.interfaces.superposition import Declaration, Superposition
 
 Scale = Literal["linear", "log"]
@@ -181,7 +181,7 @@ class JointModel(Component):
 
     @property
     @abstractmethod
-    def ports(self) -> tuple[Port, ...]:
+    def ports(self) -> tuple[JointPort, ...]:
         """The sides of the joint, in the order of their DOFs."""
 
     @property

@@ -25,7 +25,7 @@ from dovetail.interfaces.matrices import (
 
 
 @dataclass(frozen=True)
-class Node:
+class PartNode:
     """A point of a substructure and the directions in which it can move.
 
     Parameters
@@ -55,7 +55,7 @@ class Node:
 
 
 @dataclass(frozen=True)
-class Port:
+class JointPort:
     """One side of a joint, which attaches to a substructure.
 
     Parameters
@@ -176,7 +176,7 @@ class SubstructureModel(Component):
 
     @property
     @abstractmethod
-    def nodes(self) -> tuple[Node, ...]:
+    def nodes(self) -> tuple[PartNode, ...]:
         """The nodes, in the order of their DOFs."""
 
     @property

@@ -15,7 +15,7 @@ from dovetail.frf import LOW_COHERENCE
 from dovetail.frf.resonance_peaks import counterpart
 from dovetail.identification import AtPoint, Fit, Identification, Mode, Posterior, TableRow
 from dovetail.identification.parameters import place_on_range
-from dovetail.identification.truth import Truth
+from dovetail.identification.truth import TrueValues
 from dovetail.inference.posterior import FIXED
 from dovetail.plain_text import ABSENT, display_unit, fixed, hertz, number, readable
 from dovetail.report.pages import residual_over_noise
@@ -109,7 +109,7 @@ class ModeRow:
     measured_damping: str = ""
 
 
-def is_synthetic(result: Identification, truth: Truth | None) -> bool:
+def is_synthetic(result: Identification, truth: TrueValues | None) -> bool:
     """Return whether the measurement was simulated, according to its name or note, the provenance or the truth."""
     if truth is not None and truth.synthetic:
         return True
@@ -117,7 +117,7 @@ def is_synthetic(result: Identification, truth: Truth | None) -> bool:
     return bool(result.provenance.get("synthetic")) or any("synthetic" in str(text).lower() for text in said)
 
 
-def warnings_of(result: Identification, truth: Truth | None) -> list[str]:
+def warnings_of(result: Identification, truth: TrueValues | None) -> list[str]:
     """Return the warnings by their importance, with one of a synthetic measurement at the end."""
     warnings = [reworded(warning, readable(warning)) for warning in result.warnings]
     is_said = any("synthetic" in warning.lower() for warning in warnings)
@@ -187,7 +187,7 @@ def _poor_bands_sentence(response: AtPoint, result: Identification) -> str:
     return f"The model is off{where} (coherence below {LOW_COHERENCE:g}) at {named}."
 
 
-def parameter_rows(result: Identification, truth: Truth | None) -> list[ParameterRow]:
+def parameter_rows(result: Identification, truth: TrueValues | None) -> list[ParameterRow]:
     """Return the table of parameters, in the assembly's order."""
     true = {} if truth is None else truth.with_tied(result.parameters.values())
     withheld = result.posterior is not None and not result.is_trustworthy
@@ -199,7 +199,7 @@ def known_rows(result: Identification) -> list[tuple[str, str]]:
     return [(name, readable(format_quantity(value, "1", 6))) for name, value in result.known.items()]
 
 
-def mode_rows(result: Identification, truth: Truth | None) -> list[ModeRow]:
+def mode_rows(result: Identification, truth: TrueValues | None) -> list[ModeRow]:
     """Return the table of natural frequencies: the identified ones, and measured peaks and true ones without any."""
     if result.frf is None:
         low, high = 0.0, max(mode.natural_frequency for mode in result.modes)

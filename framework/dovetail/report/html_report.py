@@ -13,7 +13,7 @@ import numpy as np
 from dovetail.assembly import Assembly
 from dovetail.errors import is_decisive
 from dovetail.identification import Identification, Posterior
-from dovetail.identification.truth import Truth
+from dovetail.identification.truth import TrueValues
 from dovetail.interfaces import Parameter
 from dovetail.plain_text import DisplayUnit, display_unit, fixed, number
 from dovetail.report import content
@@ -57,7 +57,7 @@ def write_report(
     result: Identification,
     path: str | Path,
     *,
-    truth: Truth | None = None,
+    truth: TrueValues | None = None,
     assembly: Assembly | None = None,
     command: str = "",
 ) -> Path:
@@ -70,7 +70,7 @@ def write_report(
         text), the report shows them in separate sections; all other entries are listed.
     path : str or Path
         An existing file is replaced; the file is written atomically.
-    truth : Truth, optional
+    truth : TrueValues, optional
         Shown next to the identified values, with the errors.
     assembly : Assembly, optional
         The identified assembly, which is then drawn.
@@ -93,7 +93,7 @@ def write_report(
     return write_page(path, "report.html.jinja", context)
 
 
-def _context(result: Identification, truth: Truth | None, command: str) -> dict[str, Any]:
+def _context(result: Identification, truth: TrueValues | None, command: str) -> dict[str, Any]:
     axes = [response.frf.frequency for response in result.responses]
     rows = content.parameter_rows(result, truth)
     low, high = min((axis[0] for axis in axes), default=0.0), max((axis[-1] for axis in axes), default=0.0)

@@ -17,7 +17,7 @@ from dovetail.plain_text import csv_cell, csv_comment
 if TYPE_CHECKING:
     from dovetail.assembly import Assembly
     from dovetail.identification import AtPoint, Identification
-    from dovetail.identification.truth import Truth
+    from dovetail.identification.truth import TrueValues
 
 MANIFEST = "SHA256SUMS"
 """File with the names and hashes of all files of a run."""
@@ -116,7 +116,7 @@ def _unchanged(folder: Path) -> set[str]:
 
 
 def write_results(
-    result: Identification, folder: Path, truth: Truth | None, assembly: Assembly | None = None, command: str = ""
+    result: Identification, folder: Path, truth: TrueValues | None, assembly: Assembly | None = None, command: str = ""
 ) -> None:
     """Write a report, the result as JSON, parameters as CSV, and tables and figures of the FRFs or a table of modes.
 
@@ -124,7 +124,7 @@ def write_results(
     ----------
     result : Identification
     folder : Path
-    truth : Truth or None
+    truth : TrueValues or None
         Shown next to the identified values.
     assembly : Assembly, optional
         Drawn in the report.
@@ -161,7 +161,7 @@ def write_texts(folder: Path, texts: Mapping[str, str | Iterable[str]]) -> None:
             stream.writelines([text] if isinstance(text, str) else text)
 
 
-def _parameters(result: Identification, truth: Truth | None) -> str:
+def _parameters(result: Identification, truth: TrueValues | None) -> str:
     rows = [asdict(row) for row in result.table]
     if truth is not None:
         true = truth.with_tied(result.parameters.values())

@@ -35,7 +35,7 @@ def check_ports_parameters_and_dofs_are_declared(specimen: JointSpecimen) -> Non
     for fault in joint_faults(specimen.component):
         raise Nonconformity(f"the joint {fault.problem}", fault.accepted and f"Give {fault.accepted}.")
     if not specimen.component.ports:
-        raise Nonconformity("the joint has no port.", "Give it a Port for each part that it attaches to.")
+        raise Nonconformity("the joint has no port.", "Give it a JointPort for each part that it attaches to.")
 
 
 def check_matrices_have_the_shape_of_the_dofs(specimen: JointSpecimen) -> None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dovetail.documents.option_fields import numbers_within
 from dovetail.interfaces import (
-    Node,
+    PartNode,
     SparseMatrices,
     StructuralMatrices,
     SubstructureModel,
@@ -35,8 +35,8 @@ _NEIGHBOURS = (0.99, 1.0, 1.02)
 def check_nodes_are_distinct(specimen: SubstructureSpecimen) -> None:
     """There is at least one node, and nodes have different labels and finite positions."""
     nodes = specimen.component.nodes
-    if not isinstance(nodes, tuple) or not nodes or not all(isinstance(node, Node) for node in nodes):
-        raise Nonconformity(f"nodes is {nodes!r:.60}.", "Return a tuple of dovetail.Node, one at least.")
+    if not isinstance(nodes, tuple) or not nodes or not all(isinstance(node, PartNode) for node in nodes):
+        raise Nonconformity(f"nodes is {nodes!r:.60}.", "Return a tuple of dovetail.PartNode, one at least.")
     labels = [node.label for node in nodes]
     if len(set(labels)) < len(labels):
         raise Nonconformity("two nodes have the same label.", "Use different labels; positions may be equal.")

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from dovetail import PLANAR, ComponentConfig, JointModel, Parameter, Port, StructuralMatrices
+from dovetail import PLANAR, ComponentConfig, JointModel, JointPort, Parameter, StructuralMatrices
 from dovetail_plugins.joints.bushing import add_cross_stiffness
 
 _RING = (
@@ -83,10 +83,10 @@ class Bearing(JointModel):
         return tuple(parameter.name for parameter in self.parameters if parameter.name not in coupled)
 
     @property
-    def ports(self) -> tuple[Port, ...]:
+    def ports(self) -> tuple[JointPort, ...]:
         """The shaft and the housing."""
         directions = PLANAR if self.config.motion == "plane" else _SPATIAL
-        return Port("shaft", 1, directions=directions), Port("housing", 1, directions=directions)
+        return JointPort("shaft", 1, directions=directions), JointPort("housing", 1, directions=directions)
 
     def range_objections(self, lower: Mapping[str, float], upper: Mapping[str, float]) -> Mapping[str, str]:
         """Object also to a coupling with which a deformation could release energy."""

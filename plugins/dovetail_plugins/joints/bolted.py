@@ -16,9 +16,9 @@ from dovetail import (
     ComponentConfig,
     InUnit,
     JointModel,
+    JointPort,
     Omission,
     Parameter,
-    Port,
     StructuralMatrices,
     SubstructureModel,
 )
@@ -125,10 +125,10 @@ class Bolted(JointModel):
         return tuple(parameter.name for parameter in self.parameters)
 
     @property
-    def ports(self) -> tuple[Port, ...]:
+    def ports(self) -> tuple[JointPort, ...]:
         """The two parts, a and b."""
         directions = PLANAR if self.config.motion == "plane" else DIRECTIONS
-        return tuple(Port(name, self.config.nodes, directions=directions) for name in "ab")
+        return tuple(JointPort(name, self.config.nodes, directions=directions) for name in "ab")
 
     def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
         """Return the matrices for theta (n, n_params)."""

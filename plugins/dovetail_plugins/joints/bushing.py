@@ -15,8 +15,8 @@ from dovetail import (
     ComponentConfig,
     Direction,
     JointModel,
+    JointPort,
     Parameter,
-    Port,
     ScaledMatrices,
     StructuralMatrices,
 )
@@ -131,10 +131,10 @@ class Bushing(JointModel):
         return slopes
 
     @cached_property
-    def ports(self) -> tuple[Port, ...]:
+    def ports(self) -> tuple[JointPort, ...]:
         """The two sides, a and b."""
         directions = tuple(self.config.directions)
-        return Port("a", 1, directions=directions), Port("b", 1, directions=directions)
+        return JointPort("a", 1, directions=directions), JointPort("b", 1, directions=directions)
 
     def range_objections(self, lower: Mapping[str, float], upper: Mapping[str, float]) -> Mapping[str, str]:
         """Object also to ratios with which a deformation could release energy."""

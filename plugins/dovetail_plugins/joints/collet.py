@@ -15,8 +15,8 @@ from dovetail import (
     ComponentConfig,
     InUnit,
     JointModel,
+    JointPort,
     Parameter,
-    Port,
     ScaledMatrices,
     SparseMatrices,
     StructuralMatrices,
@@ -99,10 +99,12 @@ class Collet(JointModel):
         return type(self)(self.config.model_copy(update={"elements_per_segment": elements}))
 
     @property
-    def ports(self) -> tuple[Port, ...]:
+    def ports(self) -> tuple[JointPort, ...]:
         """The tool at c1 to c3, and the holder at c3 to c5."""
         along = [node * float(self.config.segment) for node in range(_SEGMENTS + 1)]
-        return Port("tool", _CONTACTS, tuple(along[:_CONTACTS])), Port("holder", _CONTACTS, tuple(along[-_CONTACTS:]))
+        return JointPort("tool", _CONTACTS, tuple(along[:_CONTACTS])), JointPort(
+            "holder", _CONTACTS, tuple(along[-_CONTACTS:])
+        )
 
     @property
     def internal_dofs(self) -> int:

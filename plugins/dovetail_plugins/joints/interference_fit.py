@@ -17,8 +17,8 @@ from dovetail import (
     ComponentConfig,
     InUnit,
     JointModel,
+    JointPort,
     Parameter,
-    Port,
     ScaledMatrices,
     StructuralMatrices,
 )
@@ -130,12 +130,12 @@ class InterferenceFit(JointModel):
         return ScaledMatrices(parts, _stiffnesses, _stiffness_slopes)
 
     @property
-    def ports(self) -> tuple[Port, ...]:
+    def ports(self) -> tuple[JointPort, ...]:
         """The shaft and the hub, with nodes evenly spaced over the length."""
         nodes = int(self.config.nodes)
         along = tuple(float(position) for position in np.linspace(0.0, self.config.length, nodes))
         directions = PLANAR if self.config.motion == "plane" else DIRECTIONS
-        return Port("shaft", nodes, along, directions), Port("hub", nodes, along, directions)
+        return JointPort("shaft", nodes, along, directions), JointPort("hub", nodes, along, directions)
 
     def range_objections(self, lower: Mapping[str, float], upper: Mapping[str, float]) -> Mapping[str, str]:
         """Object also to a gradient beyond 1 or -1, which makes the stiffness of an end negative."""

@@ -10,7 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from dovetail import DIRECTIONS, PLANAR, ComponentConfig, Direction, JointModel, Parameter, Port, StructuralMatrices
+from dovetail import (
+    DIRECTIONS,
+    PLANAR,
+    ComponentConfig,
+    Direction,
+    JointModel,
+    JointPort,
+    Parameter,
+    StructuralMatrices,
+)
 
 
 class Rigid(JointModel):
@@ -45,10 +54,10 @@ class Rigid(JointModel):
         return {}, {"nodes": 2, "direction": "x"}, {"direction": ["x", "y", "z"]}
 
     @property
-    def ports(self) -> tuple[Port, ...]:
+    def ports(self) -> tuple[JointPort, ...]:
         """The two sides, a and b."""
         nodes, directions = self.config.nodes, self._directions
-        return Port("a", nodes, directions=directions), Port("b", nodes, directions=directions)
+        return JointPort("a", nodes, directions=directions), JointPort("b", nodes, directions=directions)
 
     @property
     def _directions(self) -> tuple[str, ...]:
@@ -87,9 +96,9 @@ class BallJoint(Rigid):
         return ({},)
 
     @property
-    def ports(self) -> tuple[Port, ...]:
+    def ports(self) -> tuple[JointPort, ...]:
         """The two sides, a and b."""
-        return Port("a", 1, directions=self._directions), Port("b", 1, directions=self._directions)
+        return JointPort("a", 1, directions=self._directions), JointPort("b", 1, directions=self._directions)
 
     @property
     def merged_dofs(self) -> tuple[tuple[int, int], ...]:
@@ -158,9 +167,9 @@ class RigidLink(Rigid):
         return {}, {"direction": ["x", "y", "z"]}
 
     @property
-    def ports(self) -> tuple[Port, ...]:
+    def ports(self) -> tuple[JointPort, ...]:
         """The node a, in all directions, and b."""
-        return Port("a", 1, directions=DIRECTIONS), Port("b", 1, directions=self._directions)
+        return JointPort("a", 1, directions=DIRECTIONS), JointPort("b", 1, directions=self._directions)
 
     @property
     def merged_dofs(self) -> tuple[tuple[int, int], ...]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from dovetail import ComponentConfig, JointModel, Parameter, Port, StructuralMatrices
+from dovetail import ComponentConfig, JointModel, JointPort, Parameter, StructuralMatrices
 
 _TRANSLATION = (
     Parameter("k", "N/m", 1e4, 1e10, "log", "translational stiffness, per node"),
@@ -63,9 +63,9 @@ class SpringDamper(JointModel):
         return tuple(parameter.name for parameter in self.parameters)
 
     @cached_property
-    def ports(self) -> tuple[Port, ...]:
+    def ports(self) -> tuple[JointPort, ...]:
         """The two sides, a and b."""
-        return Port("a", self.config.nodes), Port("b", self.config.nodes)
+        return JointPort("a", self.config.nodes), JointPort("b", self.config.nodes)
 
     @cached_property
     def contact_dofs(self) -> tuple[tuple[int, int], ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail import DIRECTIONS, JointModel, Parameter, Port, StructuralMatrices
+from dovetail import DIRECTIONS, JointModel, JointPort, Parameter, StructuralMatrices
 
 
 class Strut(JointModel):
@@ -24,7 +24,7 @@ class Strut(JointModel):
         Parameter("c", "N s/m", 1.0, 1e5, "log", "damping along the line"),
     )
     linear_parameters = ("k", "c")
-    ports = (Port("a", 1, directions=DIRECTIONS[:3]), Port("b", 1, directions=DIRECTIONS[:3]))
+    ports = (JointPort("a", 1, directions=DIRECTIONS[:3]), JointPort("b", 1, directions=DIRECTIONS[:3]))
 
     def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
         """Return the (n, 6, 6) matrices for theta (n, 2), along its own x."""

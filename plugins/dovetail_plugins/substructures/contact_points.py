@@ -10,7 +10,7 @@ import numpy as np
 import scipy  # loads a part of it when that is first used
 from numpy.typing import NDArray
 
-from dovetail import DIRECTIONS, Direction, MeasuredDofs, Node, VirtualPoints, interface_modes
+from dovetail import DIRECTIONS, Direction, MeasuredDofs, PartNode, VirtualPoints, interface_modes
 
 _INDEPENDENT = 1e-6
 """Share of the largest motion by a deformation from which a DOF of a contact shows one more deformation."""
@@ -44,10 +44,10 @@ class ContactPoints:
         return {name: (point, at) for point, contacts in self.contacts.items() for name, at in contacts.items()}
 
     @cached_property
-    def nodes(self) -> tuple[Node, ...]:
+    def nodes(self) -> tuple[PartNode, ...]:
         """The points and the contacts."""
-        points = [Node(name, 0.0, point.directions, point.point) for name, point in self.points.points.items()]
-        contacts = [Node(name, 0.0, self.directions[owner], at) for name, (owner, at) in self._places.items()]
+        points = [PartNode(name, 0.0, point.directions, point.point) for name, point in self.points.points.items()]
+        contacts = [PartNode(name, 0.0, self.directions[owner], at) for name, (owner, at) in self._places.items()]
         return (*points, *contacts)
 
     @cached_property

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from dovetail import DIRECTIONS, ComponentConfig, InUnit, Node, StructuralMatrices, SubstructureModel
+from dovetail import DIRECTIONS, ComponentConfig, InUnit, PartNode, StructuralMatrices, SubstructureModel
 
 _Length = Annotated[float, InUnit("m")]
 
@@ -41,11 +41,11 @@ class Ground(SubstructureModel):
             return self
 
     @cached_property
-    def nodes(self) -> tuple[Node, ...]:
+    def nodes(self) -> tuple[PartNode, ...]:
         """One node for each position or point, which could move in all directions."""
         if self.config.points:
-            return tuple(Node(f"g{i + 1}", 0.0, DIRECTIONS, point) for i, point in enumerate(self.config.points))
-        return tuple(Node(f"g{i + 1}", position, DIRECTIONS) for i, position in enumerate(self.config.positions))
+            return tuple(PartNode(f"g{i + 1}", 0.0, DIRECTIONS, point) for i, point in enumerate(self.config.points))
+        return tuple(PartNode(f"g{i + 1}", position, DIRECTIONS) for i, position in enumerate(self.config.positions))
 
     def matrices(self) -> StructuralMatrices:
         """Return zeros, since held DOFs do not move."""

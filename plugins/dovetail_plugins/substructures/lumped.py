@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from dovetail import ComponentConfig, InUnit, Node, StructuralMatrices, SubstructureModel
+from dovetail import ComponentConfig, InUnit, PartNode, StructuralMatrices, SubstructureModel
 
 
 class LumpedMass(ComponentConfig):
@@ -63,9 +63,9 @@ class Lumped(SubstructureModel):
         return {"masses": [{"mass": "1 kg"}]}, {"masses": [body, {**body, "position": "10 mm"}]}
 
     @cached_property
-    def nodes(self) -> tuple[Node, ...]:
+    def nodes(self) -> tuple[PartNode, ...]:
         """One node for each mass."""
-        return tuple(Node(f"m{index + 1}", entry.position) for index, entry in enumerate(self.config.masses))
+        return tuple(PartNode(f"m{index + 1}", entry.position) for index, entry in enumerate(self.config.masses))
 
     def matrices(self) -> StructuralMatrices:
         """Return the (d, d) matrices: a diagonal mass matrix and no stiffness."""

@@ -21,7 +21,7 @@ from dovetail import (
     Fault,
     FileName,
     InUnit,
-    Node,
+    PartNode,
     SparseMatrices,
     StructuralMatrices,
     SubstructureModel,
@@ -234,7 +234,7 @@ class Matrices(SubstructureModel):
         return [*warnings, f"{text}{change}. Keep more modes."]
 
     @cached_property
-    def nodes(self) -> tuple[Node, ...]:
+    def nodes(self) -> tuple[PartNode, ...]:
         """The nodes for joints and responses, in the order of the table; at position 0 if it has no positions."""
         table, length = self._table, self.config.units.length
         positions, points = dict.fromkeys(table.nodes, 0.0), dict[str, tuple[float, float, float]]()
@@ -245,7 +245,7 @@ class Matrices(SubstructureModel):
                 node: (x, y, z) for node, (x, y, z) in zip(table.nodes, (table.points * length).tolist(), strict=True)
             }
         return tuple(
-            Node(label, float(positions[label]), self._directions_of(label), points.get(label))
+            PartNode(label, float(positions[label]), self._directions_of(label), points.get(label))
             for label in self._labels
         )
 

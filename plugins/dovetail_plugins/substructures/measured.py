@@ -17,7 +17,7 @@ from dovetail import (
     Fault,
     FileName,
     InUnit,
-    Node,
+    PartNode,
     ReceptanceMatrix,
     StructuralMatrices,
     SubstructureModel,
@@ -188,7 +188,7 @@ class Measured(SubstructureModel):
         return interface.known(matrix)
 
     @property
-    def nodes(self) -> tuple[Node, ...]:
+    def nodes(self) -> tuple[PartNode, ...]:
         """The measured points."""
         return self._known.nodes
 

@@ -16,8 +16,8 @@ from dovetail import (
     Fault,
     Frf,
     ModelDof,
-    Node,
     NodeDofs,
+    PartNode,
     ReceptanceMatrix,
     Role,
     check_receptance_units,
@@ -43,7 +43,7 @@ class KnownReceptance:
     Parameters
     ----------
     matrix : ReceptanceMatrix
-    nodes : tuple of Node
+    nodes : tuple of PartNode
     dofs : tuple of int
         The DOF of each row.
     motion : (d, n) array, optional
@@ -51,7 +51,7 @@ class KnownReceptance:
     """
 
     matrix: ReceptanceMatrix
-    nodes: tuple[Node, ...]
+    nodes: tuple[PartNode, ...]
     dofs: tuple[int, ...]
     motion: NDArray[np.float64] | None = None
 
@@ -68,7 +68,7 @@ class KnownReceptance:
             own = {each for node, each in pairs if node == label}
             directions = PLANAR if planar else tuple(each for each in DIRECTIONS if each in own)
             point = at if isinstance(at, tuple) else None
-            nodes.append(Node(label, 0.0 if isinstance(at, tuple) else at, directions, point))
+            nodes.append(PartNode(label, 0.0 if isinstance(at, tuple) else at, directions, point))
         numbers, labels = NodeDofs.from_nodes(nodes), list(place_of)
         dofs = tuple(numbers.among([labels.index(node)], [each])[0] for node, each in pairs)
         return KnownReceptance(matrix, tuple(nodes), dofs)

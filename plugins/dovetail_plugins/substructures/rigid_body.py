@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from dovetail import DIRECTIONS, ComponentConfig, InUnit, Node, StructuralMatrices, SubstructureModel, carried
+from dovetail import DIRECTIONS, ComponentConfig, InUnit, PartNode, StructuralMatrices, SubstructureModel, carried
 
 _Length = Annotated[float, InUnit("m")]
 _Inertia = Annotated[float, Field(ge=0), InUnit("kg m^2")]
@@ -73,10 +73,10 @@ class RigidBody(SubstructureModel):
         return cube, {**cube, "nodes": ends, "products": ["1e-4 kg m^2", "0 kg m^2", "0 kg m^2"]}
 
     @cached_property
-    def nodes(self) -> tuple[Node, ...]:
+    def nodes(self) -> tuple[PartNode, ...]:
         """Those of the description; the first one carries the others."""
         return tuple(
-            Node(name, 0.0, DIRECTIONS, point, carrier=None if number == 0 else 0)
+            PartNode(name, 0.0, DIRECTIONS, point, carrier=None if number == 0 else 0)
             for number, (name, point) in enumerate(self.config.nodes.items())
         )
 

@@ -16,7 +16,7 @@ from dovetail import (
     ComponentConfig,
     Coordinates,
     InUnit,
-    Node,
+    PartNode,
     StructuralMatrices,
     SubstructureModel,
     carried,
@@ -102,7 +102,7 @@ class SpatialBeam(SubstructureModel):
         return SpatialBeam(self.config.model_copy(update={"sections": finer}))
 
     @cached_property
-    def nodes(self) -> tuple[Node, ...]:
+    def nodes(self) -> tuple[PartNode, ...]:
         """The ends of the elements."""
         return tuple(replace(node, directions=DIRECTIONS) for node in self._planar.nodes)
 

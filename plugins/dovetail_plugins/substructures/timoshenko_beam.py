@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
-from dovetail import ComponentConfig, Node, ScaledMatrices, StructuralMatrices, SubstructureModel
+from dovetail import ComponentConfig, PartNode, ScaledMatrices, StructuralMatrices, SubstructureModel
 from dovetail_plugins.substructures.scaled_beam import ScaledBeam
 from dovetail_plugins.timoshenko import CrossSection, Material, Section, chain, element_matrices
 
@@ -84,11 +84,11 @@ class TimoshenkoBeam(SubstructureModel):
         return TimoshenkoBeam(self.config.model_copy(update={"sections": tuple(finer)}))
 
     @cached_property
-    def nodes(self) -> tuple[Node, ...]:
+    def nodes(self) -> tuple[PartNode, ...]:
         """The ends of the elements."""
         lengths = [s.length / s.elements for s in self.config.sections for _ in range(s.elements)]
         positions = np.concatenate([[0.0], np.cumsum(lengths)])
-        return tuple(Node(f"n{index + 1}", float(position)) for index, position in enumerate(positions))
+        return tuple(PartNode(f"n{index + 1}", float(position)) for index, position in enumerate(positions))
 
     @property
     def outline(self) -> list[tuple[float, float, float, float]]:

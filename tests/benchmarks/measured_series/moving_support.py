@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 import dovetail
-from dovetail import ComponentConfig, InUnit, JointModel, Parameter, Port, StructuralMatrices
+from dovetail import ComponentConfig, InUnit, JointModel, JointPort, Parameter, StructuralMatrices
 
 
 class MovingSupport(JointModel):
@@ -55,9 +55,9 @@ class MovingSupport(JointModel):
         )
 
     @property
-    def ports(self) -> tuple[Port, ...]:
+    def ports(self) -> tuple[JointPort, ...]:
         """The beam and the ground."""
-        return (Port("beam", int(self.config.nodes)), Port("ground", 1))
+        return (JointPort("beam", int(self.config.nodes)), JointPort("ground", 1))
 
     def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
         """Return the matrices for theta (n, 2)."""

@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import ConfigDict, Field
 
-from dovetail import ComponentConfig, InUnit, JointModel, Parameter, Port, StructuralMatrices
+from dovetail import ComponentConfig, InUnit, JointModel, JointPort, Parameter, StructuralMatrices
 from support.broken_plugins.lists import breaks
 
 BETWEEN = np.outer([1.0, 0.0, -1.0, 0.0], [1.0, 0.0, -1.0, 0.0])
@@ -25,7 +25,7 @@ class SoundJoint(JointModel):
         Parameter("c", "N s/m", 1.0, 100.0, "log", "damping"),
         Parameter("m", "kg", 0.1, 0.2, "linear", "mass on side b"),
     )
-    ports = (Port("a", 1), Port("b", 1))
+    ports = (JointPort("a", 1), JointPort("b", 1))
 
     class Config(ComponentConfig):
         """One option.
@@ -129,7 +129,7 @@ class RaisesWhenMade(SoundJoint):
 class SamePortTwice(SoundJoint):
     """Two ports of one name."""
 
-    ports = (Port("a", 1), Port("a", 1))
+    ports = (JointPort("a", 1), JointPort("a", 1))
 
 
 @breaks("matrices_have_the_shape_of_the_dofs")

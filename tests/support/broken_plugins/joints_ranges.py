@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from dovetail import Parameter, Port, StructuralMatrices
+from dovetail import JointPort, Parameter, StructuralMatrices
 from support.broken_plugins.joints import TILT, SoundJoint
 from support.broken_plugins.lists import also_breaks, breaks
 
@@ -281,7 +281,7 @@ class ObjectsWithoutAWord(SoundJoint):
 class IdlePort(SoundJoint):
     """A port that nothing is attached to."""
 
-    ports = (*SoundJoint.ports, Port("c", 1))
+    ports = (*SoundJoint.ports, JointPort("c", 1))
     contact_dofs = ((0, 2), (1, 3))
 
     def matrices(self, theta):

@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from dovetail import ComponentConfig, Node, StructuralMatrices, SubstructureModel
+from dovetail import ComponentConfig, PartNode, StructuralMatrices, SubstructureModel
 from support.broken_plugins.lists import breaks
 
 _LENGTH, _MASS, _BENDING = 0.4, 2.0, 200.0
@@ -50,7 +50,7 @@ class SoundSubstructure(SubstructureModel):
     def nodes(self):
         """Ends of the elements."""
         positions = np.linspace(0.0, _LENGTH, self.config.elements + 1)
-        return tuple(Node(f"n{index}", float(position)) for index, position in enumerate(positions))
+        return tuple(PartNode(f"n{index}", float(position)) for index, position in enumerate(positions))
 
     def matrices(self):
         """Return the matrices."""
@@ -76,7 +76,7 @@ class SameLabel(Unmeshed):
     @property
     def nodes(self):
         """Nodes called n."""
-        return tuple(Node("n", node.position) for node in super().nodes)
+        return tuple(PartNode("n", node.position) for node in super().nodes)
 
 
 @breaks("matrices_have_the_shape_of_the_nodes")

@@ -11,7 +11,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from dovetail import ComponentConfig, InUnit, Node, StructuralMatrices
+from dovetail import ComponentConfig, InUnit, PartNode, StructuralMatrices
 from support.broken_plugins.lists import also_breaks, breaks
 from support.broken_plugins.substructures import SoundSubstructure, Unmeshed, euler_beam
 
@@ -40,7 +40,7 @@ class Bar(Unmeshed):
     def nodes(self):
         """Ends of three elements."""
         positions = np.linspace(0.0, self.config.length, 4)
-        return tuple(Node(f"n{index}", float(position)) for index, position in enumerate(positions))
+        return tuple(PartNode(f"n{index}", float(position)) for index, position in enumerate(positions))
 
     def matrices(self):
         """Return the matrices."""
@@ -242,7 +242,7 @@ class LabelsFromASet(Unmeshed):
     def nodes(self):
         """Name nodes in the order of a set, which is so large that no two processes agree by chance."""
         labels = {f"n{number}" for number in range(100)}
-        return tuple(Node(label, node.position) for label, node in zip(labels, super().nodes, strict=False))
+        return tuple(PartNode(label, node.position) for label, node in zip(labels, super().nodes, strict=False))
 
 
 @breaks("global_state_is_left_unchanged")
@@ -296,7 +296,7 @@ class CountsNodes(Unmeshed):
     @property
     def nodes(self):
         """Number them anew each time."""
-        return tuple(Node(f"n{next(self.counter) % 100000}", node.position) for node in super().nodes)
+        return tuple(PartNode(f"n{next(self.counter) % 100000}", node.position) for node in super().nodes)
 
 
 @breaks("declarations_do_not_change")
@@ -323,7 +323,7 @@ class NodeInTheAir(Unmeshed):
     @property
     def nodes(self):
         """Add one."""
-        return (*super().nodes, Node("air", 0.5))
+        return (*super().nodes, PartNode("air", 0.5))
 
     def matrices(self):
         """Leave it empty."""
@@ -419,7 +419,7 @@ class ShorterWhenRefined(SoundSubstructure):
     @property
     def nodes(self):
         """Leave a bit out."""
-        return tuple(Node(node.label, self.short * node.position) for node in super().nodes)
+        return tuple(PartNode(node.label, self.short * node.position) for node in super().nodes)
 
     def refined(self, factor):
         """Leave it out once."""
@@ -553,7 +553,7 @@ class PositionsInMillimetres(Unmeshed):
     @property
     def nodes(self):
         """Multiply."""
-        return tuple(Node(node.label, 1000.0 * node.position) for node in super().nodes)
+        return tuple(PartNode(node.label, 1000.0 * node.position) for node in super().nodes)
 
 
 @also_breaks("receptance_has_its_shape")

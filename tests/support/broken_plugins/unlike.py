@@ -9,7 +9,16 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from dovetail import ComponentConfig, InUnit, JointModel, Node, Parameter, Port, StructuralMatrices, SubstructureModel
+from dovetail import (
+    ComponentConfig,
+    InUnit,
+    JointModel,
+    JointPort,
+    Parameter,
+    PartNode,
+    StructuralMatrices,
+    SubstructureModel,
+)
 from support.broken_plugins.lists import also_breaks
 
 
@@ -28,7 +37,7 @@ class CachedPattern(JointModel):
     name = "cached_pattern"
     summary = "Spring by a pattern"
     parameters = (Parameter("k", "N/m", 1e5, 1e6, "log", "stiffness"),)
-    ports = (Port("a", 1), Port("b", 1))
+    ports = (JointPort("a", 1), JointPort("b", 1))
 
     def matrices(self, theta):
         """Add a grounded preload to the pattern, each time."""
@@ -46,7 +55,7 @@ class TableLaw(JointModel):
     name = "table_law"
     summary = "Spring with a tabulated loss"
     parameters = (Parameter("k", "N/m", 1e5, 1e6, "log", "stiffness"),)
-    ports = (Port("a", 1), Port("b", 1))
+    ports = (JointPort("a", 1), JointPort("b", 1))
 
     def matrices(self, theta):
         """Return the spring."""
@@ -70,7 +79,7 @@ class TorchLayer(JointModel):
         Parameter("k", "N/m", 1e5, 1e6, "log", "stiffness"),
         Parameter("c", "N s/m", 1.0, 10.0, "log", "damping"),
     )
-    ports = (Port("a", 1), Port("b", 1))
+    ports = (JointPort("a", 1), JointPort("b", 1))
 
     def matrices(self, theta):
         """Multiply on the device."""
@@ -92,7 +101,7 @@ class LossAroundZero(JointModel):
         Parameter("k", "N/m", 1e5, 1e6, "log", "stiffness"),
         Parameter("eta", "1", -0.001, 0.1, "linear", "loss factor"),
     )
-    ports = (Port("a", 1), Port("b", 1))
+    ports = (JointPort("a", 1), JointPort("b", 1))
 
     def matrices(self, theta):
         """Return K and eta K."""
@@ -112,7 +121,7 @@ class LogarithmicDerivative(JointModel):
         Parameter("k", "N/m", 0.5, 2.0, "log", "stiffness, soft"),
         Parameter("kr", "N m/rad", 1.0, 2.0, "linear", "tilting stiffness"),
     )
-    ports = (Port("a", 1), Port("b", 1))
+    ports = (JointPort("a", 1), JointPort("b", 1))
 
     def matrices(self, theta):
         """Return both springs."""
@@ -139,7 +148,7 @@ class SwappedColumns(JointModel):
         Parameter("stiffness", "N/m", 1e5, 1e6, "log", "of the spring"),
         Parameter("damping", "N s/m", 1e5, 1e6, "log", "of the damper"),
     )
-    ports = (Port("a", 1), Port("b", 1))
+    ports = (JointPort("a", 1), JointPort("b", 1))
 
     def matrices(self, theta):
         """Sort the names."""
@@ -179,7 +188,7 @@ class Chain(SubstructureModel):
     def nodes(self):
         """One for each mass."""
         count = self.config.masses
-        return tuple(Node(f"m{index}", self.config.length * index / (count - 1)) for index in range(count))
+        return tuple(PartNode(f"m{index}", self.config.length * index / (count - 1)) for index in range(count))
 
     def matrices(self):
         """Return the matrices; nothing turns."""
@@ -215,7 +224,7 @@ class RefinesItself(Chain):
     @property
     def nodes(self):
         """One for each mass."""
-        return tuple(Node(f"m{i}", self.config.length * i / (self.count - 1)) for i in range(self.count))
+        return tuple(PartNode(f"m{i}", self.config.length * i / (self.count - 1)) for i in range(self.count))
 
     def matrices(self):
         """Return those of the present mesh."""

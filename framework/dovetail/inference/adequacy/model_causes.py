@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 from dovetail.assembly import Assembly
 from dovetail.assembly.structure import PointReceptances
 from dovetail.assembly.variants import (
-    Node,
+    NodePlace,
     measured_at,
     motion_at,
     movable_nodes,
@@ -89,9 +89,9 @@ def try_points(fits: QuickFits) -> Iterator[Candidate]:
     point only roughly.
     """
     nodes = [] if len(fits.target.frfs) > 1 else movable_nodes(fits.assembly)
-    ends = dict[tuple[bool, Node], QuickFit]()
+    ends = dict[tuple[bool, NodePlace], QuickFit]()
 
-    def at(node: Node, with_force: bool, start: NDArray[np.float64]) -> Candidate:
+    def at(node: NodePlace, with_force: bool, start: NDArray[np.float64]) -> Candidate:
         moved = measured_at(fits.assembly, node, with_force=with_force)
         quick = fits.fit(fits.problem.with_assembly(moved), [fits.search(moved, fits.shape, start)])
         ends[with_force, node] = quick
@@ -110,7 +110,7 @@ def try_points(fits: QuickFits) -> Iterator[Candidate]:
             yield at(node, with_force, quick.theta)
 
 
-def _most_similar_points(fits: QuickFits, nodes: list[Node]) -> list[tuple[Node, bool, NDArray[np.float64]]]:
+def _most_similar_points(fits: QuickFits, nodes: list[NodePlace]) -> list[tuple[NodePlace, bool, NDArray[np.float64]]]:
     """Return nodes, whether the force is there too, and the parameters (p,) [SI] whose amplitudes are the closest."""
     assembly, amplitude = fits.assembly, fits.target.amplitude
     drawn = assembly.from_unit(np.random.default_rng(0).random((_SETTINGS.samples, len(assembly.parameters))))
@@ -136,7 +136,7 @@ def _most_similar_points(fits: QuickFits, nodes: list[Node]) -> list[tuple[Node,
     return [(nodes[i], bool(force), joints[np.argmin(kinds[force][:, i])]) for _, force, i in sorted(chosen)]
 
 
-def _separate_nodes(distances: NDArray[np.float64], nodes: list[Node]) -> list[int]:
+def _separate_nodes(distances: NDArray[np.float64], nodes: list[NodePlace]) -> list[int]:
     """Return the nodes with the smallest distances (n, n_nodes) at any parameters, none of them near a better one."""
     chosen: list[int] = []
     for index in np.argsort(distances.min(axis=0), kind="stable").tolist():
@@ -147,7 +147,7 @@ def _separate_nodes(distances: NDArray[np.float64], nodes: list[Node]) -> list[i
 
 
 def _distances(
-    assembly: Assembly, amplitude: NDArray[np.float64], joints: NDArray[np.float64], places: list[Node]
+    assembly: Assembly, amplitude: NDArray[np.float64], joints: NDArray[np.float64], places: list[NodePlace]
 ) -> list[NDArray[np.float64]]:
     """Return how amplitudes at places differ from the measured one, (n, n_places): force as described, and there."""
     lines = np.unique(np.linspace(0, len(amplitude) - 1, _SETTINGS.lines).round().astype(np.intp))
@@ -171,7 +171,7 @@ def _distances(
     return [np.stack(transfer), np.stack(driven)]
 
 
-def _words(assembly: Assembly, place: Node) -> str:
+def _words(assembly: Assembly, place: NodePlace) -> str:
     node = assembly.description.substructures[place[0]].nodes[place[1]]
     return f"on the {place[0]} at {1e3 * node.position:.4g} mm"
 

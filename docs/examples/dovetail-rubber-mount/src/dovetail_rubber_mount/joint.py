@@ -5,7 +5,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from dovetail import ComponentConfig, InUnit, JointModel, Parameter, Port, StructuralMatrices
+from dovetail import ComponentConfig, InUnit, JointModel, JointPort, Parameter, StructuralMatrices
 
 ACROSS = np.outer([1, 0, -1, 0], [1, 0, -1, 0])
 """Between the displacements of both sides; local DOFs are a x, a rz, b x, b rz."""
@@ -29,7 +29,7 @@ class RubberMount(JointModel):
         Parameter("g", "1", 0.02, 1.0, "log", "growth: dynamic part over k at the reference frequency"),
         Parameter("alpha", "1", 0.1, 0.9, "linear", "order of the derivative: 0 a spring, 1 a damper"),
     )
-    ports = (Port("a", 1), Port("b", 1))
+    ports = (JointPort("a", 1), JointPort("b", 1))
 
     class Config(ComponentConfig):
         """The reference frequency of the growth.
