@@ -84,9 +84,9 @@ from .identification import predict_band as predict_band
 from .identification import train as train
 from .identification.truth import TrueValues as TrueValues
 from .identification.truth import read_truth as read_truth
-from .inference.adequacy.assess import JudgedFit as JudgedFit
-from .inference.adequacy.assess import JudgementOptions as JudgementOptions
-from .inference.adequacy.assess import judge as judge
+from .inference.adequacy.judgement import JudgedFit as JudgedFit
+from .inference.adequacy.judgement import JudgementOptions as JudgementOptions
+from .inference.adequacy.judgement import judge as judge
 from .inference.fitting import multistart as multistart
 from .inference.fitting import refine as refine
 from .inference.posterior import laplace_posterior as laplace_posterior

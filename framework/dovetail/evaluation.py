@@ -12,8 +12,8 @@ from dovetail.documents.fault_list import FaultList
 from dovetail.errors import as_dovetail_error, listing, require_package
 from dovetail.frf import coherence_with_model
 from dovetail.frf.resonance_peaks import counterpart, resonance_peaks
-from dovetail.identification.identify import check_mass, find_method
 from dovetail.identification.measured_lines import batch_contradictions, check_measured
+from dovetail.identification.one_measurement import check_mass, find_method
 from dovetail.identification.prediction import joint_values, predicted_frf
 from dovetail.identification.result import joined_warnings
 from dovetail.inference.posterior import LEVEL, NOT_TRUSTWORTHY, PRIOR_PRECISION

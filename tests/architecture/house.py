@@ -41,6 +41,18 @@ def module_name(file: Path) -> str:
     return ".".join(file.relative_to(package.parent).with_suffix("").parts).removesuffix(".__init__")
 
 
+def hidden_modules() -> Iterator[str]:
+    """Yield the modules whose package has another thing of the same name, so that the module is hard to reach."""
+    modules = {module_name(file): file for file in source_files()}
+    for package in PACKAGES:
+        for init in (*package.rglob("__init__.py"), *package.rglob("__init__.pyi")):
+            name = module_name(init.with_suffix(".py"))
+            for called, (source, original) in _handed_on(parsed(init)).items():
+                is_module = source in ("", name) and called == original
+                if f"{name}.{called}" in modules and not is_module:
+                    yield f"{name}.{called}"
+
+
 def imports() -> dict[str, set[str]]:
     """Return the modules that each module imports, deferred and type-checking imports included.
 

@@ -29,6 +29,14 @@ def test_no_file_is_longer_than_400_lines():
     assert {name: length for name, length in lengths.items() if length > 400} == {}
 
 
+def test_no_file_is_named_like_its_folder():
+    assert [str(file) for file in house.source_files() if file.stem == file.parent.name] == []
+
+
+def test_no_function_or_class_hides_a_module_of_its_name():
+    assert list(house.hidden_modules()) == []
+
+
 def test_no_function_is_longer_than_the_limit():
     lengths = {name: length for file in house.source_files() for name, length in house.function_lengths(file).items()}
     assert {name: length for name, length in lengths.items() if length > LONGEST_FUNCTION} == {}

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 import dovetail
 from dovetail.identification.measured_modes import MeasuredModes
-from dovetail.inference.adequacy.assess import JudgementOptions, judge
+from dovetail.inference.adequacy.judgement import JudgementOptions, judge
 from dovetail.inference.fitting import fit_at
 from dovetail.series.description import Role, SeriesDescription, SeriesTest
 from dovetail.series.fitted_tests import FittedTest

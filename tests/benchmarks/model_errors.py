@@ -41,9 +41,9 @@ from random_structures import JOINTS, NOISES, draw_axis, draw_theta, measure, ra
 from wrong_structures import ALTERATIONS, KINDS, SCALED, Poles, altered, dampers, pole_errors, wrong_structure
 
 import dovetail
-from dovetail.inference.adequacy.assess import is_noise
 from dovetail.inference.adequacy.causes import CAUSE_SECONDS
 from dovetail.inference.adequacy.error_effects import ErrorEffects
+from dovetail.inference.adequacy.judgement import is_noise
 from dovetail.inference.adequacy.model_error_size import estimate_model_error, fit_with_error
 from dovetail.inference.adequacy.verdict import Adequacy, word_for
 from dovetail.inference.fitting import Fit, fit_at, refine

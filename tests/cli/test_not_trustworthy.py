@@ -10,7 +10,6 @@ import json
 import re
 import warnings
 from dataclasses import replace
-from importlib import import_module
 from types import SimpleNamespace
 
 import numpy as np
@@ -20,6 +19,7 @@ import dovetail
 import dovetail_bench
 from dovetail.identification.application import Application
 from dovetail.identification.result_file import load_result
+from dovetail.inference.adequacy import judgement
 from dovetail.report.result_files import write_results
 from support.short_search import one_batch
 
@@ -91,7 +91,7 @@ def each_fit_once():
         return made[key]
 
     with one_batch(), pytest.MonkeyPatch.context() as patch:
-        patch.setattr(import_module("dovetail.inference.adequacy.assess"), "find_causes", lambda *_, **__: ())
+        patch.setattr(judgement, "find_causes", lambda *_, **__: ())
         patch.setattr(Application, "to", remembered)
         yield
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail.identification.identify import check_mass
+from dovetail.identification.one_measurement import check_mass
 from dovetail.identification.unknown_signs import _sign
 from dovetail.problem import Problem
 

@@ -13,6 +13,7 @@ import pytest
 import rich.console
 
 import dovetail
+from dovetail.inference.adequacy import judgement
 from dovetail.inference.adequacy.causes import find_causes
 from dovetail.interfaces import progress_reporter
 from dovetail.testing import check_component
@@ -110,7 +111,7 @@ def run(sdof, wrong):
         return find_causes(*arguments, **options)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sys.modules["dovetail.inference.adequacy.assess"], "find_causes", search)
+        patch.setattr(judgement, "find_causes", search)
         progress = lambda *what: reported.append(what)  # noqa: E731
         result = dovetail.identify(sdof, wrong, samples=50, cause_seconds=7, progress=progress)
     assert [cause.name for cause in result.adequacy.causes][:1] == ["gain"]

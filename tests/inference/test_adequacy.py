@@ -16,8 +16,8 @@ from dovetail.assembly.overhangs import find_overhangs
 from dovetail.cli.app import app
 from dovetail.frf.resonance_peaks import PairedPeaks, resonance_peaks
 from dovetail.identification.result_file import load_result
-from dovetail.inference.adequacy.assess import judge
 from dovetail.inference.adequacy.error_effects import distance_of_lost_peaks
+from dovetail.inference.adequacy.judgement import judge
 from dovetail.inference.adequacy.perturbations import PerturbedResiduals, list_perturbations
 from dovetail.inference.adequacy.quick_fits import LogRatio
 from dovetail.inference.adequacy.resonances import describe_lacking, lacking_resonances

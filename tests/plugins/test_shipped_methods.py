@@ -8,6 +8,7 @@ import pytest
 
 import dovetail
 import dovetail_plugins
+from dovetail.identification import one_measurement
 from dovetail.registry import Registry
 
 FOLDER = Path(dovetail_plugins.__file__).parent / "methods"
@@ -35,8 +36,7 @@ def test_a_shipped_method_works_in_another_package(name, tmp_path, monkeypatch, 
     monkeypatch.syspath_prepend(tmp_path)
     registry = Registry()
     registry.add(importlib.import_module(f"{package}_hook"), package)
-    module = importlib.import_module("dovetail.identification.identify")
-    monkeypatch.setattr(module, "installed_components", lambda: registry)
+    monkeypatch.setattr(one_measurement, "installed_components", lambda: registry)
     (offer,) = registry.offers("method")
     assert offer.component.__module__ == f"{package}.{name}"
     assembly = dovetail.load(assemblies / "sdof.yaml")

@@ -17,7 +17,7 @@ import dovetail
 import dovetail_bench
 from dovetail.cli.app import app
 from dovetail.errors import MeasurementError, PluginError
-from dovetail.identification.identify import find_method
+from dovetail.identification.one_measurement import find_method
 from dovetail.measurement import noisy_frf
 from dovetail.network.model_cache import _key
 from dovetail.registry import Registry

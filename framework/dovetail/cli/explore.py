@@ -39,7 +39,7 @@ def explore(
     shows intervals. The values can be saved as JSON, as a description or as a report. The command ends with Ctrl-C, or
     when the page is closed.
     """
-    from dovetail.identification.identify import check_mass
+    from dovetail.identification.one_measurement import check_mass
     from dovetail.report.explorer import Explorer
     from dovetail.report.page_server import PageServer
 

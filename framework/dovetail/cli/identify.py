@@ -198,7 +198,7 @@ def identify(
 
     The exit code is 3 if the model does not fit the measurement; the result is still printed and written, marked so.
     """
-    from dovetail.identification.identify import method_for_modes
+    from dovetail.identification.one_measurement import method_for_modes
     from dovetail.measurement import is_modal_table, read_modal_parameters
 
     assembly, model = assembly_or_model(source, reading.plugins)
@@ -224,7 +224,7 @@ def identify(
 
 def _identify_each(job: _Job, scheduler: str | None) -> None:
     """Identify the joint from each of several measurements."""
-    from dovetail.identification.identify import check_mass
+    from dovetail.identification.one_measurement import check_mass
 
     reading = job.reading
     check_mass(job.assembly, reading.accelerometer_mass)
@@ -257,8 +257,8 @@ def _identify_one(job: _Job, measured: ModalParameters | list[Frf], command: str
 
 def _checked_frfs(job: _Job, *, with_network: bool) -> list[Frf]:
     """Read the measured FRFs, and report faults before any work."""
-    from dovetail.identification.identify import check_mass
     from dovetail.identification.measured_lines import MeasuredLines
+    from dovetail.identification.one_measurement import check_mass
 
     frfs = job.reading.read_selected(job.measured)
     check_mass(job.assembly, job.reading.accelerometer_mass)

@@ -139,7 +139,7 @@ def part(text: str) -> float:
 def _options_of(name: str, registry: Registry) -> tuple[str, ...]:
     """Return the options of a method; none of one that cannot be made without its description."""
     from dovetail.errors import DovetailError
-    from dovetail.identification.identify import find_method, method_options
+    from dovetail.identification.one_measurement import find_method, method_options
 
     try:
         return method_options(find_method(name, None, registry))
@@ -156,7 +156,7 @@ def chosen_method(
     ------
     typer.BadParameter
     """
-    from dovetail.identification.identify import find_method, method_options
+    from dovetail.identification.one_measurement import find_method, method_options
     from dovetail.registry import components
 
     try:

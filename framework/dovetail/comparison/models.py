@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly, load
-from dovetail.comparison.comparison import ComparedModel, ModelComparison
+from dovetail.comparison.compared_models import ComparedModel, ModelComparison
 from dovetail.comparison.replaced_joints import with_joint
 from dovetail.comparison.series_models import compared_series
 from dovetail.errors import Fault, ParameterError
-from dovetail.identification.identify import Measurement, as_frfs, lines_to_fit
-from dovetail.inference.adequacy.assess import JudgedFit, JudgementOptions, judge
+from dovetail.identification.one_measurement import Measurement, as_frfs, lines_to_fit
+from dovetail.inference.adequacy.judgement import JudgedFit, JudgementOptions, judge
 from dovetail.inference.fitting import Fit, fit_at, refine
 from dovetail.inference.posterior import ModelError, sample_posterior
 from dovetail.inference.posterior.distribution import check_options

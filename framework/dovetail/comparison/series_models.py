@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from dovetail.comparison.comparison import ComparedModel, ModelComparison
+from dovetail.comparison.compared_models import ComparedModel, ModelComparison
 from dovetail.documents.fault_list import FaultList
 from dovetail.errors import Fault, ParameterError, argument, did_you_mean, listing
 from dovetail.inference.posterior.leave_one_out import line_scores

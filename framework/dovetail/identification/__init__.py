@@ -2,8 +2,8 @@
 
 from dovetail.identification.batch import Batch, identify_many
 from dovetail.identification.identifier import Identifier, load_model, train
-from dovetail.identification.identify import identify
 from dovetail.identification.modal_estimates import Modes, damping_ratios, mode_shapes, modes, natural_frequencies
+from dovetail.identification.one_measurement import identify
 from dovetail.identification.parameters import IdentifiedParameter, TableRow
 from dovetail.identification.prediction import PredictedBand, predict, predict_band
 from dovetail.identification.result import Identification, Mode

@@ -19,7 +19,7 @@ from dovetail.identification.parameters import ROUNDING
 from dovetail.identification.reconstruction import reconstruct
 from dovetail.identification.result import Identification
 from dovetail.inference.adequacy import Adequacy
-from dovetail.inference.adequacy.assess import JudgedFit, Judgement, JudgementOptions, judge_without_causes
+from dovetail.inference.adequacy.judgement import JudgedFit, Judgement, JudgementOptions, judge_without_causes
 from dovetail.inference.fitting import Fit, fit_at, refine
 from dovetail.inference.posterior import ModelError, Posterior
 from dovetail.interfaces import (

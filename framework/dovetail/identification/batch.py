@@ -15,8 +15,8 @@ from typing import Any
 from dovetail.assembly import Assembly, AssemblySource, as_assembly
 from dovetail.errors import DovetailError, Fault, MeasurementError, as_dovetail_error, listing
 from dovetail.frf import Frf
-from dovetail.identification.identify import Measurement, as_frfs, identify
 from dovetail.identification.measured_lines import batch_contradictions
+from dovetail.identification.one_measurement import Measurement, as_frfs, identify
 from dovetail.identification.parameters import dataframe
 from dovetail.identification.result import Identification, joined_warnings
 from dovetail.interfaces import IdentificationMethod, Progress, progress_reporter

@@ -9,7 +9,7 @@ from dovetail.assembly import Assembly, AssemblySource, as_assembly
 from dovetail.dataset import Dataset
 from dovetail.description import SHARED
 from dovetail.errors import Fault, ParameterError, listing
-from dovetail.identification.identify import Measurement, identify
+from dovetail.identification.one_measurement import Measurement, identify
 from dovetail.identification.result import Identification
 from dovetail.interfaces import IdentificationMethod, Progress, logged, progress_reporter
 from dovetail.network.bundle import TrainedNetwork, read_bundle, write_bundle

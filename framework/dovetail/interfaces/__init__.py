@@ -38,7 +38,7 @@ from dovetail.interfaces.matrices import (
     is_rotation,
 )
 from dovetail.interfaces.method import Estimate, IdentificationMethod, IdentificationProblem
-from dovetail.interfaces.option_schema import option_schema
+from dovetail.interfaces.option_schemas import option_schema
 from dovetail.interfaces.progress import NO_LIMIT, CutShort, Progress, TimeLimit, logged, progress_reporter, silent
 from dovetail.interfaces.reader import FileReader, FrfReader, MatrixReader
 from dovetail.interfaces.recorded import (

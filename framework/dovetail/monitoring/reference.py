@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError, ParameterError, listing
 from dovetail.frf import Frf
-from dovetail.identification.identify import lines_to_fit
 from dovetail.identification.measured_lines import batch_contradictions
+from dovetail.identification.one_measurement import lines_to_fit
 from dovetail.inference.posterior.laplace import LaplaceApproximation
 from dovetail.inference.posterior.likelihood import normal_density, normal_from_unit
 from dovetail.interfaces import Parameter, Progress, silent

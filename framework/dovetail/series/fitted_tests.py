@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from dovetail.errors import MeasurementError
 from dovetail.frf import Frf
-from dovetail.identification.identify import lines_to_fit
 from dovetail.identification.measured_lines import MeasuredLines, batch_contradictions
-from dovetail.inference.adequacy.assess import JudgedFit, JudgementOptions, judge
+from dovetail.identification.one_measurement import lines_to_fit
+from dovetail.inference.adequacy.judgement import JudgedFit, JudgementOptions, judge
 from dovetail.inference.fitting import refine
 from dovetail.inference.posterior.likelihood import Likelihood
 from dovetail.inference.posterior.mode_search import likelihood_at_mode

@@ -14,7 +14,7 @@ from dovetail.assembly import Assembly, load
 from dovetail.errors import PluginError
 from dovetail.frf import Frf
 from dovetail.identification.application import checked_posterior
-from dovetail.inference.adequacy.assess import judge
+from dovetail.inference.adequacy.judgement import judge
 from dovetail.inference.fitting import Fit, fit_at
 from dovetail.inference.posterior import Posterior
 from dovetail.interfaces import Estimate, IdentificationMethod, silent

@@ -21,7 +21,7 @@ from dovetail.identification.measured_lines import MeasuredLines
 from dovetail.identification.measured_modes import MeasuredModes
 from dovetail.identification.result import Identification
 from dovetail.identification.unknown_signs import amplitudes, with_signs
-from dovetail.inference.adequacy.assess import JudgementOptions
+from dovetail.inference.adequacy.judgement import JudgementOptions
 from dovetail.interfaces import IdentificationMethod, Progress, TimeLimit, logged, progress_reporter, silent
 from dovetail.measurement import ModalParameters, is_modal_table, read_frf, read_modal_parameters
 from dovetail.network.bundle import TrainedNetwork
