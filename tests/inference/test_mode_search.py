@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from dovetail.inference.fitting.fit import PACE_STEPS
-from dovetail.inference.posterior.mode_search import _are_different, _Race
+from dovetail.inference.fitting.searches import are_different
+from dovetail.inference.posterior.mode_search import _Race
 from dovetail.problem.least_squares import Minima
 
 PACE = PACE_STEPS
@@ -59,8 +60,8 @@ def test_costs_that_are_not_finite_do_not_hide_the_lowest():
 
 def test_ends_are_compared_with_the_lowest_at_their_place():
     minima = places([3.0, 1.0, 2.0, 9.0], [0.0, 0.09, 0.18, 0.5])
-    assert _are_different(minima).tolist() == [False, True, False, True]
-    assert _are_different(places([3.0, 1.0, 2.0], [0.0, 0.09, 0.2])).tolist() == [False, True, True]
+    assert are_different(minima, 1.0).tolist() == [False, True, False, True]
+    assert are_different(places([3.0, 1.0, 2.0], [0.0, 0.09, 0.2]), 1.0).tolist() == [False, True, True]
 
 
 def test_the_pace_of_a_group_of_searches_is_not_measured_from_the_group_before():

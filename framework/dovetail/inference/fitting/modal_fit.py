@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.inference.fitting.fit import UNFINISHED, Fit, count_agreeing, fit_at
+from dovetail.inference.fitting.searches import different_points
 from dovetail.interfaces import Progress, silent
 from dovetail.problem.definition import fractions_within, latin_hypercube
 from dovetail.problem.least_squares import Minima, minimise
@@ -79,6 +80,4 @@ def fit_with_errors(problem: ModalProblem, start: NDArray[np.float64], errors: S
 def _distinct(ends: Minima) -> NDArray[np.float64]:
     """Return the distinct ends of searches (n, p) that are nearly as good as the best one, the best first."""
     ranked = Minima.ranked(ends)
-    near = ranked.position[ranked.cost < ranked.cost[0] + _SETTINGS.region]
-    apart = np.abs(near[:, None] - near).max(axis=2) + np.triu(np.ones((len(near),) * 2))
-    return np.asarray(near[(apart > _SETTINGS.apart).all(axis=1)])
+    return different_points(ranked.position[ranked.cost < ranked.cost[0] + _SETTINGS.region], _SETTINGS.apart)

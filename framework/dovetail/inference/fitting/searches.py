@@ -172,7 +172,7 @@ def evolved(
         points, costs = np.where(lower[:, np.newaxis], tried, points), np.where(lower, costs_there, costs)
         order = np.argsort(costs, kind="stable")
         points, costs = points[order], costs[order]
-    return _different(points)
+    return different_points(points, _SETTINGS.apart)
 
 
 def _moved(points: NDArray[np.float64], random: np.random.Generator) -> NDArray[np.float64]:
@@ -188,11 +188,11 @@ def _moved(points: NDArray[np.float64], random: np.random.Generator) -> NDArray[
     return np.where(moves, there, points)
 
 
-def _different(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the points (n, p) that are not close to an earlier one."""
+def different_points(points: NDArray[np.float64], difference: float) -> NDArray[np.float64]:
+    """Return the points (n, p) of which some coordinate differs by more than this from that of each earlier one."""
     kept: list[int] = []
     for number, point in enumerate(points):
-        if not kept or np.abs(points[kept] - point).max(axis=1).min() > _SETTINGS.apart:
+        if not kept or np.abs(points[kept] - point).max(axis=1).min() > difference:
             kept.append(number)
     return points[kept]
 
@@ -207,12 +207,19 @@ def different(minima: Minima, deviations: float) -> Minima:
         Smallest distance from a lower minimum, in standard deviations of the Gaussian about that.
     """
     ranked = Minima.ranked(minima)
-    order = range(len(ranked.cost))
-    chosen = np.array(distinct(ranked.position, ranked.curvature, order, deviations), dtype=np.intp)
+    chosen = np.flatnonzero(are_different(ranked, deviations))
     steps = ranked.position[:, np.newaxis] - ranked.position[chosen]
     nearest = np.argmin(np.einsum("nkp,kpq,nkq->nk", steps, ranked.curvature[chosen], steps), axis=1)
     searches = np.bincount(nearest, ranked.searches, len(chosen)).astype(np.int64)
     return replace(ranked.at(chosen), searches=searches)
+
+
+def are_different(minima: Minima, deviations: float) -> NDArray[np.bool_]:
+    """Return which minima (n,) are not near a lower one, as in `different`."""
+    different = np.zeros(len(minima.cost), dtype=np.bool_)
+    order = np.argsort(minima.cost, kind="stable").tolist()
+    different[distinct(minima.position, minima.curvature, order, deviations)] = True
+    return different
 
 
 def distinct(

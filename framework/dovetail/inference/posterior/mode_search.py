@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly
 from dovetail.inference.fitting import Fit
 from dovetail.inference.fitting.fit import Pace
-from dovetail.inference.fitting.searches import distinct
+from dovetail.inference.fitting.searches import are_different
 from dovetail.inference.posterior.likelihood import (
     Z_LIMIT,
     Likelihood,
@@ -243,20 +243,12 @@ class _Race:
 
     def __call__(self, minima: Minima, steps_left: int) -> NDArray[np.bool_]:
         slow = self._pace(minima, steps_left)
-        return slow | ~_are_different(minima) if self._pace.is_measured else slow
-
-
-def _are_different(minima: Minima) -> NDArray[np.bool_]:
-    """Return which minima (n,) are not at the same place as a lower one, by the curvature there."""
-    different = np.zeros(len(minima.cost), dtype=np.bool_)
-    order = np.argsort(minima.cost, kind="stable").tolist()
-    different[distinct(minima.position, minima.curvature, order, _SETTINGS.same)] = True
-    return different
+        return slow | ~are_different(minima, _SETTINGS.same) if self._pace.is_measured else slow
 
 
 def _different(maxima: Minima, worth: float = np.inf) -> NDArray[np.float64]:
     """Return the ends z (k, p) of searches that are not at the same mode as a higher one, nor of no interest."""
-    kept = _are_different(maxima) & (maxima.cost - maxima.cost.min() <= worth)
+    kept = are_different(maxima, _SETTINGS.same) & (maxima.cost - maxima.cost.min() <= worth)
     return CubeResiduals.to_normal(maxima.position[kept])
 
 
