@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 import pytest
 import yaml
@@ -60,18 +62,20 @@ def machine(*diameters: str) -> dovetail.Assembly:
     return dovetail.load(description)
 
 
-def chi_squared_by_seed(case: int) -> np.ndarray:
-    """Return chi-squared of three fits of the machine to a measurement with another tool."""
+def chi_squared_by_seed(case: int, seeds: Iterable[int] = range(3)) -> np.ndarray:
+    """Return chi-squared of fits of the machine to a measurement with another tool."""
     model, truth = machine(), machine("14.4 mm", "18 mm")
     theta = model.from_unit(0.25 + 0.5 * np.random.default_rng(case).random(len(model.parameters)))
     problem = Problem.of(model, noisy(model, truth.frf(theta), 0.003, case))
-    return np.array([refine(problem, seed=seed).chi_squared for seed in range(3)])
+    return np.array([refine(problem, seed=seed).chi_squared for seed in seeds])
 
 
 def test_another_seed_finds_the_same_minimum_of_a_wrong_model():
-    found = chi_squared_by_seed(2)
+    """Three of these seeds end in a minimum that is 1.6 % higher where ends that fall together are not merged, and two
+    where no start evolves."""
+    found = chi_squared_by_seed(5, (0, 1, 4, 7))
     assert found.min() > 100.0
-    np.testing.assert_allclose(found, found.min(), rtol=0.01)
+    np.testing.assert_allclose(found, found.min(), rtol=0.005)
 
 
 @pytest.mark.slow
