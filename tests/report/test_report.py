@@ -25,8 +25,8 @@ from dovetail.identification.truth import TrueValues
 from dovetail.report import html_report
 from dovetail.report.html_report import write_report
 
-LARGEST = 400_000
-"""Bytes that a report with two responses may have."""
+LARGEST, LARGEST_OF_SIX = 400_000, 450_000
+"""Bytes that reports with two and with six responses may have."""
 
 CROSS = "\N{MULTIPLICATION SIGN}"
 HOSTILE = '"><script>alert(1)</script><img src=x onerror=alert(1)>{{ 7 * 7 }}&'
@@ -242,6 +242,9 @@ def test_a_noisy_measurement_at_two_points_makes_no_large_file(result: Identific
     two = replace(result, measured=noisy, further=(AtPoint("tool, 60 mm", result.frf, noisy),))
     path = write_report(two, tmp_path / "report.html")
     assert path.stat().st_size < LARGEST
+    six = replace(two, further=tuple(AtPoint(f"tool, {at} mm", result.frf, noisy) for at in range(20, 70, 10)))
+    path = write_report(six, tmp_path / "report_of_six.html")
+    assert path.stat().st_size < LARGEST_OF_SIX
 
 
 def test_the_chart_has_the_peaks_of_the_measurement(result: Identification, tmp_path: Path) -> None:

@@ -22,8 +22,9 @@ from dovetail.report.pages import as_data, chart_data, residual_over_noise, writ
 from dovetail.report.svg import page_figure
 
 _MOST_SHAPES = 10
-_MOST_LINES = 3000
-"""Largest number of lines of an FRF in a chart, including peaks and dips."""
+_MOST_LINES, _ALL_LINES, _FEWEST_LINES = 3000, 6000, 300
+"""Largest number of lines of an FRF in a chart, including peaks and dips, those of all charts, from which a page
+becomes slow to load, and the smallest number in a chart of many."""
 
 _MOST_TRADING, _SAMPLES, _SIZE, _GAP, _MARGIN, _NAMES = 6, 150, 96, 10, 48, 110
 """Parameters and samples in the pair plot; pixels of a panel, between panels, and for numbers and names."""
@@ -152,13 +153,14 @@ def _mean_coherence(result: Identification) -> str:
 def _figures(result: Identification) -> list[tuple[str, str, Any, bool]]:
     """Return for each response the chart's name, the point (empty for a single one), data, and if there is a phase."""
     natural = [mode.natural_frequency for mode in result.modes]
+    most = max(_FEWEST_LINES, min(_MOST_LINES, _ALL_LINES // len(result.responses)))
     figures = []
     for index, response in enumerate(result.responses):
         bands = () if result.is_trustworthy else response.poor_bands
         both = {"measured": ("measured", response.measured), "model": ("reconstructed", response.frf)}
         title = f"Measured and reconstructed FRF and their residual, {response.point or 'the response'}"
         residual = residual_over_noise(response.measured, response.frf.values)
-        content = chart_data(title, both, residual=residual, natural=natural, bands=bands, most=_MOST_LINES)
+        content = chart_data(title, both, residual=residual, natural=natural, bands=bands, most=most)
         point = response.point if result.further else ""
         figures.append((f"chart-{index + 1}", point, as_data(content), response.measured.has_phase))
     return figures
