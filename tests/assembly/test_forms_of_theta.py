@@ -23,6 +23,7 @@ FUNCTIONS = {
     "natural_frequencies": lambda assembly, theta: assembly.natural_frequencies(theta, 1),
     "modes": lambda assembly, theta: assembly.modes(theta, 1)[0].pole,
     "by_joint": lambda assembly, theta: next(iter(assembly.by_joint(theta).values())),
+    "to_unit": lambda assembly, theta: assembly.to_unit(theta),
     "vector": lambda assembly, theta: assembly.vector(theta),
     "dovetail.modes": lambda assembly, theta: dovetail.modes(assembly, theta, count=1).natural_frequency,
     "dovetail.natural_frequencies": lambda assembly, theta: dovetail.natural_frequencies(assembly, theta, count=1),
@@ -49,6 +50,14 @@ def test_a_result_and_its_parameters_give_what_their_vector_gives(sdof, result, 
     texts = {parameter.name: f"{parameter.value!r} {parameter.unit}" for parameter in result.parameters.values()}
     for theta in (result, result.parameters, dict(result.parameters), values, texts):
         np.testing.assert_allclose(function(sdof, theta), expected, rtol=1e-12)
+
+
+def test_fractions_are_any_arrays_of_one_number_for_each_parameter(sdof):
+    np.testing.assert_array_equal(sdof.from_unit([0.5, 0.5]), sdof.from_unit(np.full(2, 0.5)))
+    assert sdof.to_unit(sdof.from_unit(np.full((3, 4, 2), 0.25))) == pytest.approx(0.25)
+    for wrong in ([0.5], 0.5, np.zeros((2, 3))):
+        with pytest.raises(dovetail.ParameterError, match="does not fit 2 parameters"):
+            sdof.from_unit(wrong)
 
 
 def test_the_fit_starts_from_a_result(sdof, result):

@@ -175,12 +175,12 @@ class Assembly:
         by_owner = self._map.by_component(batch)
         return {name: by_owner[name][0] if single else by_owner[name] for name in self._connected}
 
-    def from_unit(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
+    def from_unit(self, fraction: ArrayLike) -> NDArray[np.float64]:
         """Map fractions of the ranges, (..., n_params) from 0 to 1 on the parameters' scales, to SI values."""
         return self._space.from_unit(fraction)
 
-    def to_unit(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Map SI values (..., n_params) to fractions of the ranges on the parameters' scales."""
+    def to_unit(self, theta: Theta) -> NDArray[np.float64]:
+        """Map SI values (..., n_params), or theta as in `frf`, to fractions of the ranges on the parameters' scales."""
         return self._space.to_unit(theta)
 
     def vector(self, theta: Theta) -> NDArray[np.float64]:

@@ -11,7 +11,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from dovetail.assembly.measurement_chain import Chain, chain_rule
 from dovetail.assembly.structure import ResponsePairs
@@ -195,13 +195,21 @@ class ParameterSpace:
         """(n_params,) middle of each range on the scale of the parameter."""
         return np.array([float(parameter.from_unit(np.array(0.5))) for parameter in self.parameters])
 
-    def from_unit(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return SI values (..., n_params) for fractions of the ranges."""
-        return self.scales.from_unit(fraction)
+    def from_unit(self, fraction: ArrayLike) -> NDArray[np.float64]:
+        """Return SI values (..., n_params) for fractions of the ranges; a ParameterError refuses another last axis."""
+        values = np.asarray(fraction, dtype=np.float64)
+        if values.shape[-1:] != (len(self.parameters),):
+            problem = f"the shape {values.shape} does not fit {len(self.parameters)} parameters."
+            raise ParameterError(Fault("fraction", problem, f"(..., {len(self.parameters)})"))
+        return self.scales.from_unit(values)
 
-    def to_unit(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return fractions of the ranges (..., n_params) for SI values."""
-        return self.scales.to_unit(theta)
+    def to_unit(self, theta: Theta) -> NDArray[np.float64]:
+        """Return fractions of the ranges (..., n_params) for SI values, or for what `batch` takes."""
+        if isinstance(theta, np.ndarray):
+            return self.scales.to_unit(theta)
+        values, single = self.batch(theta)
+        fractions = self.scales.to_unit(values)
+        return fractions[0] if single else fractions
 
     def batch(self, theta: Theta) -> tuple[NDArray[np.float64], bool]:
         """Return theta as (n, n_params), and whether it was a single vector.
