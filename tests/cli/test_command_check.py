@@ -76,3 +76,13 @@ def test_nodes_that_share_a_position_are_shown_by_their_labels(run, tmp_path):
     lines = run("check", file).stdout.splitlines()
     assert "part           by label: tip, root" in lines
     assert "Response   accelerance at part, node tip, direction x" in lines
+
+
+def test_a_skew_direction_is_shown_with_four_digits(run, tmp_path):
+    file = tmp_path / "body.yaml"
+    file.write_text(
+        "dovetail: 1\nname: body\nfrequency: {start: 1, stop: 300, step: 1}\n"
+        "substructures: {body: {model: rigid_body, mass: 1, inertia: [1, 1, 1]}}\n"
+        "response: {at: body, position: 0, direction: [1, 1, 0]}\n"
+    )
+    assert "Response   accelerance at body, 0 mm, direction (0.7071, 0.7071, 0)" in run("check", file).stdout

@@ -62,13 +62,14 @@ _NORMAL = {"linear": "normal", "log": "log-normal"}
 
 
 def _print(assembly: Assembly, summary: dict[str, Any]) -> None:
+    from dovetail.description.placed_parts import direction_text
     from dovetail.units import format_quantity
 
     title(f"{summary['name']}  ({summary['source']})")
     frequency = summary["frequency"]
     for index, response in enumerate((summary["response"], *summary["further_responses"])):
         ends_of = [response, *([response["force"]] if "force" in response else [])]
-        ends = [f"{p['point']}, direction {p['direction']}" for p in ends_of]
+        ends = [f"{p['point']}, direction {direction_text(p['direction'])}" for p in ends_of]
         say(f"{'' if index else 'Response':9}  {response['quantity']} at {'; force at '.join(ends)}")
     say(f"Frequency  {frequency['first']:g} to {frequency['last']:g} Hz, {frequency['lines']} lines")
     _print_dofs(summary)
