@@ -112,3 +112,26 @@ def test_a_joint_that_holds_the_torsion_of_a_part_but_not_its_bending_is_reporte
     description["joints"] = {"layer": {"model": "rigid", "connect": connect}}
     found = "\n".join(dovetail.find_warnings(dovetail.load(description)))
     assert ("the torsion of that part" in found) == warned
+
+
+@pytest.mark.parametrize(
+    ("along", "axes", "warned"),
+    [("-y", None, False), ("x", None, True), ([1, 1, 0], None, True), ("x", {"y": "x", "x": "z"}, False)],
+)
+def test_a_shaft_that_does_not_run_along_the_axis_of_its_bearing_is_reported(along, axes, warned):
+    section = {"length": 0.4, "outer": 0.02, "elements": 4}
+    material = {"young": 210e9, "density": 7850.0}
+    place = {"along": along, "across": "z"}
+    shaft = {"model": "spatial_beam", "material": material, "sections": [section], "place": place}
+    bearing = {"model": "bearing", "motion": "space", "connect": {"shaft": {"to": "shaft", "at": 0.1}}}
+    bearing["connect"]["housing"] = {"to": "base", "at": 0.0}
+    description = {
+        "dovetail": 1,
+        "name": "shaft",
+        "frequency": [100.0, 200.0],
+        "substructures": {"shaft": shaft, "base": {"model": "ground"}},
+        "joints": {"bearing": bearing | ({"axes": axes} if axes else {})},
+        "response": {"at": "shaft", "position": 0.4, "direction": "z"},
+    }
+    found = "\n".join(dovetail.find_warnings(dovetail.load(description)))
+    assert ("'shaft' does not run along y of the joint" in found) == warned

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly.model import Assembly
+from dovetail.description.changed_joint import axes_of
 from dovetail.description.checked import Description, JointEntry
 from dovetail.description.facing import Side, facing_faults, has_positions, sides_of
 from dovetail.description.unknown_parts import UnknownPart
@@ -46,6 +47,7 @@ def placement_warnings(assembly: Assembly) -> Iterator[str]:
             if side.in_space:  # their points were compared
                 yield from _twisted(name, side)
                 yield from _twisted(name, other)
+                yield from _across_the_axis(name, joint.connection.model, side)
                 continue
             if side.part != other.part and has_positions(side.model) and has_positions(other.model):
                 offset = float(np.mean(side.along) - np.mean(other.along))
@@ -118,6 +120,22 @@ def _twisted(name: str, side: Side) -> Iterator[str]:
         yield (
             f"joints.{name}: of the rotations of '{side.part}' it acts in {axes[0]} only, the torsion of that part, "
             "which does not resist its bending. If that is not meant, give the joint 'axes' of its own."
+        )
+
+
+def _across_the_axis(name: str, model: JointModel, side: Side) -> Iterator[str]:
+    """Yield a warning about a bar that does not run along the axis of a joint at one of its nodes, as of a bearing."""
+    points = side.all_points - side.all_points.mean(axis=0)
+    if not model.nodes_along or len(side.nodes) > 1 or side.model.grounded or len(points) < 2:
+        return
+    lengths = np.linalg.svd(points, compute_uv=False)
+    along = ["xyz".index(axis) for axis in model.nodes_along]
+    off = np.linalg.norm(np.delete(points @ axes_of(model), along, axis=1))
+    if lengths[1:].max(initial=0.0) <= _SLIGHT * lengths[0] and off > _SLIGHT * lengths[0]:
+        axes = " and ".join(model.nodes_along)
+        yield (
+            f"joints.{name}: '{side.part}' does not run along {axes} of the joint, the axis of '{model.name}'. "
+            "Turn the joint with 'axes', such as 'axes: {y: x, x: z}' for one along x."
         )
 
 

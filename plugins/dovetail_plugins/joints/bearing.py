@@ -65,6 +65,10 @@ class Bearing(JointModel):
                 raise ValueError("'inclined' is for 'motion: space'")
             return self
 
+    def __init__(self, config: Any = None) -> None:
+        super().__init__(config)
+        self.nodes_along = ("y",) if self.config.motion == "space" else ()
+
     @classmethod
     def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
         """Return a bearing in a plane, one in space, and an angular contact bearing."""
