@@ -180,8 +180,8 @@ def main() -> None:
     if chosen.only is None:
         truth = {
             "synthetic": True,
-            "note": f"Truth behind the files beside it: mesh {FINER} times finer, {ACCELEROMETER * 1e3:g} g on the "
-            "structure, made by make_campaign.py. Natural frequencies are those of the damped structure.",
+            "note": f"True values of the files in this folder: mesh {FINER} times finer, {ACCELEROMETER * 1e3:g} g on "
+            "the structure, made by make_campaign.py. Natural frequencies are those of the damped structure.",
             "tests": {test.name: truth_of(test) for test in TESTS},
         }
         (chosen.to / "truth.json").write_text(json.dumps(truth, indent=1) + "\n", encoding="utf-8")

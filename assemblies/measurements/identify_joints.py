@@ -2,7 +2,7 @@
 
     python assemblies/measurements/identify_joints.py [NAME ...] [--mesh TIMES]
 
-Prints, as Markdown, each parameter's estimate beside the truth, its error and its 90 % interval. Prints also the time
+Prints, as Markdown, each parameter's estimate and true value, its error and its 90 % interval. Prints also the time
 of an FRF and its difference from the direct solve of the whole assembly. With ``--mesh 4`` the identifying model has
 the mesh of the structure that was measured and is allowed no error, so that noise alone is left; the direct solve,
 which takes minutes there, is left out.

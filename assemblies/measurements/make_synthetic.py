@@ -53,7 +53,7 @@ def finer(description: dict[str, Any]) -> dict[str, Any]:
 
 
 def main(torque: float = 60.0) -> None:
-    """Write the UFF file and the truth beside it."""
+    """Write the UFF file and the true values."""
     text = dovetail.load(HERE.parent / "bt40_er32.yaml").description.text
     assembly = dovetail.load(finer(json.loads(text)))
     theta = parameters_at(torque)

@@ -225,14 +225,14 @@ def _require_same_versions(by_worker: dict[str, Any]) -> None:
     """Raise where a worker lacks Dovetail, or has another version of what results depend on; some may have left."""
     from distributed.comm import CommClosedError
 
-    versions_here = _versions()
+    own_versions = _versions()
     for worker, installed in by_worker.items():
         if isinstance(installed, CommClosedError):
             continue
         if not isinstance(installed, dict):
             problem = f"the worker {worker} cannot load Dovetail ({type(installed).__name__}: {installed})."
             raise DovetailError(Fault(_WHERE, problem, remedy="Install the same packages on every machine."))
-        for name, wanted in versions_here.items():
+        for name, wanted in own_versions.items():
             if installed.get(name) != wanted:
                 problem = f"the worker {worker} has {name} {installed.get(name)}, and this process {wanted}."
                 raise DovetailError(Fault(_WHERE, problem, remedy="Install the same packages on every machine."))

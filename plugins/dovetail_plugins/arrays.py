@@ -82,7 +82,7 @@ def state_number(state: ComponentState, key: str, owner: str) -> float:
 
 
 def holds_impossible_characters(array: NDArray[Any]) -> bool:
-    """Return whether a text in an array holds numbers that are no characters: NumPy takes them from a file as is."""
+    """Return whether a text in an array holds numbers that are not characters: NumPy takes them from a file as is."""
     if array.dtype.kind != "U" or not array.itemsize:
         return False
     native = np.ascontiguousarray(array.astype(array.dtype.newbyteorder("=")))

@@ -1,4 +1,4 @@
-"""A small version of the study of wrong laws, and of the way in which it tells which of them can be noticed."""
+"""A small version of the study of wrong laws, and of how it decides which of them can be noticed."""
 
 import numpy as np
 import pytest

@@ -227,7 +227,7 @@ def drop(folder, table, count):
 SWEEP = {
     "no column of names": (lambda f: replaced(f / "channels.csv", "Name,", "Nam,"), "no column 'name'"),
     "no direction": (lambda f: replaced(f / "impacts.csv", "Direction_3", "Way_3"), "no column 'direction_3'"),
-    "a unit beside": (lambda f: replaced(f / "channels.csv", "Grouping", "Unit"), "the column 'unit' may change"),
+    "a column of units": (lambda f: replaced(f / "channels.csv", "Grouping", "Unit"), "the column 'unit' may change"),
     "twice a name": (lambda f: with_row(f, "channels.csv", 2, "Name", "s0"), "the name 's0' is there twice"),
     "no name": (lambda f: with_row(f, "impacts.csv", 3, "Name", ""), "there is no name"),
     "a word as a position": (lambda f: with_row(f, "impacts.csv", 1, "Position_2", "left"), "position_2 is 'left'"),

@@ -199,14 +199,14 @@ class ConstrainedGraph(Graph):
 def constrained(plain: Graph) -> Graph:
     """Return a graph with the constraints of its parts and joints; itself if merging DOFs satisfies all of them."""
     functions = [row for name in plain.connections for row in _functions(plain, name)]
-    of_parts = [
+    part_functions = [
         row
         for name, part in plain.substructures.items()
         for row in _by_number(substructure_constraints(part), plain.substructure_dofs(name))
     ]
-    functions += of_parts
+    functions += part_functions
     dependents = _solved(functions, _rotations(plain)) if functions else {}
-    if not dependents and not of_parts:
+    if not dependents and not part_functions:
         return plain
     graph = ConstrainedGraph(plain.substructures, plain.connections, plain, dependents)
     moved = {name: graph.at_leaders(name, connection) for name, connection in plain.connections.items()}

@@ -58,7 +58,7 @@ def suspicious_values_as_notes() -> Iterator[None]:
 
 
 def _is_of_a_library(filename: str) -> bool:
-    """Return whether a file belongs to Python or to an installed package that is no plugin."""
+    """Return whether a file belongs to Python or to an installed package that is not a plugin."""
     file = Path(filename).absolute()
     for name in ("purelib", "platlib", "stdlib", "platstdlib"):
         folder = Path(sysconfig.get_path(name)).absolute()

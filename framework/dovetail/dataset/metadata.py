@@ -38,9 +38,9 @@ def check_attributes(folder: Path, attributes: Mapping[str, Any]) -> None:
     """
     for name, kind in _ATTRIBUTES.items():
         if type(attributes.get(name)) is not kind:
-            is_there = f"its '{name}' is {attributes.get(name)!r:.40}" if name in attributes else f"it has no '{name}'"
+            fault = f"its '{name}' is {attributes.get(name)!r:.40}" if name in attributes else f"it has no '{name}'"
             accepted = "a whole number" if kind is int else "a text"
-            raise DatasetError(Fault(str(folder / "zarr.json"), f"{is_there}.", f"'{name}' as {accepted}", _REMEDY))
+            raise DatasetError(Fault(str(folder / "zarr.json"), f"{fault}.", f"'{name}' as {accepted}", _REMEDY))
 
 
 def check_metadata(folder: Path, array: str, dtype: str) -> None:

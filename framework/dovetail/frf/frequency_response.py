@@ -366,7 +366,7 @@ def checked_axis(frequency: ArrayLike) -> NDArray[np.float64]:
     Raises
     ------
     ParameterError
-        They are no row of positive numbers that increase.
+        They are not increasing positive numbers.
     """
     axis = np.asarray(frequency, dtype=np.float64)
     accepted = "(n_freq,) numbers in Hz, positive and increasing"

@@ -230,7 +230,7 @@ def prominent_peaks(level: NDArray[np.float64], prominence: float) -> tuple[NDAr
 
     As by `scipy.signal.find_peaks`, whose module takes half a second to load: a peak's prominence is its height above
     the higher one of the lowest values between it and the next higher ones, or the ends. The middle of a flat peak
-    counts, and the ends are no peaks.
+    counts, and the ends are not peaks.
     """
     firsts = np.flatnonzero(np.concatenate([[True], level[1:] != level[:-1]]))  # of runs of equal values
     runs, lasts = level[firsts], np.append(firsts[1:], len(level)) - 1

@@ -219,7 +219,7 @@ def _is_upside_down(named: set[str], value: str) -> bool:
 
 
 def _unit_statement(words: Sequence[str], value: str, where: str) -> Statement | None:
-    """Return the statement of a key with a unit, or None if the value is no unit and need not be one."""
+    """Return the statement of a key with a unit, or None if the value is not a unit and need not be one."""
     named = set(words)
     text = re.sub(r"^[\[(]([^()\[\]]*)[\])]$", r"\1", value)
     reading = None if text[:2].lower() == "db" else read_unit(text)

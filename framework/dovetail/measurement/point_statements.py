@@ -43,7 +43,7 @@ _PAIR = re.compile(
 _NO_POINTS = word_set(
     "real imag mag amplitude phase on off and or yes no input output pre post auto cross min max left right"
 )
-"""Words with a slash between them that are no points."""
+"""Words with a slash between them that are not points."""
 _INDICES = re.compile(r"(?:frf\s+)?[hg]_?(\d)_?(\d)", re.IGNORECASE)
 _JOINED = re.compile(r"(?:h|frf|tf|g|x|a|v)[_ ](?P<response>[^\W_]+)[_ ](?P<force>[^\W_]+)", re.IGNORECASE)
 """The name of an FRF with two points, as in ``H_lower_lower``; but ``H_tool_tip`` may be one of a point."""
@@ -111,9 +111,9 @@ def title_points(text: str) -> tuple[PointStatement, ...]:
     bare = _bare(text)
     if match := _JOINED.fullmatch(bare):
         return tuple(PointStatement(end, match[end], "title") for end in ("response", "force"))
-    of_point = next((match[1] for pattern in _OF_POINT if (match := pattern.fullmatch(bare))), None)
+    point_name = next((match[1] for pattern in _OF_POINT if (match := pattern.fullmatch(bare))), None)
     is_short = 0 < len(words_of(text)) <= _MOST_OF_TITLE
-    return (PointStatement("point", of_point or bare, "title"),) if of_point or is_short else ()
+    return (PointStatement("point", point_name or bare, "title"),) if point_name or is_short else ()
 
 
 def _bare(text: str) -> str:

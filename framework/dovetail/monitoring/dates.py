@@ -37,7 +37,7 @@ def named_date(name: str) -> datetime | None:
         year, month, day = (int(match[part] or match[short]) for part, short in _PARTS)
         clock = [int(match[part] or 0) for part in ("hour", "minute", "second")]
         for hour, minute, second in (clock, (0, 0, 0)):
-            with suppress(ValueError):  # that is no time, or no date
+            with suppress(ValueError):  # not a time, or not a date
                 return datetime.combine(date(year, month, day), time(hour, minute, second))
     return None
 
@@ -64,7 +64,7 @@ def date_remarks(name: str, file: Path, content: Recorded) -> Iterator[str]:
 
 
 def _days(text: str) -> list[date]:
-    """Return the days that a text may mean; none if it is no date."""
+    """Return the days that a text may mean; none if it is not a date."""
     if (found := named_date(text)) is not None:
         return [found.date()]
     if match := _WITH_NAME.search(text):

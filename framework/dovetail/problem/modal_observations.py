@@ -57,7 +57,7 @@ class ModelModes(ModelFrfs):
     table: ModalParameters
 
     @cached_property
-    def together(self) -> None:
+    def combined(self) -> None:
         """No FRFs are computed."""
 
     @property
@@ -264,7 +264,7 @@ class ModalProblem(Problem):
         modelled = problem.model.count_modes(assembly.from_unit(np.full(len(assembly.parameters), 0.5)))
         if modelled < count:
             text = f"the table has {count} modes, the model of '{assembly.name}' has {modelled}."
-            raise MeasurementError(Fault(table.label, text, remedy="Leave out those that are no bending modes."))
+            raise MeasurementError(Fault(table.label, text, remedy="Leave out those that are not bending modes."))
         return problem
 
     @cached_property

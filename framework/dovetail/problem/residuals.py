@@ -69,14 +69,14 @@ class ModelFrfs:
 
     def frf(self, theta: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return FRFs (n, n_lines) at parameter vectors (n, n_params)."""
-        if self.together is not None:
-            return _end_to_end(self.together.frfs(theta))
+        if self.combined is not None:
+            return _end_to_end(self.combined.frfs(theta))
         return joined([assembly.frf(theta) for assembly in self.assemblies], axis=1)
 
     def frf_jacobian(self, theta: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         """Return FRFs (n, n_lines) and their derivatives (n, n_lines, n_params)."""
-        if self.together is not None:
-            values, derivatives = self.together.jacobian(theta)
+        if self.combined is not None:
+            values, derivatives = self.combined.jacobian(theta)
             return _end_to_end(values), _end_to_end(np.swapaxes(derivatives, 2, 3))
         frfs, jacobians = zip(*(assembly.frf_jacobian(theta) for assembly in self.assemblies), strict=True)
         return joined(frfs, axis=1), joined(jacobians, axis=1)
@@ -94,7 +94,7 @@ class ModelFrfs:
         return ParameterScales(self.assemblies[0].parameters)
 
     @cached_property
-    def together(self) -> ResponseFrfs | None:
+    def combined(self) -> ResponseFrfs | None:
         """All responses computed together by one elimination, if they see the same structure on the same lines."""
         first, *others = self.assemblies
         return first.combined(others)
@@ -137,21 +137,21 @@ class MultipliedFrfs:
     """
 
     def __init__(self, model: ModelFrfs, factors: NDArray[np.float64] | None) -> None:
-        self._model, self._factors, self._together = model, factors, model.together
-        if factors is not None and self._together is not None:
-            self._together = self._together.times(factors.reshape(len(model.assemblies), -1))
+        self._model, self._factors, self._combined = model, factors, model.combined
+        if factors is not None and self._combined is not None:
+            self._combined = self._combined.times(factors.reshape(len(model.assemblies), -1))
 
     def frf(self, theta: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return FRFs (n, n_lines) at parameter vectors (n, n_params)."""
-        if self._together is not None:
-            return _end_to_end(self._together.frfs(theta))
+        if self._combined is not None:
+            return _end_to_end(self._combined.frfs(theta))
         values = self._model.frf(theta)
         return values if self._factors is None else values * self._factors
 
     def frf_by_fractions(self, theta: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         """Return FRFs (n, n_lines) and their derivatives (n, n_params, n_lines) by fractions of the ranges."""
-        if self._together is not None:
-            values, derivatives = self._together.jacobian(theta, self._model.slopes(theta))
+        if self._combined is not None:
+            values, derivatives = self._combined.jacobian(theta, self._model.slopes(theta))
             one = derivatives.shape[1] == 1
             return _end_to_end(values), derivatives[:, 0] if one else _end_to_end(np.swapaxes(derivatives, 1, 2), 2)
         values, derivatives = self._model.frf_jacobian(theta)

@@ -115,7 +115,7 @@ class PageServer(ThreadingHTTPServer):
         """Store the progress of a fit for the page."""
         self.progress = f"{stage} {done} of {total} {note}".rstrip() if total > 1 else stage
 
-    def handle_error(self, request: Any, client_address: Any) -> None:  # a browser that went away is no error
+    def handle_error(self, request: Any, client_address: Any) -> None:  # a browser that went away is not an error
         """Print nothing."""
 
 

@@ -29,7 +29,7 @@ _STRANGERS = (
     (".uff", b"    -1\n    58\nNONE\n"),
     ("", bytes(np.random.default_rng(SEED).integers(0, 256, HEAD, dtype=np.uint8))),
 )
-"""Nothing, zeros, a table, UFF, and random bytes; with the suffix of a reader to which they are no strangers."""
+"""Nothing, zeros, a table, UFF, and random bytes; with the suffix of a reader that it might recognise."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -47,7 +47,7 @@ class KnownReceptance:
     dofs : tuple of int
         The DOF of each row.
     motion : (d, n) array, optional
-        Of all DOFs of the nodes by those of the rows; without it, those that are no row were not measured.
+        Of all DOFs of the nodes by those of the rows; without it, those without a row were not measured.
     """
 
     matrix: ReceptanceMatrix

@@ -239,11 +239,11 @@ def _phases(fits: QuickFits) -> Iterator[Candidate]:
     labels = fits.assembly.description.response_labels if len(frfs) > 1 else ()
     for number, label in enumerate(labels):
         signs = np.where(np.arange(len(frfs)) == number, -1.0, 1.0)
-        reversed_there = [replace(frf, values=sign * frf.values) for frf, sign in zip(frfs, signs, strict=True)]
+        with_other_signs = [replace(frf, values=sign * frf.values) for frf, sign in zip(frfs, signs, strict=True)]
         yield (
             "sign",
             f"the sign at {label} reversed",
-            fits.fit(fits.problem.with_frfs(reversed_there), starts),
+            fits.fit(fits.problem.with_frfs(with_other_signs), starts),
         )
 
 

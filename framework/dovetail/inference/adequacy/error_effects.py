@@ -64,7 +64,7 @@ class ErrorEffects:
         """Return the changes of the model's FRFs by its errors, by kind."""
         return error_shapes(self.target.frfs, self.target.split(values), size)
 
-    def peaks_apart(self) -> tuple[float, float | None, float]:
+    def peak_differences(self) -> tuple[float, float | None, float]:
         """Return how far peaks of measurement and model are from each other, and their error of heights (rms).
 
         The first distance is relative to the frequency, less the spacing of lines. The second includes that; None if

@@ -119,7 +119,7 @@ def _unknown(effects: ErrorEffects, linearised: _Linearised, size: ModelError) -
 
     A standard deviation that is estimated from n values has a relative error of 1 / sqrt(2 n).
     """
-    distance, _, heights = effects.peaks_apart()
+    distance, _, heights = effects.peak_differences()
     from_peaks = {"natural_frequency": distance, "damping": heights}
     return tuple(
         kind
@@ -131,7 +131,7 @@ def _unknown(effects: ErrorEffects, linearised: _Linearised, size: ModelError) -
 def _estimates(effects: ErrorEffects, progress: Progress) -> Iterator[tuple[float, ModelError]]:
     """Yield the widths of averages, as errors of natural frequencies, and the sizes estimated with them."""
     fraction = effects.fraction
-    least, distance, heights = effects.peaks_apart()
+    least, distance, heights = effects.peak_differences()
     most = _SETTINGS.most if distance is None else _SETTINGS.consistent * max(_SETTINGS.narrowest, distance)
     widths, width = [], max(least, _SETTINGS.narrowest)
     while width <= min(most, _SETTINGS.widest):

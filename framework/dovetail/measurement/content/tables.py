@@ -372,8 +372,8 @@ def _field_columns(
     unclear = MeasurementError(Fault(where, f"the header {shown!r} is not understood.", _HEADERS, SAY_COLUMNS))
     if len(words) < len(columns):
         raise MeasurementError(Fault(where, f"the header {shown!r} has a name twice.", _HEADERS, SAY_COLUMNS))
-    is_there = {field for field in NUMERIC_FIELDS if set(words.values()) & set(FIELD_NAMES[field])}
-    if not chosen and not ("frequency" in is_there and is_there & (VALUE_FIELDS - {"phase_deg", "phase_rad"})):
+    named = {field for field in NUMERIC_FIELDS if set(words.values()) & set(FIELD_NAMES[field])}
+    if not chosen and not ("frequency" in named and named & (VALUE_FIELDS - {"phase_deg", "phase_rad"})):
         raise unclear
     assigned = assign_fields(where, dict(columns), chosen, words)
     fields = {field: name for field, name in assigned.items() if field in NUMERIC_FIELDS}

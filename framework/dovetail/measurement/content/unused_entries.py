@@ -89,7 +89,7 @@ def read_unused(archive: RecordedArrays, fields: Mapping[str, str], skip: tuple[
         elif value.dtype.kind in "iu" and value.size == 1 and end_of_key(_key(name, fields)) and value.ravel()[0] >= 0:
             texts.append((_key(name, fields), str(value.ravel()[0]), f"{archive.path}  {name}"))
         elif value.dtype.kind in "fiuc":
-            _check_numbers(archive, name, value, is_beside=not _branch(name, values_name))
+            _check_numbers(archive, name, value, is_near_values=not _branch(name, values_name))
             if "db" in fields and value.size == 1 and _is_reference(name) and value.ravel()[0] != 1:
                 raise _acts(archive, name, f" = {value.ravel()[0]:.6g}")
     return _with_factors(archive, read_texts(texts, skip), factors)
@@ -212,12 +212,12 @@ def _keyed(key: str, value: NDArray[Any]) -> list[tuple[str, str]]:
     return [(key, word) for word in words]
 
 
-def _check_numbers(archive: RecordedArrays, name: str, value: NDArray[Any], *, is_beside: bool) -> None:
+def _check_numbers(archive: RecordedArrays, name: str, value: NDArray[Any], *, is_near_values: bool) -> None:
     """Refuse numbers that may act on the values.
 
     A single one next to the values has to be a setting of the measurement; others are judged by their names.
     """
-    if value.size == 1 and (is_beside or may_act(name)):
+    if value.size == 1 and (is_near_values or may_act(name)):
         if value.ravel()[0] == 1 and find_change("", _as_words(name)):
             raise _acts(archive, name, " = 1")
         if not is_harmless_number(name, complex(value.ravel()[0])):
