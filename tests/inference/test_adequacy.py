@@ -69,6 +69,19 @@ def test_a_fit_to_the_noise_in_which_few_of_many_searches_ended_is_reported(sdof
     assert any("3 of 16 searches ended in this fit" in reason for reason in adequacy.reasons) == (agreeing == 3)
 
 
+@pytest.mark.parametrize(
+    ("limits", "word"),
+    [
+        ({}, "good"),
+        ({"good": ModelError(0.0)}, "rough"),
+        ({"good": ModelError(0.0), "rough": ModelError(0.0)}, "does not fit"),
+    ],
+)
+def test_the_words_follow_the_limits_that_are_given(sdof, with_gain, limits, word):
+    result = dovetail.identify(sdof, with_gain, "refined", cause_seconds=0.0, **limits)
+    assert (result.adequacy.word, result.is_trustworthy) == (word, word != "does not fit")
+
+
 def test_a_good_model_is_trustworthy_with_its_errors_and_causes_in_every_output(good, with_gain, assemblies, tmp_path):
     """The exit code is 3 for a model that does not fit only: tests/cli/test_not_trustworthy.py."""
     assert good.adequacy.word == "good"

@@ -36,6 +36,8 @@ _MOST_ZEROS = 0.01
 """Part of the lines; single ones are bad lines like others."""
 _LARGEST_SPIKE = 1e20
 """Times the median amplitude; above it squares and sums lose all other lines."""
+_JUDGEMENT = ("model_error", "cause_seconds", "good", "rough")
+"""Options of `JudgementOptions`."""
 
 
 def identify(
@@ -86,8 +88,9 @@ def identify(
         ``"posterior"``; ``starts`` and ``objective`` (``"frf"`` or ``"weighted"``) for
         ``"multistart"``; ``form`` (``"samples"`` or ``"laplace"``),
         ``samples`` and ``model_error`` for ``"posterior"``; ``cause_seconds``, the time after which no further cause
-        of a misfit is tried (20 by default, none with 0), for all but the network. For a plugin's method those of its
-        `Config`, instead of the description's, ``seed``, ``model_error`` and ``cause_seconds``.
+        of a misfit is tried (20 by default, none with 0), and ``good`` and ``rough``, the largest `ModelError` of a
+        model that is called so, for all but the network. For a plugin's method those of its `Config`, instead of the
+        description's, ``seed``, ``model_error``, ``cause_seconds``, ``good`` and ``rough``.
 
     Returns
     -------
@@ -216,7 +219,7 @@ def _application(
 ) -> Application:
     """Return a method with the options of a call; those that are not given are the method's and the description's."""
     own = {name: value for name, value in options.items() if name in _option_names(method)}
-    judgement = {name: options[name] for name in ("model_error", "cause_seconds") if options.get(name) is not None}
+    judgement = {name: options[name] for name in _JUDGEMENT if options.get(name) is not None}
     seed = options.get("seed")
     return Application(
         _with_options(method, own) if own else method,
@@ -368,7 +371,7 @@ def _check_kind(frf: Frf, response: Response) -> None:
 def method_options(method: IdentificationMethod) -> tuple[str, ...]:
     """Return the names of the options that `identify` takes with a method."""
     start = ("start",) if method.uses_starts else ()
-    judgement = ("model_error", "cause_seconds", "seed") if method.fits_lines else ()
+    judgement = (*_JUDGEMENT, "seed") if method.fits_lines else ()
     return (*_option_names(method), *start, *judgement)
 
 

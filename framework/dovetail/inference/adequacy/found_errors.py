@@ -9,7 +9,7 @@ import numpy as np
 from dovetail.inference.adequacy.error_effects import ErrorEffects, distance_of_lost_peaks
 from dovetail.inference.adequacy.model_error_size import FitWithError, estimate_model_error, judge_with_error
 from dovetail.inference.adequacy.single_resonance import separate_errors
-from dovetail.inference.adequacy.verdict import AdequacyWord, errors_in_intervals, word_for
+from dovetail.inference.adequacy.verdict import errors_in_intervals
 from dovetail.inference.fitting import Fit
 from dovetail.inference.posterior.model_error import ModelError
 from dovetail.interfaces import Progress, silent
@@ -25,9 +25,10 @@ class FoundErrors:
 
     Parameters
     ----------
-    word : str
     size : ModelError
         NaN for each kind that the measurement does not determine.
+    shown : ModelError
+        The same with what peaks and amplitudes show at least of such a kind, by which the model is judged.
     in_intervals : ModelError
         What intervals allow for.
     fit : FitWithError
@@ -35,8 +36,8 @@ class FoundErrors:
         By which the measurement at each response is ahead of the model [rad], if that is known.
     """
 
-    word: AdequacyWord
     size: ModelError
+    shown: ModelError
     in_intervals: ModelError
     fit: FitWithError
     phases: tuple[float, ...] = ()
@@ -50,10 +51,10 @@ def find_errors(problem: Problem, fit: Fit, progress: Progress = silent) -> Foun
         effects = ErrorEffects(problem, replace(fit, theta=separated.theta))
         judged = judge_with_error(effects, separated.in_intervals)
         progress("model error", 2, 2)
-        return FoundErrors(word_for(separated.size), separated.size, judged.size, judged, separated.phases)
+        return FoundErrors(separated.size, separated.size, judged.size, judged, separated.phases)
     effects = ErrorEffects(problem, fit)
     estimated = estimate_model_error(effects, progress)
     least = ModelError(distance_of_lost_peaks(effects.peaks), magnitude=effects.typical_ratio())
     size = estimated.size.at_least(least)
     unknown = {kind: np.nan for kind in estimated.unknown if getattr(size, kind) > _EXCEEDS * getattr(least, kind)}
-    return FoundErrors(word_for(size), replace(size, **unknown), errors_in_intervals(size), estimated)
+    return FoundErrors(replace(size, **unknown), size, errors_in_intervals(size), estimated)

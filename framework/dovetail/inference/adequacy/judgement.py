@@ -21,10 +21,13 @@ from dovetail.inference.adequacy.model_error_size import (
 )
 from dovetail.inference.adequacy.quick_fits import MOST_DELIVERED
 from dovetail.inference.adequacy.verdict import (
+    GOOD,
     NO_TIME,
     NOTHING_SHOWN,
+    ROUGH,
     TOO_FEW_VALUES,
     Adequacy,
+    word_for,
 )
 from dovetail.inference.fitting import Fit, refine
 from dovetail.inference.fitting.fit import is_noise, shows_structure
@@ -107,6 +110,8 @@ class JudgementOptions:
         Relative error of natural frequencies that the model is allowed; by default the one that the measurement shows.
     cause_seconds : float
         Time [s] after which no further cause of a misfit is tried; with 0 none is.
+    good, rough : ModelError
+        The largest errors of a model that counts as *good*, and as *rough*; with larger ones it *does not fit*.
 
     Raises
     ------
@@ -116,9 +121,16 @@ class JudgementOptions:
 
     model_error: float | None = None
     cause_seconds: float = CAUSE_SECONDS
+    good: ModelError = GOOD
+    rough: ModelError = ROUGH
 
     def __post_init__(self) -> None:
         check_limits(self.model_error, self.cause_seconds)
+        for name, limit in (("good", self.good), ("rough", self.rough)):
+            if not isinstance(limit, ModelError) or any(np.isnan(size) for size in vars(limit).values()):
+                raise ParameterError(Fault(name, f"{limit!r:.40} is not a size of errors.", "a ModelError without NaN"))
+        if any(size > getattr(self.rough, kind) for kind, size in vars(self.good).items()):
+            raise ParameterError(Fault("good", "it allows larger errors than 'rough'.", "smaller or equal ones"))
 
 
 def assess(
@@ -146,7 +158,7 @@ def assess(
     if isinstance(problem, ModalProblem):
         if problem.limit.is_over:
             return Adequacy("not judged", allowed=model_error, reasons=(NO_TIME,)), fit
-        return assess_modes(problem, fit, model_error)
+        return assess_modes(problem, fit, model_error, (options.good, options.rough))
     noise = is_noise(problem, fit)
     remarks = (*_remarks(problem, fit, None), *(_reached_by_few(fit) if noise else ()))
     if not shows_structure(target, fit, fits=noise):
@@ -174,7 +186,7 @@ def assess(
     remarks = tuple(_remarks(problem, refitted, errors.in_intervals if errors.phases else None))
     delivered = problem.power_delivered(fit.variance)
     adequacy = Adequacy(
-        "does not fit" if delivered > MOST_DELIVERED else errors.word,
+        "does not fit" if delivered > MOST_DELIVERED else word_for(errors.shown, options.good, options.rough),
         errors.size,
         model_error,
         in_intervals=errors.in_intervals if model_error is None else None,

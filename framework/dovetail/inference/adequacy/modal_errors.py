@@ -14,7 +14,7 @@ from dovetail.inference.fitting import Fit
 from dovetail.inference.fitting.modal_fit import fit_with_errors
 from dovetail.inference.posterior import LEVEL, TYPICAL, ModelError, typical_model_error
 from dovetail.problem.definition import bounds_reached
-from dovetail.problem.modal_observations import SETTINGS, ModalObservations, ModalProblem
+from dovetail.problem.modal_observations import SETTINGS, ModalProblem
 
 _ROUNDS = 3
 """Rounds in which errors are estimated from the residuals and the fit is repeated."""
@@ -22,7 +22,9 @@ _LEAST_FREEDOM = 0.5
 """Degrees of freedom below which the residuals of a fit say nothing about errors."""
 
 
-def assess_modes(problem: ModalProblem, fit: Fit, allowed: float | None) -> tuple[Adequacy, Fit]:
+def assess_modes(
+    problem: ModalProblem, fit: Fit, allowed: float | None, limits: tuple[ModelError, ModelError]
+) -> tuple[Adequacy, Fit]:
     """Judge a fit to a table of natural frequencies, and refit with the errors that it shows or that are allowed.
 
     Parameters
@@ -31,6 +33,8 @@ def assess_modes(problem: ModalProblem, fit: Fit, allowed: float | None) -> tupl
     fit : Fit
     allowed : float or None
         Relative error of natural frequencies that the user allowed.
+    limits : (ModelError, ModelError)
+        The largest errors of a good and of a rough model.
     """
     target, fraction = problem.observations, problem.to_unit(fit.theta)
     error = used = TYPICAL if allowed is None else typical_model_error(allowed)
@@ -52,20 +56,15 @@ def assess_modes(problem: ModalProblem, fit: Fit, allowed: float | None) -> tupl
         discrepancy=error.natural_frequency,
         at_bounds=bounds_reached(problem.parameters, fraction),
     )
-    return _adequacy(target, error, used, freedom, allowed), refitted
-
-
-def _adequacy(
-    target: ModalObservations, shown: ModelError, used: ModelError, freedom: float, allowed: float | None
-) -> Adequacy:
-    sizes = zip(shown.sizes_of_modes, SETTINGS.least, strict=True)
-    plain = target.table.frequency_sd is not None and all(size <= least for size, least in sizes)
+    plain = target.table.frequency_sd is not None and all(
+        size <= least for size, least in zip(error.sizes_of_modes, SETTINGS.least, strict=True)
+    )
     adequacy = Adequacy(
-        "to the noise" if plain else word_for(shown), None if plain else shown, allowed, in_intervals=used
+        "to the noise" if plain else word_for(error, *limits), None if plain else error, allowed, in_intervals=used
     )
     if adequacy.fits and freedom < 1.0:  # not one value more than unknowns
-        return Adequacy("not judged", allowed=allowed, reasons=(TOO_FEW_VALUES,), in_intervals=used)
-    return adequacy
+        adequacy = Adequacy("not judged", allowed=allowed, reasons=(TOO_FEW_VALUES,), in_intervals=used)
+    return adequacy, refitted
 
 
 def _shown(problem: ModalProblem, fraction: NDArray[np.float64], used: ModelError) -> tuple[ModelError, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any, Final, Literal, TypeAlias
 
@@ -33,26 +33,16 @@ NO_TIME = "The time ended before the fit was judged: it may not be the best one,
 """Why a fit is not judged for which a time limit was too short."""
 
 
-@dataclass(frozen=True)
-class Settings:
-    """The largest errors at which a model still counts as good, and as rough.
+GOOD: Final = ModelError(0.01, damping=0.5, magnitude=0.25, phase=0.15, other=0.2, background=0.2)
+ROUGH: Final = ModelError(0.06, damping=2.0, magnitude=0.8, phase=0.6, other=0.7, background=np.inf)
+"""The largest errors at which a model still counts as good, and as rough.
 
-    They follow from what such a model is used for, not from any measurement: a good model predicts the frequencies and
-    heights of resonances; a rough one shows only which resonance of the model is which of the measurement.
-    """
-
-    good: ModelError = field(
-        default=ModelError(0.01, damping=0.5, magnitude=0.25, phase=0.15, other=0.2, background=0.2)
-    )
-    rough: ModelError = field(
-        default=ModelError(0.06, damping=2.0, magnitude=0.8, phase=0.6, other=0.7, background=np.inf)
-    )
-    """A background does not hide which resonance is which, however large it is."""
-    in_intervals: float = 2.0
-    """Multiple of the estimated errors that intervals allow for: the estimate is good within a factor of two."""
-
-
-_SETTINGS = Settings()
+They follow from what such a model is used for, not from any measurement: a good model predicts the frequencies and
+heights of resonances; a rough one shows only which resonance of the model is which of the measurement. A background
+does not hide that, however large it is.
+"""
+_IN_INTERVALS: Final = 2.0
+"""Multiple of the estimated errors that intervals allow for: the estimate is good within a factor of two."""
 
 _MEANING: Final[dict[AdequacyWord, str]] = {
     "to the noise": "Nothing but random error separates model and measurement.",
@@ -224,15 +214,15 @@ def errors_in_intervals(size: ModelError) -> ModelError:
 
     They are twice as large, and typical ones at least. A quantity of any part may be their reason.
     """
-    error = size.times(_SETTINGS.in_intervals).at_least(TYPICAL)
+    error = size.times(_IN_INTERVALS).at_least(TYPICAL)
     return replace(error, quantities=error.natural_frequency)
 
 
-def word_for(size: ModelError) -> AdequacyWord:
-    """Return the word for errors of this size."""
-    if size.within(_SETTINGS.good):
+def word_for(size: ModelError, good: ModelError = GOOD, rough: ModelError = ROUGH) -> AdequacyWord:
+    """Return the word for errors of this size, by the largest ones of a good and of a rough model."""
+    if size.within(good):
         return "good"
-    return "rough" if size.within(_SETTINGS.rough) else "does not fit"
+    return "rough" if size.within(rough) else "does not fit"
 
 
 @dataclass(frozen=True, eq=False)
