@@ -253,3 +253,22 @@ def test_a_search_follows_the_path_on_which_its_components_go_straight_to_the_ta
         assert 4.0 * first.z[0, 0] == pytest.approx(target / 10.0 - (target / 10.0) ** 2 / 2.0, rel=1e-3)
     assert found.all()
     assert 4.0 * end.z[0, 0] == pytest.approx(np.sqrt(1.0 + 2.0 * target) - 1.0, abs=1e-3)
+
+
+class Square:
+    """One residual z^2: at z = 0 its derivative is singular."""
+
+    def residuals(self, z):
+        return z**2
+
+    def linearise(self, z):
+        return Linearisation(self.residuals(z), 2.0 * z[:, :, np.newaxis])
+
+
+def test_a_search_from_a_singular_derivative_ends_there_and_the_others_go_on():
+    anchor = LinearisedPoints.at(Square(), np.ones((1, 1)))
+    tangent_map, starts = TangentMap(Square(), anchor), LinearisedPoints.at(Square(), np.array([[0.0], [1.0]]))
+    target = np.repeat(4.0 * tangent_map.components(np.ones((1, 1))), 2, axis=0)
+    ends, found = tangent_map.solve(target, starts, 100)
+    assert found.tolist() == [False, True]
+    np.testing.assert_allclose(ends.z[:, 0], [0.0, 2.0], atol=1e-3)

@@ -13,6 +13,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.inference.posterior.randomize_then_optimize import solve_each
+
 Array = NDArray[np.float64]
 
 
@@ -65,14 +67,11 @@ class ArrowMatrix:
     @cached_property
     def _reduced(self) -> tuple[Array, list[Array]]:
         """Return the Schur complements (n, g, g), and block^-1 below (n, l_k, g) of each test."""
-        solved = [
-            np.asarray(np.linalg.solve(block, below), dtype=np.float64)
-            for block, below in zip(self.blocks, self.below, strict=True)
-        ]
+        solved = [solve_each(block, below) for block, below in zip(self.blocks, self.below, strict=True)]
         return self.border - sum(right @ part for right, part in zip(self.right, solved, strict=True)), solved
 
     def solve(self, vector: Array) -> Array:
-        """Return the solutions (n, d) for right sides (n, d)."""
+        """Return the solutions (n, d) for right sides (n, d), 0 where a block or its Schur complement is singular."""
         shared = self.border.shape[1]
         schur, solved = self._reduced
         own = np.split(vector[:, shared:], np.cumsum([block.shape[1] for block in self.blocks])[:-1], axis=1)
@@ -198,4 +197,4 @@ def _times(matrices: Array, vectors: Array) -> Array:
 
 
 def _solved(matrices: Array, vectors: Array) -> Array:
-    return np.asarray(np.linalg.solve(matrices, vectors[:, :, np.newaxis])[:, :, 0])
+    return solve_each(matrices, vectors[:, :, np.newaxis])[:, :, 0]

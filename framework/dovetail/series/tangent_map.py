@@ -101,5 +101,5 @@ class ArrowDerivative:
         return self.root.solve(self.matrix.times(step))
 
     def solve(self, change: Array) -> Array:
-        """Return the steps (n, d) with these linear changes (n, d)."""
+        """Return the steps (n, d) with these linear changes (n, d); see `ArrowMatrix.solve` on singular derivatives."""
         return self.matrix.solve(self.root.times(change))

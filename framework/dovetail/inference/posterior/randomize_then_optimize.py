@@ -222,7 +222,8 @@ class _DenseDerivative:
     """Derivatives (n, d, d)."""
 
     def __init__(self, matrices: NDArray[np.float64]) -> None:
-        self._matrices, self._inverse = matrices, _inverse(matrices)
+        self._matrices = matrices
+        self._inverse = solve_each(matrices, np.broadcast_to(np.eye(matrices.shape[1]), matrices.shape))
 
     def times(self, step: NDArray[np.float64]) -> NDArray[np.float64]:
         return _multiply(self._matrices, step)
@@ -325,11 +326,11 @@ def _multiply(matrices: NDArray[Any], vectors: NDArray[np.float64]) -> NDArray[n
     return np.asarray((matrices @ vectors[:, :, np.newaxis])[:, :, 0])
 
 
-def _inverse(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the inverses of matrices (n, d, d), 0 for singular ones."""
+def solve_each(matrices: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the solutions (n, d, k) of systems with matrices (n, d, d); 0 where a matrix is singular."""
     try:
-        return np.asarray(np.linalg.inv(matrices))
+        return np.asarray(np.linalg.solve(matrices, right))
     except np.linalg.LinAlgError:
-        inverse, regular = np.zeros_like(matrices), np.linalg.det(matrices) != 0.0
-        inverse[regular] = np.linalg.inv(matrices[regular])
-        return inverse
+        solutions, regular = np.zeros(right.shape), np.linalg.det(matrices) != 0.0
+        solutions[regular] = np.linalg.solve(matrices[regular], right[regular])
+        return solutions
