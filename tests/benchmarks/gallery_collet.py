@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
+from itertools import combinations
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -30,6 +31,8 @@ POLES = (1072.0, 1249.0, 1978.0, 2611.0)
 """Natural frequencies [Hz] at which the poles that all FRFs share start, as published with the measurement."""
 EVERY, STARTS, SEEDS = 8, 32, 4
 """Lines per fitted one, searches from random points, and how often these are drawn; the best fit of all counts."""
+SHANK = 0.01905
+"""Three quarters of an inch [m], the size of shanks next to the 18.8 mm that the photograph shows."""
 CELLS = "H11, fitted|H13, fitted|H12|H14|H15|flute [mm]|shank [mm]|k [N/m²]|kr [N]"
 HIGH_SPEED_STEEL = {"young": "215 GPa", "density": "8100 kg/m^3", "poisson": 0.3, "loss_factor": 0.005}
 
@@ -60,7 +63,7 @@ class Fitted(NamedTuple):
     def cells(self, measured: NDArray[np.complex128]) -> list[str]:
         """Return the cells `CELLS`: the misfit of each FRF, and some identified values."""
         values, off = named(self.result, self.assembly), misfits(self.models, measured)
-        diameters = [f"{1e3 * values[f'tool.sections.{section}.outer']:.1f}" for section in (0, 1)]
+        diameters = [f"{1e3 * values.get(f'tool.sections.{section}.outer', SHANK):.1f}" for section in (0, 1)]
         stiffnesses = [f"{values[f'collet.{name}']:.2g}" for name in ("k", "kr")]
         return [*(f"{100 * off[point]:.1f} %" for point in (*FITTED, 1, 3, 4)), *diameters, *stiffnesses]
 
@@ -115,17 +118,42 @@ def steel_without_masses(description: dict[str, Any]) -> None:
     without_masses(description)
 
 
+def with_shank(description: dict[str, Any]) -> None:
+    """Give the shank its diameter."""
+    description["substructures"]["tool"]["sections"][1]["outer"] = SHANK
+
+
 MODELS: Mapping[str, Callable[[dict[str, Any]], None]] = {
     "steel, spindle on two bearings": steel_without_masses,
     "carbide, spindle on two bearings": without_masses,
     "steel, and a mass on a spring at each bearing": of_steel,
     "carbide, and a mass on a spring at each bearing": lambda _: None,
+    "the same, and the shank of three quarters of an inch": with_shank,
 }
 
 
 def misfits(models: NDArray[np.complex128], measured: NDArray[np.complex128]) -> NDArray[np.float64]:
     """Return the norm of the difference over that of the measurement, of FRFs (n_frfs, n_freq)."""
     return np.asarray(np.linalg.norm(models - measured, axis=1) / np.linalg.norm(measured, axis=1))
+
+
+def fits_of(
+    change: Callable[[dict[str, Any]], None],
+    points: Sequence[int],
+    frequency: NDArray[np.float64],
+    measured: NDArray[np.complex128],
+) -> list[tuple[float, int, Fitted]]:
+    """Fit the FRFs of some impacts from several draws of starts: sums of squares, draws, and fits, the best first."""
+    assembly, whole = column(points, change), column(range(5), change).on(frequency)
+    thinned = [dovetail.Frf(frequency[::EVERY], measured[point][::EVERY], "receptance") for point in points]
+    fits = []
+    for seed in range(SEEDS):
+        options = {"objective": "frf", "starts": STARTS, "seed": seed, "cause_seconds": 0.0}
+        result = dovetail.identify(assembly, thinned, "multistart", **options)
+        models = whole.frfs(whole.vector(named(result, assembly)))
+        left = float(np.sum(np.abs(models - measured)[list(points)] ** 2))
+        fits.append((left, seed, Fitted(assembly, result, models)))
+    return sorted(fits)
 
 
 def collet(folder: Path) -> dict[str, str]:
@@ -135,27 +163,24 @@ def collet(folder: Path) -> dict[str, str]:
     band = column(FITTED).frequency[[0, -1]]
     inside = (frfs[0].frequency >= band[0]) & (frfs[0].frequency <= band[1])
     frequency, measured = frfs[0].frequency[inside], np.array([frf.values[inside] for frf in frfs])
-    thinned = [dovetail.Frf(frequency[::EVERY], measured[point][::EVERY], "receptance") for point in FITTED]
     floor = fit_poles(frequency[::2], measured[:, ::2], POLES)
+    few = [fit_poles(frequency[::4], measured[list(two), ::4], POLES) for two in combinations(range(len(frfs)), 2)]
     compared, best = [], []
     for name, change in MODELS.items():
-        assembly, whole = column(FITTED, change), column(range(5), change).on(frequency)
-        fits = []
-        for seed in range(SEEDS):
-            options = {"objective": "frf", "starts": STARTS, "seed": seed, "cause_seconds": 0.0}
-            result = dovetail.identify(assembly, thinned, "multistart", **options)
-            models = whole.frfs(whole.vector(named(result, assembly)))
-            left = float(np.sum(np.abs(models - measured)[list(FITTED)] ** 2))
-            fits.append((left, seed, Fitted(assembly, result, models)))
-        fits.sort()
+        fits = fits_of(change, FITTED, frequency, measured)
         best.append(fits[0])
-        compared.append((name, str(len(assembly.parameters)), *fits[0][2].cells(measured), word(fits[0][2].result)))
+        compared.append(
+            (name, str(len(fits[0][2].assembly.parameters)), *fits[0][2].cells(measured), word(fits[0][2].result))
+        )
     assembly, result, models = min(best)[2]
+    others = {"H11 and H15": (0, 4), "all five": range(len(frfs))}
+    fitted = {name: fits_of(with_shank, points, frequency, measured)[0][2].models for name, points in others.items()}
     tables = {
         "collet_models": rows(f"model|unknowns|{CELLS}|verdict", compared),
         "collet_draws": rows(CELLS, [fit.cells(measured) for _, _, fit in fits]),
         "collet": table_of_frfs(models, measured, floor),
-        "collet_modes": table_of_modes(assembly, result, floor),
+        "collet_all": table_of_fitted({"H11 and H13": models, **fitted}, measured, floor),
+        "collet_modes": table_of_modes(assembly, result, floor, few),
         "collet_parts": table_of_parts(result, assembly),
         "collet_adequacy": sentence(result),
     }
@@ -163,28 +188,44 @@ def collet(folder: Path) -> dict[str, str]:
     return tables | {"collet_time": f"From the files to these tables: {seconds:.0f} s of one processor core.\n"}
 
 
+def table_of_fitted(
+    models: Mapping[str, NDArray[np.complex128]], measured: NDArray[np.complex128], floor: Poles
+) -> str:
+    """Return the misfit over the floor of all FRFs, by those that were fitted."""
+    names = [f"H1{point + 1}" for point in range(len(measured))]
+    lines = [
+        (name, *(f"{ratio:.2f}" for ratio in misfits(frfs, measured) / floor.misfit)) for name, frfs in models.items()
+    ]
+    return rows("|".join(["fitted", *names]), lines)
+
+
 def table_of_frfs(models: NDArray[np.complex128], measured: NDArray[np.complex128], floor: Poles) -> str:
-    """Return for each FRF how like model and measurement are, next to what shared poles leave."""
+    """Return for each FRF how like model and measurement are, next to what shared poles leave, and its best gain."""
     lines = []
+    gains = np.sum(models.conj() * measured, axis=1).real / np.sum(np.abs(models) ** 2, axis=1)
+    scaled = misfits(gains[:, np.newaxis] * models, measured) / floor.misfit
     for point, misfit in enumerate(misfits(models, measured)):
         fitted = "fitted" if point in FITTED else "predicted"
         ratio, least = misfit / floor.misfit[point], floor.misfit[point]
         likeness = frac(models[point], measured[point])
         cells = f"{likeness:.3f}", f"{100 * misfit:.1f} %", f"{100 * least:.1f} %", f"{ratio:.2f}"
-        lines.append((f"H1{point + 1}", fitted, *cells))
-    return rows("FRF||FRAC|misfit|floor|misfit over floor", lines)
+        lines.append((f"H1{point + 1}", fitted, *cells, f"{gains[point]:.2f}", f"{scaled[point]:.2f}"))
+    return rows("FRF||FRAC|misfit|floor|misfit over floor|best gain|over floor with it", lines)
 
 
-def table_of_modes(assembly: dovetail.Assembly, result: dovetail.Identification, floor: Poles) -> str:
-    """Return the shared poles with the nearest modes of the model."""
+def table_of_modes(
+    assembly: dovetail.Assembly, result: dovetail.Identification, floor: Poles, few: Sequence[Poles]
+) -> str:
+    """Return the shared poles, where they are by two FRFs alone, and the nearest modes of the model."""
     modes = assembly.modes(assembly.vector(named(result, assembly)), 14)
     lines = []
-    for natural, ratio in zip(floor.natural_frequency, floor.damping_ratio, strict=True):
+    for number, (natural, ratio) in enumerate(zip(floor.natural_frequency, floor.damping_ratio, strict=True)):
         mode = min(modes, key=lambda mode: abs(mode.natural_frequency - natural))
         off = 100 * (mode.natural_frequency / natural - 1)
         found = f"{mode.natural_frequency:.0f} Hz", f"{off:+.1f} %", f"{100 * mode.damping_ratio:.1f} %"
-        lines.append((f"{natural:.0f} Hz", f"{100 * ratio:.1f} %", *found))
-    return rows("shared pole|damping|model|difference|damping", lines)
+        ends = [f"{end([poles.natural_frequency[number] for poles in few]):.0f}" for end in (min, max)]
+        lines.append((f"{natural:.0f} Hz", f"{' to '.join(ends)} Hz", f"{100 * ratio:.1f} %", *found))
+    return rows("shared pole|by two FRFs alone|damping|model|difference|damping", lines)
 
 
 def table_of_parts(result: dovetail.Identification, assembly: dovetail.Assembly) -> str:
