@@ -38,12 +38,12 @@ def measurement(assembly: dovetail.Assembly, seed: int) -> tuple[np.ndarray, dov
 
 
 def residuals(assembly: dovetail.Assembly, measured: dovetail.Frf) -> Callable[[np.ndarray], np.ndarray]:
-    """Return the whitened residuals (2 n_freq,) as a function of fractions of the ranges: the likelihood of all."""
+    """Return the whitened residuals of one or many sets of fractions of the ranges: the likelihood of all."""
     deviation = np.sqrt(measured.variance / 2.0)
 
     def whitened(fraction: np.ndarray) -> np.ndarray:
         difference = (assembly.frf(assembly.from_unit(np.clip(fraction, 0.0, 1.0))) - measured.values) / deviation
-        return np.concatenate([difference.real, difference.imag])
+        return np.concatenate([difference.real, difference.imag], axis=-1)
 
     return whitened
 
