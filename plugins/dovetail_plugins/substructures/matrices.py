@@ -217,13 +217,13 @@ class Matrices(SubstructureModel):
         reached, motions = self._reached(model.matrices["K"].shape[0])
         check_definiteness(model.matrices, model.where, self._table.label, reached, motions)
         check_mass(model.matrices["M"], self._table.rows, self._table.directions, model.where["M"])
-        self._doubts = self._check_places(model)
+        self._place_warnings = self._check_places(model)
         self.reduced: ReducedPart | None = None
         self._matrices = self._arranged(model)
 
     def warnings(self, frequency: float) -> list[str]:
         """Report coordinates that do not fit, and a reduction that leaves out too much up to `frequency` [Hz]."""
-        warnings = [*self._doubts]
+        warnings = [*self._place_warnings]
         if self.reduced is None or (shift := self.reduced.largest_shift(frequency)) <= _LARGEST_SHIFT:
             return warnings
         kept, following = len(self.reduced.natural_frequencies), self.reduced.next_frequency
