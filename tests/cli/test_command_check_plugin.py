@@ -126,3 +126,9 @@ def test_a_file_of_a_package_says_how_to_install_the_package(run, tmp_path, monk
     folder = "../.." if within else "dovetail-pad"
     assert f"is part of the package 'dovetail_pad'. Install it with `pip install -e {folder}`" in message
     assert "--plugin" not in message
+
+
+def test_a_command_is_not_taken_for_a_misspelt_model(run):
+    message = run("check-plugin", "calibrate", code=1).stderr
+    assert "'calibrate' is a command, and the conformance kit checks models." in message
+    assert "Did you mean" not in message

@@ -62,7 +62,7 @@ def test_an_unknown_model_is_reported_with_the_plugins_that_failed_to_load(run):
     assert run("describe", "colet", code=1).stderr == (
         "  there is no model 'colet'.\n"
         "  Did you mean 'collet'? (Not loaded: broken-pkg 1.0: ModuleNotFoundError: no 'gone') "
-        "A model of your own needs --plugin FILE.py.  "
+        "A model of your own needs --plugin FILE.py or, in a package, `pip install -e FOLDER` once more.  "
         f"Accepted: {', '.join(offered)}\n"
     )
 

@@ -18,7 +18,8 @@ CASES = {
         {"model: clamp": "model: clmap"},
         "test.yaml:16:12  joints.collet.model\n"
         "  'clmap' is not a joint model.\n"
-        "  Did you mean 'clamp'? A model of your own needs `plugins='FILE.py'`.  "
+        "  Did you mean 'clamp'? A model of your own needs `plugins='FILE.py'` or, in a package, "
+        "`pip install -e FOLDER` once more.  "
         "Accepted: clamp, portless, weld",
     ),
     "joint_option_unknown": (

@@ -64,7 +64,8 @@ CASES = {
         {"model: squeeze": "model: squeze"},
         "test.yaml:26:20  identification.reducer.model\n"
         "  'squeze' is not a reducer model.\n"
-        "  Did you mean 'squeeze'? A model of your own needs `plugins='FILE.py'`.  "
+        "  Did you mean 'squeeze'? A model of your own needs `plugins='FILE.py'` or, in a package, "
+        "`pip install -e FOLDER` once more.  "
         "Accepted: squeeze, umap",
     ),
     "reducer_option": (

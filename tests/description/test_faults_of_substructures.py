@@ -38,7 +38,8 @@ CASES = {
         {"model: rod\n    material: {young: 580": "model: rob\n    material: {young: 580"},
         "test.yaml:6:12  substructures.tool.model\n"
         "  'rob' is not a substructure model.\n"
-        "  Did you mean 'rod'? A model of your own needs `plugins='FILE.py'`.  "
+        "  Did you mean 'rod'? A model of your own needs `plugins='FILE.py'` or, in a package, "
+        "`pip install -e FOLDER` once more.  "
         "Accepted: crashing, empty, nodeless, pair, refusing, rod, wall",
     ),
     "model_not_a_text": (

@@ -10,9 +10,11 @@ import typer
 
 from dovetail.cli.options import AsJson, ModelName, PluginFiles
 from dovetail.cli.terminal import print_json, progress_bars, say, title
+from dovetail.errors import Fault, PluginError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from pathlib import Path
 
     from dovetail.testing import CheckResult
 
@@ -25,14 +27,26 @@ def check_plugin(model: ModelName, plugin: PluginFiles = None, as_json: AsJson =
     from dovetail.registry import components
     from dovetail.testing import check_component
 
+    registry = components(plugin or ())
+    if not registry.kinds_of(model):
+        _refuse_command(model, plugin or ())
     with progress_bars() as progress:
-        results = check_component(model, registry=components(plugin or ()), progress=progress)
+        results = check_component(model, registry=registry, progress=progress)
     if as_json:
         print_json([{**asdict(result), "passed": result.passed} for result in results])
     else:
         _print(results)
     if not all(result.ok for result in results):
         raise typer.Exit(1)
+
+
+def _refuse_command(name: str, files: Sequence[Path]) -> None:
+    """Raise an error if a name is that of a command."""
+    from dovetail.cli.command_group import OWN
+    from dovetail.registry import CommandTable
+
+    if name in CommandTable(OWN, files).offers:
+        raise PluginError(Fault("", f"'{name}' is a command, and the conformance kit checks models.", "a model's name"))
 
 
 def _print(results: Sequence[CheckResult]) -> None:

@@ -41,4 +41,6 @@ def new_plugin(
     chosen = one_of(KINDS, kind, "KIND")
     made = write_plugin_package(chosen, name, output) if into is None else add_to_package(chosen, name, into)
     say(f"{made.folder}: {', '.join(made.files)}")
-    say(f"Install it with 'pip install -e {made.folder}', and check it with 'dovetail check-plugin {made.name}'.")
+    again = "" if into is None else " again, since it has one more entry point,"
+    install = f"Install it{again} with 'pip install -e {made.folder}'"
+    say(f"{install}, and check it with 'dovetail check-plugin {made.name}'.")

@@ -24,7 +24,7 @@ from dovetail.parallel import FILE_MODULE
 from dovetail.registry.hookspec import GROUP, HookSpecification
 
 COMPONENTS, DEFAULTS, COMMANDS = HOOKS = ("dovetail_components", "dovetail_defaults", "dovetail_commands")
-HOW_TO_OFFER = "A model of your own needs `plugins='FILE.py'`."
+HOW_TO_OFFER = "A model of your own needs `plugins='FILE.py'` or, in a package, `pip install -e FOLDER` once more."
 HINT = f"a function '{COMPONENTS}()' marked with @dovetail.hookimpl that returns a list of component classes"
 
 
