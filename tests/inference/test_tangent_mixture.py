@@ -8,13 +8,17 @@ import numpy as np
 import pytest
 
 import dovetail
+from dovetail.inference.fitting import refine
+from dovetail.inference.posterior import sample_posterior, typical_model_error
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap
 from dovetail.inference.posterior.tangent_mixture import TangentMixture
 from dovetail.inference.posterior.weights import are_counted, effective_sample_size, enough_correlation, tempered
 from dovetail.interfaces import TimeLimit
+from dovetail.problem import Problem
 from dovetail.problem.least_squares import Linearisation
 from dovetail_bench import calibrate
 from support.bent_valley import Bow
+from support.small_joints import measured
 
 
 def mixture_in(problem, start, seed=0, limit=None):
@@ -146,15 +150,26 @@ def test_searches_in_a_narrow_valley_get_the_steps_that_they_need(assemblies):
     assert study.reached[0] > 0.9
 
 
+def test_searches_do_not_leave_a_bent_valley_that_is_narrow():
+    """Of two mounts only the sum of the stiffnesses shows: the valley is 4000 times as long as wide."""
+    assembly, frf = measured("two mounts")
+    problem = Problem.of(assembly, frf)
+    posterior = sample_posterior(problem, refine(problem), model_error=typical_model_error(5e-4))
+    assert posterior.converged_fraction > 0.95
+
+
 def test_a_search_that_comes_no_nearer_is_given_up():
     """No z has a component beyond the fold of the map; that of z = 1 is reached in few steps."""
 
-    class Counted(Parabola):
+    class Counted:
         computed = 0
+
+        def residuals(self, z):
+            return np.concatenate([z, (z - 2.0) * (z + 1.0) / 0.5], axis=1)
 
         def linearise(self, z):
             self.computed += len(z)
-            return super().linearise(z)
+            return Linearisation(self.residuals(z), np.stack([np.ones_like(z), (2.0 * z - 1.0) / 0.5], axis=2))
 
     problem = Counted()
     start = LinearisedPoints.at(problem, np.array([[2.0]]))

@@ -153,7 +153,7 @@ def _mean_coherence(result: Identification) -> str:
 def _figures(result: Identification) -> list[tuple[str, str, Any, bool]]:
     """Return for each response the chart's name, the point (empty for a single one), data, and if there is a phase."""
     natural = [mode.natural_frequency for mode in result.modes]
-    most = max(_FEWEST_LINES, min(_MOST_LINES, _ALL_LINES // len(result.responses)))
+    most = max(_FEWEST_LINES, min(_MOST_LINES, _ALL_LINES // max(1, len(result.responses))))
     figures = []
     for index, response in enumerate(result.responses):
         bands = () if result.is_trustworthy else response.poor_bands

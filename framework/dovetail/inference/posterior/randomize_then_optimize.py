@@ -49,6 +49,10 @@ class Settings:
     """Part of the fraction taken by which the Newton step must become shorter, or else the step is rejected."""
     rejected: tuple[float, float] = (0.1, 0.5)
     """Smallest and largest change of the fraction after a step that is rejected."""
+    growth: float = 3.0
+    """Largest change of the fraction after a step that is accepted."""
+    rise: float = 100.0
+    """Rise of chi-squared with which a step is rejected: it has left the valley, and derivatives there mislead."""
     tolerance: float = 1e-6
     """Squared distance from the target, in standard deviations, at which a search ends. A search that ends within a
     hundred times this distance has converged."""
@@ -294,9 +298,11 @@ class TangentSearches:
         deviation = _lengths(left - (1.0 - part) * newton)
         suitable = fraction * np.sqrt(_SETTINGS.deviation * fraction * length) / np.sqrt(np.maximum(deviation, _TINY))
         nearer = _lengths(left) < (1.0 - _SETTINGS.decrease * fraction) * length
+        nearer &= squared_norms(tried.residuals) <= squared_norms(self.ends.residuals[rows]) + _SETTINGS.rise
         least, most = _SETTINGS.rejected
         rejected = np.clip(suitable, least * fraction, most * fraction)
-        self._fraction[rows] = np.where(nearer, np.clip(suitable, 2.0 * _SETTINGS.least_fraction, 1.0), rejected)
+        longer = np.clip(suitable, 2.0 * _SETTINGS.least_fraction, np.minimum(_SETTINGS.growth * fraction, 1.0))
+        self._fraction[rows] = np.where(nearer, longer, rejected)
         accepted = rows[nearer]
         self.ends.overwrite(accepted, tried.at_rows(np.flatnonzero(nearer)))
         self._error[accepted], self._squares[accepted] = error[nearer], squared_norms(error[nearer])
