@@ -133,6 +133,7 @@ from .interfaces import RecordedSignal as RecordedSignal
 from .interfaces import Reducer as Reducer
 from .interfaces import Regressor as Regressor
 from .interfaces import ScaledMatrices as ScaledMatrices
+from .interfaces import SectionOutline as SectionOutline
 from .interfaces import SparseMatrices as SparseMatrices
 from .interfaces import Statement as Statement
 from .interfaces import StructuralMatrices as StructuralMatrices

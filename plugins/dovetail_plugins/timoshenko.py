@@ -182,9 +182,12 @@ class Section(ComponentConfig):
 
     def diameters(self) -> tuple[Any, Any]:
         """Return the outer diameter, or the height, and the inner diameter at the middle of the elements."""
-        middle = (np.arange(self.elements) + 0.5) / self.elements
+        return self.diameters_at((np.arange(self.elements) + 0.5) / self.elements)
+
+    def diameters_at(self, share: Any) -> tuple[Any, Any]:
+        """Return the outer diameter, or the height, and the inner one after a share of the section's length."""
         (outer, end_outer), (inner, end_inner) = self._ends(self.height if self.outer is None else self.outer)
-        return outer + middle * (end_outer - outer), inner + middle * (end_inner - inner)
+        return outer + share * (end_outer - outer), inner + share * (end_inner - inner)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ import dovetail
 STEEL = {"young": 210e9, "density": 7850.0}
 LAYERS = {
     "interference_fit": ({"length": 0.04, "nodes": 3}, ("shaft", "hub"), (0.0, 0.02, 0.04), 0.16),
-    "collet": ({"material": STEEL}, ("tool", "holder"), (0.0, 0.01, 0.02), 0.18),
+    "collet": ({"material": STEEL}, ("tool", "holder"), (0.0, 0.01, 0.02), 0.18),  # the holder's c3 is the tool's
     "bolted": ({"nodes": 3}, ("a", "b"), (0.0, 0.02, 0.04), 0.16),
     "bolted in space": ({"nodes": 3, "motion": "space"}, ("a", "b"), (0.0, 0.02, 0.04), 0.16),
 }
@@ -33,20 +33,27 @@ def layered(joint, along="-y", *, parts="spatial_beam", shift=None, **section):
     bars = [{"length": 0.1, "outer": 0.02, "elements": 10}, {"length": 0.1, "outer": 0.03, "elements": 10}]
     across = ACROSS[along[-1]]
     beam = {"model": parts, "material": STEEL, "sections": bars}
+    other = {**beam}
+    if joint == "bolted in space":  # the nodes are on the faces
+        lower, upper = ([{**bar, "offset": [side * bar["outer"] / 2, 0.0]} for bar in bars] for side in (-1.0, 1.0))
+        beam, other = {**beam, "sections": lower}, {**beam, "sections": upper}
     places = [{"along": along, "across": across, "origin": origin(along, at)} for at in (0.0, begin)]
     places[1]["origin"] = origin(along, begin, **(shift or {}))
     return {
         "dovetail": 1,
         "name": "layer",
         "frequency": {"start": 100.0, "stop": 1000.0, "lines": 3},
-        "substructures": {"left": {**beam, "place": places[0]}, "right": {**beam, "place": places[1]}},
+        "substructures": {"left": {**beam, "place": places[0]}, "right": {**other, "place": places[1]}},
         "joints": {
             "layer": {
                 "model": joint.split()[0],
                 **options,
                 **section,
                 "connect": {
-                    ports[0]: {"to": "left", "at": [begin + at for at in distances]},
+                    ports[0]: {
+                        "to": "left",
+                        "at": [begin + at - (0.02 if joint == "collet" else 0.0) for at in distances],
+                    },
                     ports[1]: {"to": "right", "at": list(distances)},
                 },
             }
@@ -91,6 +98,23 @@ def test_a_joint_that_is_turned_to_its_nodes_is_accepted(joint, along):
 )
 def test_facing_nodes_that_are_shifted_along_the_layer_are_refused(joint, parts, shift):
     assert "mm away" in problem_of(layered(joint, parts=parts, shift=shift))
+
+
+def test_a_collet_is_shorter_than_its_two_layers_by_the_node_that_both_meet():
+    """The tool meets c1 to c3, the holder c3 to c5."""
+    described = layered("collet", shift={"y": 0.02})  # the holder's nodes at the tool's
+    assert "20 mm away from where 'collet' has it, 20 mm further along" in problem_of(described)
+
+
+def test_a_joint_beside_a_collet_that_places_the_parts_alike_is_not_reported():
+    described = layered("collet", parts="timoshenko_beam")
+    for part in described["substructures"].values():
+        del part["place"]
+    described["joints"]["stop"] = {
+        "model": "spring_damper",
+        "connect": {"a": {"to": "left", "at": 0.2}, "b": {"to": "right", "at": 0.02}},
+    }
+    assert not [text for text in dovetail.find_warnings(dovetail.load(described)) if "away along" in text]
 
 
 def test_the_axes_of_bars_in_a_lap_may_be_apart_across_its_faces():

@@ -19,6 +19,8 @@ JOINTS = {
     "lap": {"model": "bolted", "motion": "space", "nodes": NODES},
     "fit": {"model": "interference_fit", "motion": "space", "diameter": 0.01, "length": LENGTH, "nodes": NODES},
 }
+FACES = {"lap": 0.005}
+"""Distance of the centroids of both bars from the faces at which they meet [m]."""
 PORTS = {"bearing": ("shaft", "housing"), "fit": ("shaft", "hub")}
 PLACES = {
     "moved along": {"origin": [0.0, 0.013, 0.0]},
@@ -30,8 +32,8 @@ PLACES = {
 }
 
 
-def bar(place):
-    section = {"length": LENGTH, "outer": 0.01, "elements": NODES - 1}
+def bar(place, offset=0.0):
+    section = {"length": LENGTH, "outer": 0.01, "elements": NODES - 1, "offset": [offset, 0.0]}
     return {"model": "spatial_beam", "material": STEEL, "sections": [section], "place": place}
 
 
@@ -63,7 +65,7 @@ def described(joint, second):
         "dovetail": 1,
         "name": "two bars",
         "frequency": [20.0, 100.0],
-        "substructures": {"first": bar({}), "second": second},
+        "substructures": {"first": bar({}, -FACES.get(joint, 0.0)), "second": second},
         "joints": {"joint": {**JOINTS[joint], "connect": connect}},
         "response": {"at": "first", "position": "n1"},
     }
@@ -71,7 +73,7 @@ def described(joint, second):
 
 @pytest.mark.parametrize("joint", JOINTS)
 def test_a_joint_whose_nodes_meet_is_accepted(joint, tmp_path):
-    for second in (bar({}), measured(tmp_path, {})):
+    for second in (bar({}, FACES.get(joint, 0.0)), measured(tmp_path, {})):
         assert np.isfinite(dovetail.load(described(joint, second)).frf()).all()
 
 

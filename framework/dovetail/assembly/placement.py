@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from dovetail.assembly.model import Assembly
 from dovetail.description.changed_joint import axes_of
 from dovetail.description.checked import Description, JointEntry
-from dovetail.description.facing import Side, facing_faults, has_positions, sides_of
+from dovetail.description.contact_geometry import contact_doubts, face_faults
+from dovetail.description.facing import facing_faults
+from dovetail.description.joint_sides import Side, declared_gap, has_positions, sides_of
 from dovetail.description.unknown_parts import UnknownPart
 from dovetail.interfaces import JointModel, SubstructureModel
 from dovetail.synthesis.joint_evaluation import depends_on_frequency, joint_matrices
@@ -42,6 +44,7 @@ def placement_warnings(assembly: Assembly) -> Iterator[str]:
     for name, joint in description.joints.items():
         sides = sides_of(joint.connection, description.substructures, description.placements)
         yield from _without_positions(name, joint.connection.model, sides)
+        yield from (f"joints.{name}: {doubt}" for doubt in contact_doubts(joint.connection.model, sides))
         for first, second in joint.connection.model.facing_ports:
             side, other = sides[first], sides[second]
             if side.in_space:  # their points were compared
@@ -50,7 +53,7 @@ def placement_warnings(assembly: Assembly) -> Iterator[str]:
                 yield from _across_the_axis(name, joint.connection.model, side)
                 continue
             if side.part != other.part and has_positions(side.model) and has_positions(other.model):
-                offset = float(np.mean(side.along) - np.mean(other.along))
+                offset = float(np.mean(side.along) - np.mean(other.along)) + declared_gap(side, other)
                 parts = sorted([side.part, other.part])
                 pairs.setdefault((parts[0], parts[1]), []).append((name, offset if parts[0] == side.part else -offset))
                 if len(side.nodes) > 1 or _holds_rotations(name, joint):
@@ -61,7 +64,7 @@ def placement_warnings(assembly: Assembly) -> Iterator[str]:
 
 
 def _moved_away(assembly: Assembly) -> Iterator[str]:
-    """Yield a warning about unknown lengths that change the distances of the nodes of a joint, once a joint."""
+    """Yield a warning about unknown lengths that move nodes or faces of a joint, once a joint."""
     description, warned = assembly.description, set[str]()
     for column, parameter in enumerate(assembly.parameters):
         if parameter.unit != "m":
@@ -72,14 +75,20 @@ def _moved_away(assembly: Assembly) -> Iterator[str]:
             moved = _parts_at(assembly, fraction)
             for name, joint in description.joints.items():
                 sides = sides_of(joint.connection, {**description.substructures, **moved}, description.placements)
-                fault = next(facing_faults(joint.connection.model, sides), None)
-                if fault is not None and name not in warned:
+                problem = _moved_sides(joint.connection.model, sides)
+                if problem and name not in warned:
                     warned.add(name)
                     value = format_quantity(parameter.lower if end == 0.0 else parameter.upper, "m")
-                    yield (
-                        f"joints.{name}: with {parameter.name} at {value} {fault[1]} Give the length within the joint "
-                        "a section of its own that is known."
-                    )
+                    yield f"joints.{name}: with {parameter.name} at {value} {problem}"
+
+
+def _moved_sides(model: JointModel, sides: dict[str, Side]) -> str:
+    """Return what is wrong with the nodes or the faces of a joint once a part has other lengths, or an empty text."""
+    for _, problem, _ in facing_faults(model, sides):
+        return f"{problem} Give the length within the joint a section of its own that is known."
+    for problem in face_faults(model, sides):
+        return f"{problem} Give the sections within the joint known sizes, or a smaller range."
+    return ""
 
 
 def _parts_at(assembly: Assembly, fraction: NDArray[np.float64]) -> dict[str, SubstructureModel]:
@@ -98,7 +107,7 @@ def _without_positions(name: str, model: JointModel, sides: dict[str, Side]) -> 
     """Yield a warning about nodes of which nothing shows whether they lie where the joint needs them."""
     faced = {port for pair in model.facing_ports for port in pair}
     for port, side in sides.items():
-        compared = port in faced or side.port.positions is not None
+        compared = not side.in_space and (port in faced or side.port.positions is not None)
         if compared and len(side.nodes) > 1 and not side.model.grounded and not has_positions(side.model):
             labels = ", ".join(f"'{side.model.nodes[node].label}'" for node in side.nodes[:4])
             more = ", ..." if len(side.nodes) > 4 else ""

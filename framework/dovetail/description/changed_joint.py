@@ -35,7 +35,7 @@ class ChangedJoint(JointModel):
         self.name, self.summary = model.name, model.summary  # type: ignore[misc]  # for messages
         self.spans_a_distance, self.nodes_along = model.spans_a_distance, model.nodes_along
         self.acts_along_its_nodes, self.carries_its_nodes = model.acts_along_its_nodes, model.carries_its_nodes
-        self.free_options = model.free_options
+        self.faces_meet, self.nested_ports, self.free_options = model.faces_meet, model.nested_ports, model.free_options
         self.Config, self.config = model.Config, model.config  # those of the description
         self.model = model
 

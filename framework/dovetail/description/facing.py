@@ -7,18 +7,17 @@ part runs against that of the assembly. If a part has a place in space, all have
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.description.changed_joint import axes_of
-from dovetail.description.placed_parts import Placement
+from dovetail.description.contact_geometry import face_faults
+from dovetail.description.joint_sides import Side, declared_gap, has_positions, mm
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.tree import Path
-from dovetail.interfaces import JointModel, JointPort, SubstructureModel
-from dovetail.synthesis import Attachment, Connection
-from dovetail.units import format_point, format_quantity
+from dovetail.interfaces import JointModel
+from dovetail.units import format_point
 
 _ROUNDING = 1e-3
 """Difference of two distances, over the span of the port, that positions rounded to three digits may have."""
@@ -28,106 +27,10 @@ _LEAST = 1e-9
 """Difference [m] of two positions that is due to binary fractions."""
 
 
-@dataclass(frozen=True)
-class Side:
-    """The nodes of a part to which a port attaches.
-
-    Parameters
-    ----------
-    port : JointPort
-    part : str
-        Name of the substructure.
-    model : SubstructureModel
-    nodes : tuple of int
-        In the port's order.
-    placement : Placement or None
-        How the part lies in the assembly, if its axes are not the assembly's.
-    in_space : bool
-        Whether the assembly's parts have places in space.
-    axis : (3,) array or None
-        Along which the joint counts positions, in the assembly; None for one whose nodes lie on no line of its own.
-    """
-
-    port: JointPort
-    part: str
-    model: SubstructureModel
-    nodes: tuple[int, ...]
-    placement: Placement | None = None
-    in_space: bool = False
-    axis: NDArray[np.float64] | None = None
-
-    @property
-    def points(self) -> NDArray[np.float64]:
-        """Coordinates (n, 3) of the nodes in the assembly [m]."""
-        chosen = [self.model.nodes[node] for node in self.nodes]
-        placed_nodes = [node if self.placement is None else self.placement.node(node) for node in chosen]
-        return np.array([node.coordinates for node in placed_nodes])
-
-    @property
-    def all_points(self) -> NDArray[np.float64]:
-        """Coordinates (n, 3) of all nodes of the part in the assembly [m]."""
-        return replace(self, nodes=tuple(range(len(self.model.nodes)))).points
-
-    @property
-    def has_points(self) -> bool:
-        """Whether the coordinates of the part are known."""
-        return has_points(self.model)
-
-    @property
-    def reversed(self) -> bool:
-        """Whether the part is described from its other end."""
-        return self.placement is not None and self.placement.reversed
-
-    @property
-    def positions(self) -> NDArray[np.float64]:
-        """Of the nodes along the part [m], as the description counts them."""
-        return np.array([self.model.nodes[node].position for node in self.nodes], dtype=np.float64)
-
-    @property
-    def along(self) -> NDArray[np.float64]:
-        """The positions along the assembly's axis, or the joint's in space [m], from an unknown origin."""
-        if self.axis is not None:
-            return np.asarray(self.points @ self.axis)
-        return -self.positions if self.reversed else self.positions
-
-    @property
-    def sense(self) -> float:
-        """1 or -1 for nodes that run along that axis or against it; 0 if they are all at one position."""
-        return float(np.sign(self.along[-1] - self.along[0]))
-
-    @property
-    def ends(self) -> str:
-        """The first and the last position in words."""
-        return f"from {_mm(self.positions[0])} to {_mm(self.positions[-1])}"
-
-
-def sides_of(
-    connection: Connection, substructures: Mapping[str, SubstructureModel], placements: Mapping[str, Placement]
-) -> dict[str, Side]:
-    """Return the sides of a joint by the names of its ports."""
-    pairs: Iterator[tuple[JointPort, Attachment]] = zip(connection.model.ports, connection.attachments, strict=True)
-    in_space = any(placement.in_space for placement in placements.values())
-    on_a_line = in_space and connection.model.nodes_along == ("y",)
-    axis = -axes_of(connection.model)[:, 1] if on_a_line else None
-    return {
-        port.name: Side(port, name, substructures[name], at.nodes, placements.get(name), in_space, axis)
-        for port, at in pairs
-        for name in (at.substructure,)
-    }
-
-
-def has_points(part: SubstructureModel) -> bool:
-    """Return whether coordinates are known: not those of a ground that only says how its points lie on a line."""
-    return not part.grounded or any(node.point is not None for node in part.nodes)
-
-
-def has_positions(part: SubstructureModel) -> bool:
-    """Return whether a part's positions say where its nodes are, unlike those of imported matrices without any."""
-    return not part.grounded and len({node.position for node in part.nodes}) > 1
-
-
 def check_facing(path: Path, model: JointModel, sides: Mapping[str, Side], faults: FaultList) -> None:
     """Report nodes of a joint that cannot lie where those are that they face, or where the joint's model has them.
+
+    Parts whose faces meet at their nodes must not overlap either.
 
     Parameters
     ----------
@@ -138,8 +41,15 @@ def check_facing(path: Path, model: JointModel, sides: Mapping[str, Side], fault
         By the names of the ports.
     faults : FaultList
     """
-    for port, problem, remedy in facing_faults(model, sides):
+    found = list(facing_faults(model, sides))
+    for port, problem, remedy in found:
         faults.add((*path, "connect", port, "at"), problem, remedy=remedy)
+    for problem in face_faults(model, sides) if not found else ():
+        remedy = (
+            "Put the parts on the two sides of their nodes, those of a 'spatial_beam' by the 'offset' of its sections, "
+            "or turn x of the joint across the faces with 'axes'."
+        )
+        faults.add(path, problem, remedy=remedy)
 
 
 def facing_faults(model: JointModel, sides: Mapping[str, Side]) -> Iterator[tuple[str, str, str]]:
@@ -191,7 +101,7 @@ def _disorder(side: Side) -> tuple[str, str]:
     if not back.size:
         return "", ""
     first = int(back[0])
-    before, after = (_mm(side.positions[node]) for node in (first, first + 1))
+    before, after = (mm(side.positions[node]) for node in (first, first + 1))
     problem = f"the nodes of '{side.part}' are not in order along the part: {after} comes after {before}."
     return problem, f"List them in the order in which they lie on '{side.part}'."
 
@@ -199,7 +109,7 @@ def _disorder(side: Side) -> tuple[str, str]:
 def _against_model(model: JointModel, side: Side, declared: NDArray[np.float64]) -> tuple[str, str]:
     """Return how a port's nodes lie otherwise than in the joint's model, and the remedy."""
     if model.internal_dofs and side.sense < 0:  # rotations of the joint's own nodes are counted along its axis
-        ends = f"from {_mm(declared[0])} to {_mm(declared[-1])}"
+        ends = f"from {mm(declared[0])} to {mm(declared[-1])}"
         problem = (
             f"the nodes of '{side.part}' run {side.ends}, against the axis of the joint model '{model.name}', on which "
             f"they lie {ends}."
@@ -210,8 +120,8 @@ def _against_model(model: JointModel, side: Side, declared: NDArray[np.float64])
     if abs(found[node] - expected[node]) <= _tolerance(expected):
         return "", ""
     problem = (
-        f"the node of '{side.part}' at {_mm(side.positions[node])} is {_mm(found[node])} from the first one, at "
-        f"{_mm(side.positions[0])}; in the joint model '{model.name}' it is {_mm(expected[node])} from it."
+        f"the node of '{side.part}' at {mm(side.positions[node])} is {mm(found[node])} from the first one, at "
+        f"{mm(side.positions[0])}; in the joint model '{model.name}' it is {mm(expected[node])} from it."
     )
     return problem, f"Correct the positions, or the lengths among the options of '{model.name}'."
 
@@ -231,9 +141,9 @@ def _mismatch(side: Side, other: Side) -> tuple[str, str]:
     if abs(found[node] - expected[node]) <= _tolerance(expected):
         return "", ""
     problem = (
-        f"the node of '{other.part}' at {_mm(other.positions[node])} is {_mm(found[node])} from the first one, at "
-        f"{_mm(other.positions[0])}; the node of '{side.part}' that it faces, at {_mm(side.positions[node])}, is "
-        f"{_mm(expected[node])} from the first one there, at {_mm(side.positions[0])}."
+        f"the node of '{other.part}' at {mm(other.positions[node])} is {mm(found[node])} from the first one, at "
+        f"{mm(other.positions[0])}; the node of '{side.part}' that it faces, at {mm(side.positions[node])}, is "
+        f"{mm(expected[node])} from the first one there, at {mm(side.positions[0])}."
     )
     return problem, "Facing nodes lie at the same places of the assembly: list nodes with equal distances."
 
@@ -243,17 +153,20 @@ def _describe_offset(model: JointModel, side: Side, other: Side) -> str:
     if not side.has_points or not other.has_points:
         return ""
     gaps = other.points - side.points
-    between = gaps[0] if model.spans_a_distance else np.zeros(3)
+    axes, along = axes_of(model), declared_gap(side, other)
+    between = gaps[0] if model.spans_a_distance else -axes[:, 1] * along
     distances = np.linalg.norm(gaps - between, axis=1)
     node = int(np.argmax(distances))
     limit = _LEAST + _SMALL * max(float(np.ptp(one.all_points, axis=0).max()) for one in (side, other))
-    shifted = between - axes_of(model)[:, 0] * (axes_of(model)[:, 0] @ between)
+    shifted = between - axes[:, 0] * (axes[:, 0] @ between) if model.spans_a_distance else np.zeros(3)
     if distances[node] > limit:
-        offset = f"it is {_mm(distances[node])} away"
+        offset = f"it is {mm(distances[node])} away"
+        if along:
+            offset += f" from where '{model.name}' has it, {mm(along)} further along"
         if model.spans_a_distance:
-            offset = f"the way between them differs by {_mm(distances[node])} from that of the first pair"
+            offset = f"the way between them differs by {mm(distances[node])} from that of the first pair"
     elif np.linalg.norm(shifted) > limit:
-        offset = f"not opposite to it: it is {_mm(float(np.linalg.norm(shifted)))} away along the faces"
+        offset = f"not opposite to it: it is {mm(float(np.linalg.norm(shifted)))} away along the faces"
     else:
         return ""
     return (
@@ -301,7 +214,3 @@ def _remedy(side: Side) -> str:
 
 def _tolerance(along: NDArray[np.float64]) -> float:
     return _LEAST + _ROUNDING * float(np.ptp(along))
-
-
-def _mm(position: float) -> str:
-    return format_quantity(float(position), "m", 8)

@@ -23,9 +23,10 @@ from dovetail.description.component_sections import (
     make_component,
     read_property,
 )
-from dovetail.description.facing import check_facing, sides_of
+from dovetail.description.facing import check_facing
 from dovetail.description.frequency_lines import read_frequency
 from dovetail.description.identification_settings import read_identification
+from dovetail.description.joint_sides import sides_of
 from dovetail.description.joints import Substructures, add_model_faults, check_connected, read_joint
 from dovetail.description.parameter_sections import check_ranges, check_ties, ends_of
 from dovetail.description.placed_parts import OrientationSection, PlacedPart, Placement

@@ -57,7 +57,7 @@ from dovetail.interfaces.recorded_model import DofTable, MatrixMeaning, Recorded
 from dovetail.interfaces.reducer import FittedReducer, Reducer
 from dovetail.interfaces.regressor import FittedRegressor, Regressor, TargetDistribution, TrainingEpoch, spread_normal
 from dovetail.interfaces.state import ComponentState
-from dovetail.interfaces.substructure import JointPort, Omission, PartNode, SubstructureModel
+from dovetail.interfaces.substructure import JointPort, Omission, PartNode, SectionOutline, SubstructureModel
 from dovetail.interfaces.superposition import Declaration, Superposition
 
 __all__ = [
@@ -116,6 +116,7 @@ __all__ = [
     "Regressor",
     "Scale",
     "ScaledMatrices",
+    "SectionOutline",
     "SparseMatrices",
     "Statement",
     "StructuralMatrices",

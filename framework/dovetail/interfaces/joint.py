@@ -134,10 +134,9 @@ class Parameter:
     ) -> Parameter:
         """Return a parameter with a normal prior from its mean and deviation in `unit`; log-normal on scale `log`."""
         half = _DEVIATIONS * deviation
-        if scale == "log":
-            factor = float(np.exp(half / middle))
-            return Parameter(name, unit, middle / factor, middle * factor, scale, description, "normal")
-        return Parameter(name, unit, middle - half, middle + half, scale, description, "normal")
+        factor = float(np.exp(half / middle)) if scale == "log" else 1.0
+        ends = (middle / factor, middle * factor) if scale == "log" else (middle - half, middle + half)
+        return Parameter(name, unit, *ends, scale, description, "normal")
 
     def from_unit(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
         """Map fractions from 0 to 1, quantiles of the prior within the range, to values in `unit`."""
@@ -166,13 +165,16 @@ class JointModel(Component):
 
     Local DOFs: those of its ports' nodes (`node_dofs`) by their directions, and inner ones. Nodes of a layer lie along
     `nodes_along`; facing ones may be apart along x if it `spans_a_distance`. x leads from node to node if it
-    `acts_along_its_nodes`, rigid arms if it `carries_its_nodes`. `free_options` may differ where it is predicted.
+    `acts_along_its_nodes`, rigid arms if it `carries_its_nodes`. `free_options` may differ where it is predicted. If
+    `faces_meet`, facing nodes lie on faces across x, one part on each side. `nested_ports` are pairs, the
+    first of which lies in the bore at the second, and the diameter of their contact [m] or None.
     """
 
     kind: ClassVar[Kind] = "joint"
-    spans_a_distance, acts_along_its_nodes, carries_its_nodes = False, False, False
+    spans_a_distance, acts_along_its_nodes, carries_its_nodes, faces_meet = False, False, False, False
     nodes_along: tuple[str, ...] = ()
     free_options: tuple[str, ...] = ()
+    nested_ports: tuple[tuple[str, str, float | None], ...] = ()
 
     @property
     @abstractmethod
@@ -340,9 +342,7 @@ class JointModel(Component):
         sequence of n_params StructuralMatrices
             Of (n, d, d) arrays, per unit of the parameter.
         """
-        if self.superposition is not None:
-            return self.superposition.jacobian(theta)
-        return self._differentiation.jacobian(theta)
+        return (self.superposition or self._differentiation).jacobian(theta)
 
     @cached_property
     def _range(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -65,8 +65,9 @@ class JointPort:
     nodes : int
         Number of nodes of the substructure to which it attaches.
     positions : tuple of float, optional
-        Where these nodes lie in the joint's own model [m], increasing, from any origin; give them if the matrices
-        depend on the distances of the nodes. A description whose nodes are at other distances is refused.
+        Where these nodes lie in the joint's own model [m], increasing, from an origin that all ports share; give them
+        if the matrices depend on the distances of the nodes. A description whose nodes are at other distances is
+        refused.
     directions : tuple of str
         Directions of each node in which the joint acts: some of ``x y z rx ry rz``, in this order.
 
@@ -120,6 +121,36 @@ class Omission:
     stiffness: NDArray[np.float64] | None = None
 
 
+@dataclass(frozen=True)
+class SectionOutline:
+    """The outline of a cross-section of a part, across its axis.
+
+    Parameters
+    ----------
+    height, width : float
+        Sizes along the part's x and along its z [m]; both are the diameter of a round section.
+    bore : float
+        Diameter of a hole in the middle [m].
+    center : two floats
+        Coordinates x and z of the centroid, from the line of the nodes [m].
+    is_round : bool
+    """
+
+    height: float
+    width: float
+    bore: float = 0.0
+    center: tuple[float, float] = (0.0, 0.0)
+    is_round: bool = False
+
+    def bounds(self, direction: NDArray[np.float64]) -> tuple[float, float]:
+        """Return from where to where it reaches along a unit vector (3,) in the part's axes, from the nodes [m]."""
+        x, _, z = direction
+        sides = np.array([self.height * x, self.width * z])
+        half = float(np.linalg.norm(sides) if self.is_round else np.abs(sides).sum()) / 2.0
+        middle = float(self.center[0] * x + self.center[1] * z)
+        return middle - half, middle + half
+
+
 class SubstructureModel(Component):
     """A part with known dynamics.
 
@@ -152,6 +183,13 @@ class SubstructureModel(Component):
     def outline(self) -> Sequence[tuple[float, float, float, float]]:
         """The sections to draw, in order: start, stop, outer and inner diameter [m]; none by default."""
         return ()
+
+    def section_at(self, position: float) -> SectionOutline | None:  # noqa: ARG002
+        """Return the outline of the cross-section at a position along the part [m]; None, the default, if unknown.
+
+        With it, descriptions whose parts cannot lie where their joint has them are refused or reported.
+        """
+        return None
 
     @property
     def absent_dofs(self) -> frozenset[int]:

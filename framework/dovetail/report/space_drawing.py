@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly, VibrationMode
 from dovetail.description import Description, Place
-from dovetail.description.facing import has_points
+from dovetail.description.joint_sides import has_points
 from dovetail.description.placed_parts import direction_text
 from dovetail.interfaces import DIRECTIONS, PLANAR, SubstructureModel
 from dovetail.plain_text import terminal_text

@@ -67,6 +67,7 @@ class Bearing(JointModel):
 
     def __init__(self, config: Any = None) -> None:
         super().__init__(config)
+        self.nested_ports = (("shaft", "housing", None),)
         self.nodes_along = ("y",) if self.config.motion == "space" else ()
 
     @classmethod

@@ -105,6 +105,7 @@ class Bolted(JointModel):
     def __init__(self, config: Any = None) -> None:
         super().__init__(config)
         self.spans_a_distance = self.config.motion == "plane"  # between the axes of the bars, not their faces
+        self.faces_meet = self.config.motion == "space"
         self.nodes_along = ("y",) if self.config.motion == "plane" else ("y", "z")
 
     @classmethod

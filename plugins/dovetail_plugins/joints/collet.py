@@ -66,6 +66,7 @@ class Collet(JointModel):
     summary = "Spring collet with nut between a tool and a holder: two contact layers, twelve parameters"
     free_options = ("elements_per_segment",)
     nodes_along = ("y",)
+    nested_ports = (("tool", "holder", None),)
     references = ("Processes 14 (2026) 1875, doi:10.3390/pr14121875, section 4.1 and Eq. 9",)
     parameters = _PARAMETERS
     linear_parameters = tuple(parameter.name for parameter in _PARAMETERS[2:])

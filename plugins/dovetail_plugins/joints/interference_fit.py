@@ -95,6 +95,10 @@ class InterferenceFit(JointModel):
                 raise ValueError("give 'diameter' with 'motion: space', and only then")
             return self
 
+    def __init__(self, config: Any = None) -> None:
+        super().__init__(config)
+        self.nested_ports = (("shaft", "hub", self.config.diameter or None),)
+
     @classmethod
     def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
         """Return a fit with uniform pressure, one with linearly varying pressure, and one in space."""

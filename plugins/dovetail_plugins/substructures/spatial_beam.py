@@ -17,6 +17,7 @@ from dovetail import (
     Coordinates,
     InUnit,
     PartNode,
+    SectionOutline,
     StructuralMatrices,
     SubstructureModel,
     carried,
@@ -110,6 +111,12 @@ class SpatialBeam(SubstructureModel):
     def outline(self) -> list[tuple[float, float, float, float]]:
         """The sections, by their sides along x."""
         return self._planar.outline
+
+    def section_at(self, position: float) -> SectionOutline:
+        """Return the outline of the cross-section at a position [m], with its offset."""
+        section, _ = self._planar.place_in_section(position)
+        assert isinstance(section, OffsetSection)
+        return replace(self._planar.section_at(position), center=section.offset)
 
     def stretch_at(self, position: float) -> tuple[float, float]:
         """Return the axial stiffness E A [N] at a position [m], and the size in the direction of x [m] there."""

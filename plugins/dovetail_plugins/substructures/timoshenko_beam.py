@@ -11,7 +11,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
-from dovetail import ComponentConfig, PartNode, ScaledMatrices, StructuralMatrices, SubstructureModel
+from dovetail import (
+    ComponentConfig,
+    PartNode,
+    ScaledMatrices,
+    SectionOutline,
+    StructuralMatrices,
+    SubstructureModel,
+)
 from dovetail_plugins.substructures.scaled_beam import ScaledBeam
 from dovetail_plugins.timoshenko import CrossSection, Material, Section, chain, element_matrices
 
@@ -103,17 +110,30 @@ class TimoshenkoBeam(SubstructureModel):
 
     def stretch_at(self, position: float) -> tuple[float, float]:
         """Return the axial stiffness E A [N] at a position [m], and the size in the direction of x [m] there."""
+        section, share = self.place_in_section(position)
+        element = min(int(share * section.elements), section.elements - 1)
+        area = section.cross_section(self.config.material.poisson).area
+        outer, _ = section.diameters()
+        return float(self.config.material.young * area[element]), float(outer[element])
+
+    def section_at(self, position: float) -> SectionOutline:
+        """Return the outline of the cross-section at a position [m]."""
+        section, share = self.place_in_section(position)
+        if section.width is not None and section.height is not None:
+            return SectionOutline(section.height, section.width)
+        outer, inner = section.diameters_at(share)
+        return SectionOutline(outer, outer, inner, is_round=True)
+
+    def place_in_section(self, position: float) -> tuple[Section, float]:
+        """Return the section at a position [m], and the share of its length up to there."""
         start = 0.0
-        for section in self.config.sections:
-            step = section.length / section.elements
-            element = int((position - start) / step)
-            if element < section.elements or section is self.config.sections[-1]:
-                element = min(max(element, 0), section.elements - 1)
-                area = section.cross_section(self.config.material.poisson).area
-                outer, _ = section.diameters()
-                return float(self.config.material.young * area[element]), float(outer[element])
+        for section in self.config.sections[:-1]:
+            if position < start + section.length:
+                break
             start += section.length
-        raise AssertionError("a beam has a section")
+        else:
+            section = self.config.sections[-1]
+        return section, float(np.clip((position - start) / section.length, 0.0, 1.0))
 
     def matrices(self) -> StructuralMatrices:
         """Return the (d, d) matrices of the free beam, d = 2 (n_elements + 1)."""
