@@ -128,7 +128,9 @@ def test_a_file_of_a_package_says_how_to_install_the_package(run, tmp_path, monk
     assert "--plugin" not in message
 
 
-def test_a_command_is_not_taken_for_a_misspelt_model(run):
-    message = run("check-plugin", "calibrate", code=1).stderr
-    assert "'calibrate' is a command, and the conformance kit checks models." in message
+@pytest.mark.parametrize("command", ["check-plugin", "describe"])
+def test_a_command_is_not_taken_for_a_misspelt_model(run, command):
+    message = run(command, "calibrate", code=1).stderr
+    assert "'calibrate' is a command, not a model." in message
+    assert "'dovetail calibrate --help' describes it." in message
     assert "Did you mean" not in message

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from dovetail.cli.components import registry_for
 from dovetail.cli.options import AsJson, ModelName, PluginFiles
 from dovetail.cli.terminal import print_json, progress_bars, say, title
-from dovetail.errors import Fault, PluginError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
     from dovetail.testing import CheckResult
 
@@ -24,12 +23,9 @@ def check_plugin(model: ModelName, plugin: PluginFiles = None, as_json: AsJson =
 
     All checks for its kind are run and printed. The exit code is 1 if one fails; warnings do not change it.
     """
-    from dovetail.registry import components
     from dovetail.testing import check_component
 
-    registry = components(plugin or ())
-    if not registry.kinds_of(model):
-        _refuse_command(model, plugin or ())
+    registry = registry_for(model, plugin or ())
     with progress_bars() as progress:
         results = check_component(model, registry=registry, progress=progress)
     if as_json:
@@ -38,15 +34,6 @@ def check_plugin(model: ModelName, plugin: PluginFiles = None, as_json: AsJson =
         _print(results)
     if not all(result.ok for result in results):
         raise typer.Exit(1)
-
-
-def _refuse_command(name: str, files: Sequence[Path]) -> None:
-    """Raise an error if a name is that of a command."""
-    from dovetail.cli.command_group import OWN
-    from dovetail.registry import CommandTable
-
-    if name in CommandTable(OWN, files).offers:
-        raise PluginError(Fault("", f"'{name}' is a command, and the conformance kit checks models.", "a model's name"))
 
 
 def _print(results: Sequence[CheckResult]) -> None:

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from dovetail.cli.options import AsJson, ModelName, PluginFiles
 from dovetail.cli.terminal import heading, print_json, range_text, say, table, title
+from dovetail.errors import Fault, PluginError
+
+if TYPE_CHECKING:
+    from dovetail.registry import Registry
 
 
 def plugins(plugin: PluginFiles = None, as_json: AsJson = False) -> None:
@@ -53,10 +59,9 @@ def describe(model: ModelName, plugin: PluginFiles = None, as_json: AsJson = Fal
 
     If models of several kinds have this name, all of them are shown.
     """
-    from dovetail.registry import components
     from dovetail.registry.model_description import as_plain, describe_offer
 
-    described = [describe_offer(offer) for offer in components(plugin or ()).named(model)]
+    described = [describe_offer(offer) for offer in registry_for(model, plugin or ()).named(model)]
     if as_json:
         print_json([as_plain(entry) for entry in described])
         return
@@ -64,6 +69,24 @@ def describe(model: ModelName, plugin: PluginFiles = None, as_json: AsJson = Fal
         if index:
             say()
         _print_model(entry)
+
+
+def registry_for(name: str, files: Sequence[Path]) -> Registry:
+    """Return the registry in which a model is looked up by its name.
+
+    Raises
+    ------
+    PluginError
+        The name is that of a command, not of a model.
+    """
+    from dovetail.cli.command_group import OWN
+    from dovetail.registry import CommandTable, components
+
+    registry = components(files)
+    if not registry.kinds_of(name) and name in CommandTable(OWN, files).offers:
+        remedy = f"'dovetail {name} --help' describes it."
+        raise PluginError(Fault("", f"'{name}' is a command, not a model.", "a model's name", remedy))
+    return registry
 
 
 def _print_model(entry: dict[str, Any]) -> None:
