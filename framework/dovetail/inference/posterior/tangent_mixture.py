@@ -196,12 +196,11 @@ class TangentMixture:
     ) -> tuple[LinearisedPoints, NDArray[np.bool_]]:
         """Return the ends of searches, each by the map of its anchor, and which of them are samples.
 
-        A search does not begin, nor end, where its map has folded over, and ends about the mode of its anchor.
+        A sample is not where the map has folded over, and is about the mode of its anchor.
         """
         map_by_search, orientation = maps.maps.at_rows(anchored), maps.orientation[anchored]
-        faces = map_by_search.signed_log_determinant(starts)[0] == orientation
         ends, ended = map_by_search.solve(target, starts, _SETTINGS.iterations, self._limit)
-        ended &= faces & (map_by_search.signed_log_determinant(ends)[0] == orientation)
+        ended &= map_by_search.signed_log_determinant(ends)[0] == orientation
         return ends, ended & (nearest_modes(self._modes, ends.z) == maps.modes[anchored])
 
     def _maps_at(self, anchors: LinearisedPoints, searches: NDArray[np.intp]) -> _Maps:
