@@ -68,7 +68,8 @@ def torsion_of_rectangle(width: ArrayLike, height: ArrayLike) -> NDArray[np.floa
     sides = np.broadcast_arrays(np.asarray(width, dtype=np.float64), np.asarray(height, dtype=np.float64))
     short, long = np.minimum(*sides), np.maximum(*sides)
     odd = 2.0 * np.arange(_TERMS) + 1.0
-    missing = 2.0 / (np.exp(odd * np.pi * (long / short)[..., None]) + 1.0)  # 1 - tanh
+    exponent = np.minimum(odd * np.pi * (long / short)[..., None], 700.0)  # beyond which it would overflow
+    missing = 2.0 / (np.exp(exponent) + 1.0)  # 1 - tanh
     series = _ODD_FIFTH_POWERS - (missing / odd**5).sum(axis=-1)
     return np.asarray(long * short**3 / 3.0 * (1.0 - 192.0 / np.pi**5 * short / long * series))
 

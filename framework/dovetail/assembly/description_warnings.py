@@ -9,6 +9,7 @@ from pydantic import BaseModel
 
 from dovetail.assembly.model import Assembly
 from dovetail.assembly.placement import placement_warnings
+from dovetail.description import JointEntry
 from dovetail.documents.option_fields import numbers_within
 from dovetail.errors import DovetailError, Fault, PluginError
 from dovetail.interfaces import Parameter, plugin_errors
@@ -42,15 +43,20 @@ def find_warnings(assembly: Assembly) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        Moduli, densities and lengths far from any material's or structure's; wide ranges on a linear scale; a band
-        without a natural frequency; parts in odd places, or without positions to compare; digits that rounding takes;
-        and those of the substructures themselves (`SubstructureModel.warnings`).
+        Moduli, densities and lengths far from any material's or structure's, in parts, joints and places; wide ranges
+        on a linear scale; a band without a natural frequency; parts in odd places, or without positions to compare;
+        digits that rounding takes; and those of the substructures themselves (`SubstructureModel.warnings`).
     """
     warnings = [
         f"substructures.{name}.{problem}"
         for name, part in assembly.description.substructures.items()
         for problem in _option_warnings(getattr(part, "config", None))
     ]
+    for name, joint in assembly.description.joints.items():
+        warnings += [f"joints.{name}.{problem}" for problem in _joint_warnings(joint)]
+    for name, placement in assembly.description.placements.items():
+        far = [float(coordinate) for coordinate in placement.origin if abs(coordinate) > _USUAL["m"][1]]
+        warnings += [f"substructures.{name}.place.origin: {_unusual(coordinate, 'm')}" for coordinate in far]
     warnings += [problem for parameter in assembly.parameters for problem in _range_warnings(parameter)]
     highest = float(assembly.frequency[-1])
     for name, part in assembly.description.substructures.items():
@@ -70,14 +76,29 @@ def _option_warnings(config: object) -> Iterator[str]:
     if not isinstance(config, BaseModel):
         return
     for number in numbers_within(config):
-        unit, value = number.unit, number.value
-        low, high = _USUAL.get(unit, (-np.inf, np.inf))
-        if value == 0.0 or low <= abs(value) <= high:
-            continue
-        option = ".".join(map(str, number.path))
-        meant = [f"{value:g} {name}" for factor, name in _MEANT[unit] if low <= abs(value) * factor <= high]
-        hint = f" Was {' or '.join(meant)} meant? A number without a unit is in SI." if meant else ""
-        yield f"{option}: {value:g} {unit} is not within {low:g} to {high:g} {unit}.{hint}"
+        if text := _unusual(number.value, number.unit):
+            yield f"{'.'.join(map(str, number.path))}: {text}"
+
+
+def _joint_warnings(joint: JointEntry) -> Iterator[str]:
+    """Yield warnings about a joint's options, its known parameters, and the ends of ranges."""
+    model = joint.connection.model
+    yield from _option_warnings(model.config)
+    for parameter in joint.parameters:
+        known = joint.fixed.get(parameter.name)
+        values = (parameter.lower, parameter.upper) if known is None else (known,)
+        if text := next(filter(None, (_unusual(value, parameter.unit) for value in values)), ""):
+            yield f"parameters.{parameter.name}: {text}"
+
+
+def _unusual(value: float, unit: str) -> str:
+    """Return how a value is far from any material's or structure's, and what was probably meant, or an empty text."""
+    low, high = _USUAL.get(unit, (-np.inf, np.inf))
+    if value == 0.0 or low <= abs(value) <= high:
+        return ""
+    meant = [f"{value:g} {name}" for factor, name in _MEANT[unit] if low <= abs(value) * factor <= high]
+    hint = f" Was {' or '.join(meant)} meant? A number without a unit is in SI." if meant else ""
+    return f"{value:g} {unit} is not within {low:g} to {high:g} {unit}.{hint}"
 
 
 def _range_warnings(parameter: Parameter) -> Iterator[str]:

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from dovetail.interfaces import (
     DIRECTIONS,
@@ -29,6 +29,8 @@ from dovetail.units import InUnit, to_si
 
 _TURNED_BACK = np.diag([1.0, -1.0, -1.0])
 """Half a turn about x: the axis runs the other way, x stays, and rotations about z change their sign."""
+
+_WHOLE_TURN = 2.0 * np.pi * (1.0 + 1e-9)
 
 
 def _as_vector(value: object, accepted: str = "x, y, z") -> object:
@@ -79,6 +81,13 @@ class TurnSection(ComponentConfig):
 
     about: Vector
     angle: Annotated[float, InUnit("rad")]
+
+    @field_validator("angle")
+    @classmethod
+    def _within_a_turn(cls, angle: float) -> float:
+        if abs(angle) > _WHOLE_TURN:
+            raise ValueError(f"{angle:g} rad is more than a whole turn; were {angle:g} deg meant?")
+        return angle
 
     @property
     def rotation(self) -> NDArray[np.float64]:

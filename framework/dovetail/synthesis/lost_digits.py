@@ -33,6 +33,7 @@ def lost_digits(engine: Engine, theta: Theta) -> tuple[str, ...]:
     frequency, system = engine.frequency[lines], engine.system
     plain = engine.plan.pivoted.frfs(theta, lines)
     size = np.maximum(np.abs(plain), _UNRELATED * np.abs(plain).max(axis=0))
+    size[size == 0.0] = np.inf  # motion in a direction in which a force has no effect
 
     def change(disturbed: Collection[str]) -> tuple[float, float]:
         difference = np.zeros(len(lines))

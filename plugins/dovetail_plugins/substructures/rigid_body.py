@@ -20,6 +20,11 @@ _Point = tuple[_Length, _Length, _Length]
 _ROUNDING = 1e-9
 """Violation of the triangle inequality, over the sum of the moments, that is due to rounding."""
 
+_APART = 30.0
+"""Radius of gyration over the distance of the farthest node, or the reverse, above which one is hardly meant."""
+_LARGEST = 20.0
+"""Radius of gyration [m] that is hardly meant of a body whose node is at its centre of mass."""
+
 
 def _at_origin() -> dict[str, tuple[float, float, float]]:
     return {"center": (0.0, 0.0, 0.0)}
@@ -71,6 +76,20 @@ class RigidBody(SubstructureModel):
         cube = {"mass": "2 kg", "inertia": ["3e-3 kg m^2", "3e-3 kg m^2", "3e-3 kg m^2"]}
         ends = {"left": ["-30 mm", "0 mm", "10 mm"], "right": ["30 mm", "0 mm", "10 mm"]}
         return cube, {**cube, "nodes": ends, "products": ["1e-4 kg m^2", "0 kg m^2", "0 kg m^2"]}
+
+    def warnings(self, frequency: float) -> list[str]:  # noqa: ARG002
+        """Report a mass, moments of inertia and nodes that hardly belong to one body."""
+        points = np.array([self.config.center, *self.config.nodes.values()])
+        size = float(np.linalg.norm(points[1:] - points[0], axis=1).max())
+        moment = float(np.linalg.eigvalsh(_tensor(self.config.inertia, self.config.products))[-1])
+        radius = np.sqrt(moment / self.config.mass)
+        if radius == 0.0 or (radius < _LARGEST if size == 0.0 else size / _APART < radius < _APART * size):
+            return []
+        return [
+            f"its mass of {self.config.mass:g} kg and its moment of inertia of {moment:g} kg m^2 are those of a ring "
+            f"with a radius of {radius:.3g} m, and its nodes are at most {size:.3g} m from its centre of mass. Are the "
+            "units right? A number without a unit is in SI."
+        ]
 
     @cached_property
     def nodes(self) -> tuple[PartNode, ...]:

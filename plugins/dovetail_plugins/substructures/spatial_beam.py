@@ -27,6 +27,8 @@ from dovetail_plugins.substructures.timoshenko_beam import TimoshenkoBeam
 from dovetail_plugins.timoshenko import Material, Section
 
 _Length = Annotated[float, InUnit("m")]
+_FARTHEST = 20.0
+"""Offset over the size of the section above which it is hardly meant."""
 
 
 class OffsetSection(Section):
@@ -94,8 +96,17 @@ class SpatialBeam(SubstructureModel):
         return TimoshenkoBeam(TimoshenkoBeam.Config(material=self.config.material, sections=self.config.sections))
 
     def warnings(self, frequency: float) -> list[str]:
-        """Report what `timoshenko_beam` does for the plane of x."""
-        return self._planar.warnings(frequency)
+        """Report what `timoshenko_beam` does for the plane of x, and offsets many times larger than the section."""
+        far = []
+        for number, section in enumerate(self.config.sections):
+            offset = max(map(abs, section.offset))
+            size = max(section.outer or 0.0, section.width or 0.0, section.height or 0.0)
+            if offset > _FARTHEST * size:
+                far.append(
+                    f"sections.{number}.offset is {offset:g} m, and the section {size:g} m wide. Were {offset:g} mm "
+                    "meant? A number without a unit is in SI."
+                )
+        return [*far, *self._planar.warnings(frequency)]
 
     def refined(self, factor: int) -> SpatialBeam:
         """Return the same beam with `factor` times as many elements in each section."""

@@ -27,6 +27,9 @@ _NO_PLASTIC = 2500.0
 _SOFTEST_METAL = 5e9
 """Smallest modulus [Pa] of such materials: lead has 16 GPa."""
 
+_FLATTEST = 20.0
+"""Size of a cross-section over the length of the whole beam above which one of the two is hardly meant."""
+
 
 class TimoshenkoBeam(SubstructureModel):
     """A chain of two-node Timoshenko elements along the sections, free at both ends.
@@ -72,7 +75,7 @@ class TimoshenkoBeam(SubstructureModel):
                 f"material.young is {1e-6 * young:.4g} MPa; nothing of {density:.4g} kg/m^3 is as soft. "
                 f"Was {1e-6 * young:.4g} GPa meant?"
             ]
-        too_long = []
+        too_long = self._out_of_proportion()
         for number, section in enumerate(self.config.sections):
             shape, material = section.cross_section(self.config.material.poisson), self.config.material
             stiffness, mass = material.young * shape.inertia, material.density * shape.area
@@ -84,6 +87,19 @@ class TimoshenkoBeam(SubstructureModel):
                     f"{wave * 1e3:.3g} mm long. Take {int(np.ceil(6.0 * section.length / wave))} elements or more."
                 )
         return too_long
+
+    def _out_of_proportion(self) -> list[str]:
+        """Report a cross-section many times larger than the whole beam is long."""
+        length = sum(section.length for section in self.config.sections)
+        for number, section in enumerate(self.config.sections):
+            sizes = {name: getattr(section, name) for name in ("outer", "outer_end", "width", "height")}
+            for name, size in sizes.items():
+                if size is not None and size > _FLATTEST * length:
+                    return [
+                        f"sections.{number}.{name} is {size:g} m, and the whole beam {length:g} m long. "
+                        f"Were {size:g} mm meant? A number without a unit is in SI."
+                    ]
+        return []
 
     def refined(self, factor: int) -> TimoshenkoBeam:
         """Return the same beam with `factor` times as many elements in each section."""
