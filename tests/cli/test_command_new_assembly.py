@@ -38,6 +38,12 @@ def test_the_written_description_passes_check_and_lists_all_parameters(run, tmp_
     ]
 
 
+@pytest.mark.parametrize("words", [(), *(("--joint", joint) for joint in JOINTS)], ids=["default", *JOINTS])
+def test_every_joint_that_is_offered_gives_a_description_that_loads(run, tmp_path, words):
+    run("new-assembly", tmp_path / "new.yaml", *words)
+    dovetail.load(tmp_path / "new.yaml")
+
+
 def test_options_determine_the_parts(run, tmp_path):
     file = tmp_path / "tool.yaml"
     parts = ["--part", "tool: 100 mm x 10 mm of carbide", "--part", "holder: 80 mm x 4 cm x 10 mm of steel"]
@@ -88,6 +94,7 @@ def test_a_file_that_is_there_stays(run, tmp_path):
 @pytest.mark.parametrize(
     ("options", "code", "said"),
     [
+        (["--joint", "strut"], 1, "'strut' does not connect two parts end to end. Accepted: spring_damper"),
         (["--joint", "colet"], 1, "'colet' is not a joint model."),
         (["--part", "a: 100 mm x 10 mm of steel"], 2, "give --part twice"),
         (["--part", "a: 100 mm by 10", "--part", "b: 100 mm x 10 mm of steel"], 2, "'a: 100 mm by 10' is not such as"),

@@ -55,7 +55,7 @@ def new_assembly(
     model = joint or _ask(f"Joint ({', '.join(joints)})", next(iter(joints)))
     if model not in joints:
         registry.find("joint", model)
-        raise DovetailError(Fault("--joint", f"'{model}' has not two ports.", ", ".join(joints)))
+        raise DovetailError(Fault("--joint", f"'{model}' does not connect two parts end to end.", ", ".join(joints)))
     texts = [*(part or [_ask("First part", EXAMPLE_PARTS[0]), _ask("Second part", EXAMPLE_PARTS[1])])]
     if len(texts) != 2:
         raise typer.BadParameter("a joint connects two parts: give --part twice.", param_hint="--part")

@@ -72,7 +72,7 @@ class NewPart:
 
 
 def two_sided_joints(registry: Registry) -> dict[str, tuple[JointModel, dict[str, Any]]]:
-    """Return the joints with two ports, the simplest first, with the options of their first example."""
+    """Return the joints that connect two parts end to end, the simplest first, with their first example's options."""
     joints = {}
     for offer in registry.offers("joint"):
         model: Any = offer.component
@@ -80,7 +80,8 @@ def two_sided_joints(registry: Registry) -> dict[str, tuple[JointModel, dict[str
             try:
                 options = dict(model.examples(Path(folder))[0])
                 made = model(model.Config.model_validate(options))
-                if len(made.ports) == 2:
+                apart = made.acts_along_its_nodes or made.carries_its_nodes  # needs parts with a place in space
+                if len(made.ports) == 2 and not apart:
                     joints[model.name] = made, options
             except Exception:  # a stranger's model may raise anything, and is left out
                 continue
