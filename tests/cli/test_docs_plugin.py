@@ -1,4 +1,4 @@
-"""The plugins of docs/plugins.md, taken from the page as they stand."""
+"""The plugins of the pages on plugins, taken from them as they stand."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ import dovetail
 from dovetail.interfaces import KINDS
 from dovetail.testing import check_names
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "plugins.md"
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+PAGES = "".join((DOCS / f"{name}.md").read_text("utf-8") for name in ("plugins", "plugin_models", "plugin_readers"))
 ASSEMBLY = """
 dovetail: 1
 name: mounted
@@ -33,14 +34,14 @@ response: {at: mass, position: 0, quantity: receptance}
 
 def example(name: str, folder: Path) -> Path:
     """Write the plugin file of this name as the page has it."""
-    blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), flags=re.S)
+    blocks = re.findall(r"```python\n(.*?)```", PAGES, flags=re.S)
     (code,) = [block for block in blocks if block.startswith(f'"""{name}: ')]
     (folder / name).write_text(code, encoding="utf-8")
     return folder / name
 
 
 def test_every_plugin_of_the_page_is_run_here():
-    names = re.findall(r'```python\n"""(\w+\.py): ', PAGE.read_text(encoding="utf-8"))
+    names = re.findall(r'```python\n"""(\w+\.py): ', PAGES)
     wanted = ["mount", "rail", "shaft", "bands", "ridge", "blocks", "springs", "one_step", "peaks"]
     assert names == [f"{name}.py" for name in wanted]
 
@@ -63,7 +64,7 @@ def test_every_plugin_of_the_page_passes_the_conformance_kit(run, tmp_path, name
 
 
 def test_the_page_of_checks_lists_every_one():
-    text = PAGE.with_name("conformance.md").read_text(encoding="utf-8")
+    text = (DOCS / "conformance.md").read_text(encoding="utf-8")
     for kind in KINDS:
         for name in check_names(kind):
             assert f"| {name.replace('_', ' ')} | " in text
@@ -135,7 +136,7 @@ def test_the_method_of_the_page(run, tmp_path, assemblies):
 
 def test_the_shaft_of_the_page_is_the_one_of_shipped_parts(tmp_path):
     """A third-party part of public beam elements, against the description of a shaft with discs in docs/space.md."""
-    page = PAGE.with_name("space.md").read_text(encoding="utf-8").partition("## Shafts with discs")[2]
+    page = (DOCS / "space.md").read_text(encoding="utf-8").partition("## Shafts with discs")[2]
     (section,) = re.findall(r"```yaml\n(.*?)```", page.partition("\n## ")[0], flags=re.S)
     described = yaml.safe_load(section)
     shaft, disc = described["substructures"]["shaft"], described["substructures"]["disc"]
