@@ -89,6 +89,8 @@ def test_a_result_by_xarray(result, tmp_path):
     (tmp_path / "result.json").write_text(json.dumps(result.to_dict()))
     written = dovetail.load_result(tmp_path / "result.json").to_dict()
     assert dovetail.from_xarray(tree).to_dict() == written
+    assert written["fit"] == result.to_dict()["fit"]
+    assert dovetail.from_xarray(dovetail.to_xarray(dovetail.from_xarray(tree))).is_fitted
     tree.to_zarr(tmp_path / "result.zarr")
     stored = dovetail.from_xarray(sys.modules["xarray"].open_datatree(tmp_path / "result.zarr", engine="zarr"))
     assert stored.to_dict() == written

@@ -78,7 +78,7 @@ class Identification:
     provenance : mapping
         Versions, description, measurement and seed; plain values.
     fit : Fit or None
-        How good the fit is; None if nothing was fitted.
+        How good the fit is; None if nothing was fitted, and in a result that was read from a file.
     posterior : Posterior or None
         Samples of the parameters and their uncertainty; None if the method has no uncertainty.
     point : str
@@ -97,6 +97,8 @@ class Identification:
         Whether the parameters were fitted to the measurement, and not only estimated by a network.
     cut_short : CutShort or None
         What was left out because of a time limit or of Ctrl-C; None if the result is complete.
+    stored_fit : mapping or None
+        What a file says of the fit, as `Fit.to_dict` wrote it.
 
     Notes
     -----
@@ -122,6 +124,7 @@ class Identification:
     peaks_without_mode: tuple[Mode, ...] = ()
     is_fitted: bool = True
     cut_short: CutShort | None = None
+    stored_fit: Mapping[str, Any] | None = None
 
     def __post_init__(self) -> None:
         """Make mappings read-only, order the warnings, and hand the warning to what may be used by itself.
@@ -265,6 +268,11 @@ class Identification:
         """Return `table` as a data frame of pandas (an extra), with the names as index."""
         return dataframe([asdict(row) for row in self.table], ["name"])
 
+    def _plain_fit(self) -> dict[str, Any] | None:
+        if self.fit is not None:
+            return self.fit.to_dict()
+        return None if self.stored_fit is None else dict(self.stored_fit)
+
     def to_dict(self) -> dict[str, Any]:
         """Return everything as plain values, fit for JSON."""
         first, *_ = self.responses or (None,)
@@ -288,7 +296,7 @@ class Identification:
             "cut_short": None if self.cut_short is None else asdict(self.cut_short),
             "interval": None if self.interval is None else {name: list(ends) for name, ends in self.interval.items()},
             "posterior": None if self.posterior is None else self.posterior.to_dict(),
-            "fit": None if self.fit is None else self.fit.to_dict(),
+            "fit": self._plain_fit(),
             "network": None if self.network is None else dict(self.network),
             "provenance": dict(self.provenance),
             "band_Hz": None if self.band is None else list(self.band),

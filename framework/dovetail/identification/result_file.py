@@ -270,6 +270,7 @@ def _identification(file: Path, stored: _StoredIdentification) -> Identification
         network=stored.network,
         is_fitted=stored.fit is not None,
         cut_short=stored.cut_short,
+        stored_fit=stored.fit,
     )
 
 
@@ -362,8 +363,12 @@ def _frf(file: Path, frequency: list[float], quantity: Quantity, frf: _StoredFrf
 
 
 def _faults(file: Path, error: ValidationError) -> list[Fault]:
+    other = Fault(str(file), "this is not the result of an identification.", _ACCEPTED)
+    details = error.errors(include_url=False)
+    if details[0]["type"] == "json_invalid" or any(one["loc"] == ("method",) for one in details):
+        return [other]  # a file of another kind: what it lacks would not help
     faults = [
         Fault(f"{file}  {'.'.join(str(key) for key in fault['loc'])}".rstrip(), f"{fault['msg']}.")
-        for fault in error.errors(include_url=False)[:_MOST_FAULTS]
+        for fault in details[:_MOST_FAULTS]
     ]
-    return [Fault(str(file), "this is not the result of an identification.", _ACCEPTED), *faults]
+    return [other, *faults]
