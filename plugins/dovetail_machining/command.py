@@ -42,7 +42,8 @@ def spindle(
         Path, typer.Option("--output", "-o", metavar="FILE.npz", help="File for a 'measured' substructure.")
     ],
     tip: Annotated[
-        float, typer.Option(metavar="LENGTH", parser=_length, help="Position of a.", show_default="0 mm")
+        float,
+        typer.Option(metavar="LENGTH", parser=_length, help="Position of a; 0 mm by default.", show_default=False),
     ] = 0.0,
     rotations: Annotated[
         str, typer.Option(metavar="HOW", help="model, or difference (first-order finite differences).")

@@ -14,7 +14,8 @@ import typer
 from typer.core import TyperGroup
 
 from dovetail.cli.commands import INTERRUPTED, TYPED
-from dovetail.cli.option_names import with_options
+from dovetail.cli.option_names import message_of, with_options
+from dovetail.cli.plain_words import plain_arguments, refused_value
 from dovetail.cli.terminal import say_on_stderr, waiting
 from dovetail.cli.warning_notes import suspicious_values_as_notes, warnings_as_notes
 from dovetail.errors import DovetailError, Fault, PluginError, contained, did_you_mean, limit_exceeded
@@ -76,7 +77,7 @@ class Commands(TyperGroup):
     def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
         """Parse the options before the command."""
         typed = shlex.join(["dovetail", *args])
-        with _explained_faults(), _escaped_usage_errors():
+        with _explained_faults(None), _escaped_usage_errors():
             context = super().make_context(info_name, args, parent, **extra)
         context.meta[TYPED] = typed
         return context
@@ -121,7 +122,8 @@ class Commands(TyperGroup):
 
     def invoke(self, ctx: Any) -> Any:
         """Run a command, and convert exceptions to a message and an exit code."""
-        with _explained_faults(), _escaped_usage_errors(), warnings_as_notes(), suspicious_values_as_notes(), waiting():
+        faults, usage = _explained_faults(ctx), _escaped_usage_errors()
+        with faults, usage, warnings_as_notes(), suspicious_values_as_notes(), waiting():
             return super().invoke(ctx)
 
 
@@ -152,7 +154,9 @@ def _loaded(offer: CommandOffer) -> Any:
 def _made(name: str, function: Callable[..., object], **settings: Any) -> Any:
     app = typer.Typer(rich_markup_mode=None, pretty_exceptions_enable=False, add_completion=False)
     app.command(name, **settings)(cast("Callable[..., None]", function))
-    return typer.main.get_command(app)
+    command = typer.main.get_command(app)
+    plain_arguments(command)
+    return command
 
 
 def _broken(name: str, error: PluginError) -> Any:
@@ -166,30 +170,32 @@ def _broken(name: str, error: PluginError) -> Any:
 
 
 @contextmanager
-def _explained_faults() -> Iterator[None]:
-    """Print an error that has an explanation, and end with its exit code."""
+def _explained_faults(ctx: Any) -> Iterator[None]:
+    """Print an error that has an explanation, in the words of the command that is run, and end with its exit code."""
     try:
         yield
         return
     except DovetailError as error:
-        _explain(error)
+        _explain(error, ctx)
     except OSError as error:
         if error.errno == errno.EPIPE:
             raise
         reason = error.strerror or str(error)
-        _explain(Fault(str(error.filename or ""), f"the system refuses: {reason}."))
+        _explain(Fault(str(error.filename or ""), f"the system refuses: {reason}."), ctx)
     except KeyboardInterrupt:
         typer.echo("\nInterrupted.", err=True)
         raise typer.Exit(INTERRUPTED) from None
     except Exception as error:
         if (limit := limit_exceeded(error, _files_named())) is None:
             raise
-        _explain(limit)
+        _explain(limit, ctx)
     raise typer.Exit(1)
 
 
-def _explain(error: DovetailError | Fault) -> None:
-    typer.echo(with_options(str(error)), err=True)
+def _explain(error: DovetailError | Fault, ctx: Any) -> None:
+    name = None if ctx is None else ctx.invoked_subcommand
+    command = None if name is None else ctx.command.get_command(ctx, name)
+    typer.echo(message_of(error, command), err=True)
 
 
 def _files_named() -> str:
@@ -204,6 +210,7 @@ def _escaped_usage_errors() -> Iterator[None]:
         yield
     except Exception as error:
         wrong: Any = error
+        wrong.message = refused_value(error) or getattr(error, "message", None)
         if isinstance(getattr(wrong, "message", None), str):
             wrong.message = terminal_text(with_options(wrong.message))
         raise

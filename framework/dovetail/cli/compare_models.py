@@ -21,7 +21,9 @@ def compare_models(
     ],
     measured: Annotated[
         list[Path] | None,
-        typer.Argument(metavar="MEASURED", help="Of an assembly: one FRF for each response. A series names its own."),
+        typer.Argument(
+            metavar="[MEASURED]...", help="Of an assembly: one FRF for each response. A series names its own."
+        ),
     ] = None,
     joints: Annotated[
         str, typer.Option("--joints", metavar="MODELS", help="Joint models to compare: collet,rigid,spring_damper.")
@@ -44,7 +46,7 @@ def compare_models(
     model_error: Annotated[
         float | None,
         typer.Option(
-            metavar="PART",
+            metavar="FRACTION",
             min=0.0,
             help="Relative error of natural frequencies that all models are allowed; that of the best one by default.",
         ),

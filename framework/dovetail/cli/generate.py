@@ -49,7 +49,7 @@ def generate(
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted dataset.")] = False,
     shard: Annotated[
-        str, typer.Option(metavar="I/N", help="Compute only part I of N, for another machine each; 'merge' joins them.")
+        str, typer.Option(metavar="I/N", help="Compute only part I of N on this machine; 'merge' joins the parts.")
     ] = "1/1",
     scheduler: Scheduler = None,
     plugin: PluginFiles = None,

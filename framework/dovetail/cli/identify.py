@@ -67,14 +67,16 @@ WithNetwork = Annotated[
         help="Also train a network and list its estimates; --no-network ignores one that was trained before.",
     ),
 ]
-Starts = Annotated[int | None, typer.Option(metavar="N", min=1, help="Searches by multistart.", show_default=False)]
+Starts = Annotated[
+    int | None, typer.Option(metavar="N", min=1, help="Number of searches of multistart.", show_default=False)
+]
 Seconds = Annotated[
     float | None,
     typer.Option(
         metavar="S",
         min=1e-3,
         show_default=False,
-        help="Time for the answer to each measurement; what it left out is reported. Ctrl-C gives what there is.",
+        help="Time limit for each measurement; the result lists the steps that were left out.",
     ),
 ]
 PosteriorForm = Annotated[
@@ -87,7 +89,7 @@ Samples = Annotated[
 AllowedError = Annotated[
     float | None,
     typer.Option(
-        metavar="PART",
+        metavar="FRACTION",
         parser=part,
         show_default=False,
         help="Relative error of natural frequencies allowed to the model; by default estimated from the measurement.",
@@ -99,7 +101,7 @@ CauseSeconds = Annotated[
         metavar="S",
         min=0.0,
         show_default=False,
-        help="Time after which no further cause of a misfit is tried; 20 s by default, none with 0.",
+        help="Time limit of the search for causes of a misfit; 20 s by default, 0 for no search.",
     ),
 ]
 ObjectiveName = Annotated[
@@ -110,7 +112,7 @@ LineWeights = Annotated[
     typer.Option(
         metavar="NAME",
         show_default=False,
-        help="Lines count by their coherence, or by amplitude (relative errors); by their random error by default.",
+        help="Weights of the lines: coherence, or amplitude (relative errors); their random error by default.",
     ),
 ]
 AmplitudeOnly = Annotated[bool, typer.Option("--amplitude-only", help="Ignore the phase.")]

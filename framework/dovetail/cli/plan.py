@@ -33,7 +33,7 @@ def plan(
     noise: Annotated[
         float | None,
         typer.Option(
-            metavar="PART",
+            metavar="FRACTION",
             parser=part,
             help="Noise of every line relative to the standard deviation of the described FRF; by default 0.01, or "
             "that of the series' first test.",

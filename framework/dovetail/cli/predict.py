@@ -23,7 +23,7 @@ def predict(
         Path | None,
         typer.Option(
             metavar="FILE.csv",
-            help="CSV file for the band in which the amplitude lies, if the joint was identified by 'posterior'.",
+            help="CSV file for the amplitude's prediction band, if the joint was identified by 'posterior'.",
         ),
     ] = None,
     overwrite: Overwrite = False,

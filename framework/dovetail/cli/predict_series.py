@@ -41,7 +41,7 @@ def predict_series(
     output: FrfFiles = None,
     band: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.csv", help="CSV file for the band in which the amplitude lies, line by line."),
+        typer.Option(metavar="FILE.csv", help="CSV file for the amplitude's prediction band."),
     ] = None,
     overwrite: Overwrite = False,
     plugin: PluginFiles = None,

@@ -24,7 +24,7 @@ ModelErrorOfTests = Annotated[
     float | None,
     typer.Option(
         "--model-error",
-        metavar="PART",
+        metavar="FRACTION",
         min=0.0,
         help="Relative error of natural frequencies that the models are allowed; what each test shows by default.",
     ),

@@ -41,7 +41,7 @@ def simulate(
     noise: Annotated[
         float,
         typer.Option(
-            metavar="PART",
+            metavar="FRACTION",
             parser=part,
             show_default=False,
             help="Standard deviation of complex noise relative to that of the FRF, such as 1%.",

@@ -30,20 +30,25 @@ def watch(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder in which measured files arrive.")],
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="FOLDER", help="Folder for state, tables and page; FOLDER-watch."),
+        typer.Option(
+            "--output", "-o", metavar="FOLDER", help="Folder for state, tables and page; FOLDER-watch by default."
+        ),
     ] = None,
-    once: Annotated[bool, typer.Option("--once", help="Take the files that are there, and end.")] = False,
+    once: Annotated[bool, typer.Option("--once", help="Process the files that are in the folder, and end.")] = False,
     false_alarms: Annotated[
         float, typer.Option("--false-alarms", metavar="RATE", parser=part, help="False alarms per file.")
     ] = 1e-3,
     reference: Annotated[
-        int, typer.Option("--reference", metavar="N", min=1, help="First files, which show what is usual.")
+        int, typer.Option("--reference", metavar="N", min=1, help="Number of first files that define the normal state.")
     ] = 40,
     interval: Annotated[
-        float, typer.Option("--interval", metavar="SECONDS", min=0.05, help="Time between two looks at the folder.")
+        float, typer.Option("--interval", metavar="SECONDS", min=0.05, help="Time between two checks of the folder.")
     ] = 2.0,
     settle: Annotated[
-        float, typer.Option("--settle", metavar="SECONDS", min=0.0, help="A file is read when unchanged for so long.")
+        float,
+        typer.Option(
+            "--settle", metavar="SECONDS", min=0.0, help="A file is read once it has not changed for this time."
+        ),
     ] = 2.0,
     plugin: PluginFiles = None,
 ) -> None:
@@ -51,7 +56,7 @@ def watch(
 
     The first test of the series says how files are read, and with which assembly they are compared. Parameters that
     are 'shared' are constant; those that are 'varying' or follow a law drift from file to file. After the first files
-    an alarm is raised when a file is unlike what the earlier ones predict.
+    an alarm is raised when a file contradicts the prediction from the earlier ones.
 
     The state is saved after each file: a watch that was stopped or killed goes on from there. The same content counts
     once. Files that are still being written wait; those that cannot be read are listed, and stay where they are.

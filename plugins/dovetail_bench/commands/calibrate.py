@@ -45,13 +45,15 @@ _Subject = Annotated[
 _Cases = Annotated[int, typer.Option(metavar="N", min=1, help="Number of random joints.")]
 _Noise = Annotated[
     float,
-    typer.Option(metavar="PART", parser=part, show_default=False, help="Noise level, such as 2%; see --noise-kind."),
+    typer.Option(
+        metavar="FRACTION", parser=part, show_default=False, help="Noise level, such as 2%; see --noise-kind."
+    ),
 ]
 _Samples = Annotated[int, typer.Option(metavar="N", min=1, help="Samples of each posterior.")]
 _ModelError = Annotated[
     float,
     typer.Option(
-        metavar="PART",
+        metavar="FRACTION",
         parser=part,
         show_default=False,
         help="Relative error of natural frequencies allowed to the model.",
