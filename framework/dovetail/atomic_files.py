@@ -18,9 +18,11 @@ import tempfile
 from collections.abc import Callable, Container, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
+from difflib import get_close_matches
+from itertools import islice
 from pathlib import Path
 
-from dovetail.errors import DovetailError, Fault, FileError
+from dovetail.errors import DovetailError, Fault, FileError, argument
 
 LARGEST_FILE = 100_000_000
 """Bytes; a larger file is refused before it is opened."""
@@ -29,8 +31,24 @@ _LEAST_ROOM = 5_000_000
 """Bytes that must be free before any work begins; a folder of results takes less."""
 _LONGEST_WRITING = 60.0
 """Longest wait in seconds for another process that writes the same file."""
+_MOST_NAMES, _NEAR = 1000, 0.75
+"""Names of a folder that are compared with that of a missing file, and the similarity from which one is suggested."""
 _CURRENT_FOLDER, _EXCHANGE = -100, 2
 """AT_FDCWD and RENAME_EXCHANGE of Linux's ``renameat2``; RENAME_SWAP of macOS's ``renamex_np`` is 2 too."""
+
+
+def missing_file(path: str | os.PathLike[str]) -> Fault:
+    """Return the fault of a path where nothing is, with the file of its folder whose name is nearest."""
+    name, folder = os.path.basename(path), os.path.dirname(path) or os.curdir
+    remedy = ""
+    try:
+        near = get_close_matches(name, islice(sorted(os.listdir(folder)), _MOST_NAMES), 1, _NEAR)
+        remedy = f"Did you mean '{os.path.join(os.path.dirname(path), near[0])}'?" if near else ""
+    except FileNotFoundError:
+        remedy = f"There is no folder '{folder}'" + ("." if os.path.isabs(folder) else f" in '{os.getcwd()}'.")
+    except (OSError, ValueError):
+        pass
+    return Fault(str(path), "there is no such file.", remedy=remedy)
 
 
 def read_bounded(path: Path, largest: int = LARGEST_FILE) -> bytes:
@@ -62,7 +80,7 @@ def read_bounded(path: Path, largest: int = LARGEST_FILE) -> bytes:
         with path.open("rb") as stream:
             content = stream.read(status.st_size + 1)
     except FileNotFoundError:
-        raise FileError(Fault(str(path), "there is no such file.")) from None
+        raise FileError(missing_file(path)) from None
     except (OSError, ValueError) as error:
         raise FileError(Fault(str(path), f"the file cannot be read: {_reason(error)}.")) from None
     if not content:
@@ -79,7 +97,7 @@ def write_whole(path: Path, content: bytes, *, overwrite: bool) -> None:
         The file is there and `overwrite` is false, the folder is missing, or it cannot be written.
     """
     if path.exists() and not overwrite:
-        remedy = "Choose another name, or say overwrite=True."
+        remedy = f"Choose another name, or add {argument('overwrite', True)}."
         raise FileError(Fault(str(path), "the file already exists.", remedy=remedy))
     with locked(path):
         temporary = temporary_path(path)

@@ -185,6 +185,8 @@ def copy(name: str, folder: str | Path = "assemblies") -> tuple[Path, ...]:
     """
     target, source = Path(folder), _folder()
     pairs = [(file, target / file.relative_to(source)) for file in _files(name)]
+    if target.exists() and not target.is_dir():
+        raise DovetailError(Fault(str(target), "this is a file, not a folder.", remedy="Choose another folder."))
     for file, place in pairs:
         if place.exists() and not (place.is_file() and place.read_bytes() == file.read_bytes()):
             problem = "another file or folder of this name is here already."

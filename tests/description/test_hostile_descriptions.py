@@ -27,11 +27,11 @@ EXACT = {
     ),
     "list": (
         b"- 1\n",
-        "test.yaml:1:1\n  the file contains a list.\n  Accepted: a description; measured files come after it",
+        "test.yaml:1:1\n  the file contains a list.\n  Accepted: a description (YAML); measured files come after it",
     ),
     "scalar": (
         b"hello",
-        "test.yaml:1:1\n  the file contains 'hello'.\n  Accepted: a description; measured files come after it",
+        "test.yaml:1:1\n  the file contains 'hello'.\n  Accepted: a description (YAML); measured files come after it",
     ),
     "not_utf8": (
         b"dovetail: 1\nname: caf\xe9\n",
@@ -44,7 +44,8 @@ EXACT = {
     "nul": (b"dovetail: 1\nname: \0\n", "test.yaml:2:7\n  the character U+0000 is not allowed in a description."),
     "two_megabytes": (
         b"a: " + b"x" * 2_000_000,
-        f"test.yaml\n  the file has 2000003 bytes; a description has {LARGEST_FILE} at most.",
+        f"test.yaml\n  the file has 2000003 bytes; a description has {LARGEST_FILE} at most.\n"
+        "  Accepted: a description (YAML); measured files come after it",
     ),
     "deep_list": (b"a: " + b"[" * 100_000, "test.yaml:1:35\n  this is nested more than 32 levels deep."),
     "deep_mapping": (b"{a: " * 60_000, "test.yaml:1:126\n  this is nested more than 32 levels deep."),
@@ -110,7 +111,7 @@ def test_a_pipe_is_not_waited_for(registry, tmp_path):
     ("source", "found"),
     [
         ("none.yaml", "none.yaml\n  there is no such file."),
-        (".", ".\n  this is not a file."),
+        (".", ".\n  this is a folder.\n  Accepted: a description (YAML); measured files come after it"),
         ("no\0ne.yaml", r"no\u0000ne.yaml" "\n  the file cannot be read: embedded null byte."),
     ],
 )

@@ -162,7 +162,7 @@ def test_too_many_lines(refused) -> None:
 
 
 def test_an_index_is_for_uff(refused) -> None:
-    message = "a.csv\n  index=1 chooses one of several FRFs; a .csv file holds one FRF."
+    message = "a.csv\n  `index=1` chooses one of several FRFs; a .csv file holds one FRF."
     assert refused("a.csv", RECTANGULAR, index=1) == message
 
 

@@ -219,7 +219,7 @@ RECORD = np.sin(np.arange(64.0))
         (RECORD, RECORD, np.nan, {}, "the sampling rate is nan Hz"),
         (RECORD, np.where(RECORD == 0, np.nan, RECORD), 1e3, {}, "the response is nan at impact 1, sample 1, which is"),
         (0 * RECORD, RECORD, 1e3, {}, "the force of impact 1 is zero throughout"),
-        (RECORD, RECORD, 1e3, {"estimator": "H3"}, "'H3' is none"),
+        (RECORD, RECORD, 1e3, {"estimator": "H3"}, "'H3' is not an estimator"),
         (RECORD, RECORD, 1e3, {"quantity": "speed"}, "'speed' is not a quantity"),
         (RECORD, RECORD, 1e3, {"exponential_window": 0.0}, r"0\.0 is not a final value of the window"),
     ],

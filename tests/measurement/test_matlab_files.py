@@ -64,7 +64,7 @@ def test_names_amplitude_and_phase(tmp_path: Path) -> None:
     np.testing.assert_allclose(frf.values, VALUES * 1e-6, rtol=1e-14)
     message = fault_of(path)
     assert message.startswith(
-        "a.mat\n  the frequency is not to be found by its name; the file holds:\n    X: (7, 1) float64"
+        "a.mat\n  no name is that of the frequency; the file holds:\n    X: (7, 1) float64"
     )
     assert "\n    other: (3, 3) float64\n" in message
 
@@ -92,7 +92,7 @@ def test_one_of_several_columns_is_chosen(tmp_path: Path) -> None:
         np.testing.assert_array_equal(frf.values, VALUES * 10)
         np.testing.assert_array_equal(frf.coherence, np.full(7, 0.2))
     one = saved(tmp_path / "b.mat", f=FREQUENCY, H=VALUES, quantity="mobility")
-    assert fault_of(one, index=1) == "b.mat\n  index=1 chooses one of several FRFs, and the file holds one."
+    assert fault_of(one, index=1) == "b.mat\n  `index=1` chooses one of several FRFs, and the file holds one."
 
 
 def test_version_7_3(tmp_path: Path) -> None:
@@ -164,7 +164,7 @@ def test_entries_that_cannot_be_read_are_skipped(tmp_path: Path) -> None:
             {"X": np.ones((7, 3))},
             "a.mat\n  the only array, 'X', has the shape (7, 3), and its columns have no names.\n",
         ),
-        ({}, "a.mat\n  the frequency is not to be found by its name; the file holds: nothing\n"),
+        ({}, "a.mat\n  no name is that of the frequency; the file holds: nothing\n"),
     ],
 )
 def test_faulty_input_is_refused_with_its_message(tmp_path: Path, variables: dict, message: str) -> None:

@@ -71,7 +71,7 @@ FAULTS = [
     (saved(np.zeros((0, 2), dtype=complex)), {}, "a.npy\n  the array is empty."),
     (saved(np.array(["a", "b"])), {}, "a.npy\n  the array has the shape (2,) and the type <U1, and no freq"),
     (saved(np.array([Marker()], dtype=object)), {}, "a.npy\n  'a.npy' holds Python objects (pickle), which are never"),
-    (saved(REAL), {"index": 1}, "a.npy\n  index=1 is not for an array without names"),
+    (saved(REAL), {"index": 1}, "a.npy\n  `index=1` is not for an array without names"),
     (saved(REAL), {"names": {"real": "x"}}, "a.npy\n  names={'real': 'x'} is not for an array"),
     (saved(REAL)[:-9], {}, "a.npy\n  the archive is damaged: EOF: reading array data, expected 72 bytes got 63."),
     (saved(REAL)[:30], {}, "a.npy\n  the archive is damaged: "),

@@ -20,13 +20,14 @@ from dovetail.atomic_files import check_room, locked, temporary_path
 from dovetail.dataset.samples import FORMAT, Dataset
 from dovetail.dataset.sampling import check_sample_count, latin_hypercube
 from dovetail.dataset.storage import ARRAYS, Storage
-from dovetail.errors import DatasetError, Fault, FileError, listing
+from dovetail.errors import DatasetError, Fault, FileError, argument, listing
 from dovetail.frf import conversion
 from dovetail.interfaces import Progress, logged, progress_reporter
 from dovetail.parallel import on_cluster, require_cluster
 
 _CHUNK_BYTES = 8e6
 """Size of a chunk of FRFs on disk."""
+_CONTINUE = f"Choose another name, or continue an interrupted dataset with {argument('resume', True)}."
 
 
 def generate(
@@ -143,9 +144,7 @@ class _Plan:
 
 def _check_resumable(folder: Path, assembly: Assembly, plan: _Plan, resume: bool) -> None:
     if not resume:
-        raise DatasetError(
-            Fault(str(folder), "this path is taken.", remedy="Go on with it by `resume=True`, or choose another name.")
-        )
+        raise DatasetError(Fault(str(folder), "a file or folder of this name already exists.", remedy=_CONTINUE))
     dataset = Dataset(folder)
     if dataset.attributes["fingerprint"] != assembly.description.fingerprint:
         dataset.require(assembly)

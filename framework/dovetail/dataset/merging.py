@@ -43,7 +43,9 @@ def merge_datasets(shards: Sequence[str | os.PathLike[str]], path: str | os.Path
         raise DatasetError(Fault("shards", "there are none.", "one folder or more"))
     datasets, target = [Dataset(shard) for shard in shards], Path(path)
     if target.exists():
-        raise DatasetError(Fault(str(target), "this path is taken.", remedy="Choose another name."))
+        raise DatasetError(
+            Fault(str(target), "a file or folder of this name already exists.", remedy="Choose another name.")
+        )
     for part in datasets[1:]:
         _check_same_dataset(datasets[0], part)
     sources = _sources(datasets)

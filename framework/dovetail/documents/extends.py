@@ -17,8 +17,8 @@ Alternatives: TypeAlias = Sequence[Sequence[str]]
 
 LONGEST_CHAIN = 16
 _EXTENDS = "extends"
-_FORMATS = ("dovetail", "dovetail_series")
-"""Keys of which each document has one, or extends one that has."""
+FORMATS = {"dovetail": "an assembly", "dovetail_series": "a series of tests"}
+"""Keys of which each document has one, or extends one that has, and what it describes."""
 
 
 def read_source(source: str | os.PathLike[str] | Mapping[str, object], faults: FaultList) -> tuple[str, Item]:
@@ -57,7 +57,7 @@ def read_source(source: str | os.PathLike[str] | Mapping[str, object], faults: F
         seen.append(os.path.realpath(file))
         base_faults = FaultList()
         item = read_yaml(file, len(chain), base_faults)
-        if not {*_FORMATS, _EXTENDS} & item.entries.keys():
+        if not {*FORMATS, _EXTENDS} & item.entries.keys():
             raise _not_a_description(chain[-1], base, faults)
         faults.extend(base_faults)
         chain.append(item)

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
+from dovetail.documents.extends import FORMATS
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.option_fields import keys_of, models_at
 from dovetail.documents.tree import Item, Path, Scalar, format_path, format_value, plain_values, replace_value
@@ -92,8 +93,19 @@ def validate(
 
 
 def check_format(faults: FaultList, key: str, version: int, missing: str) -> None:
-    """Report a fault unless the document has this format version under `key`; `missing` is the problem without one."""
+    """Report a fault unless the document has this format version under `key`; `missing` is the problem without one.
+
+    Raises
+    ------
+    DescriptionError
+        The document is of another kind, so that faults of its keys would not help.
+    """
     item = faults.root.at((key,))
+    others = [kind for other, kind in FORMATS.items() if faults.root.at((other,)) is not None]
+    if item is None and others:
+        problem = f"this describes {others[0]}, and {FORMATS[key]} is needed here."
+        faults.add((), problem, f"a file that begins with '{key}: {version}'")
+        raise faults.error()
     if item is None:
         faults.add((key,), missing, remedy=f"Begin it with '{key}: {version}'.")
     elif item.value != version or isinstance(item.value, bool):

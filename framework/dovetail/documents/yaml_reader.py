@@ -15,12 +15,15 @@ from typing import Any
 
 import yaml
 
+from dovetail.atomic_files import missing_file
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.tree import Entry, Item, Mark, Path, Scalar, format_value
 from dovetail.errors import DescriptionError
 
 LARGEST_FILE = 256 * 1024
 """Bytes."""
+DESCRIPTION = "a description (YAML); measured files come after it"
+"""What is accepted in place of another kind of file."""
 LARGEST_TREE = 50_000
 """Number of values; those behind an alias are counted each time."""
 MOST_LEVELS = 32
@@ -77,12 +80,13 @@ def _read_text(file: str, rank: int, faults: FaultList) -> str:
     try:
         status = os.stat(file)
         if not stat.S_ISREG(status.st_mode):
-            faults.add_at(start, (), "this is not a file.")
+            kind = "a folder" if stat.S_ISDIR(status.st_mode) else "not a file"
+            faults.add_at(start, (), f"this is {kind}.", DESCRIPTION)
             raise faults.error()
         with open(file, "rb") as stream:
             data = stream.read(LARGEST_FILE + 1)
     except FileNotFoundError:
-        faults.add_at(start, (), "there is no such file.")
+        faults.add_at(start, (), "there is no such file.", remedy=missing_file(file).remedy)
         raise faults.error() from None
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
@@ -90,7 +94,7 @@ def _read_text(file: str, rank: int, faults: FaultList) -> str:
         raise faults.error() from None
     if len(data) > LARGEST_FILE:
         size = f"the file has {status.st_size} bytes; a description has {LARGEST_FILE} at most."
-        faults.add_at(start, (), size)
+        faults.add_at(start, (), size, DESCRIPTION)
         raise faults.error()
     return _decode(data, file, rank, faults)
 
@@ -100,8 +104,13 @@ def _decode(data: bytes, file: str, rank: int, faults: FaultList) -> str:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         before = data[: error.start].decode("utf-8-sig")
+        is_yaml = os.path.splitext(file)[1].lower() in (".yaml", ".yml")
         problem = f"the byte 0x{data[error.start]:02x} is not UTF-8."
-        faults.add_at(_mark_after(before, file, rank), (), problem, remedy="Save the file as UTF-8.")
+        mark = _mark_after(before, file, rank)
+        if is_yaml:
+            faults.add_at(mark, (), problem, remedy="Save the file as UTF-8.")
+        else:
+            faults.add_at(mark, (), f"this is not a text: {problem}", DESCRIPTION)
         raise faults.error() from None
     if match := UNPRINTABLE.search(text):
         mark = _mark_after(text[: match.start()], file, rank)
@@ -168,7 +177,7 @@ class _Composer:
         root, _ = self._node(next(self._events), (), 1)
         if not root.is_mapping:
             content = "no description" if self._rank else format_value(root.value)  # do not show an extended file
-            raise self._fatal(root.mark, f"the file contains {content}.", "a description; measured files come after it")
+            raise self._fatal(root.mark, f"the file contains {content}.", DESCRIPTION)
         next(self._events)
         if not isinstance(next(self._events), yaml.StreamEndEvent):
             raise self._fatal(self._last, "a second document begins here.", "one document in a file")

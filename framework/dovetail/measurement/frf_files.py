@@ -243,6 +243,8 @@ def check_suffix(path: Path, registry: Registry) -> None:
 def unknown_suffix(path: Path, known: Iterable[str]) -> Fault:
     """Return the fault of a file whose suffix is not that of a format."""
     remedy = f"For the format of a plugin file, add {argument('plugins')}."
+    if path.suffix.lower() in (".yaml", ".yml"):
+        remedy = "A description comes before the measured files."
     shown = f"'{path.suffix}' is not the suffix of a known format" if path.suffix else "the name has no suffix"
     return Fault(str(path), f"{shown}.", ", ".join(known), remedy if path.suffix else "")
 

@@ -12,7 +12,7 @@ from typing import Any, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.errors import Fault, MeasurementError, did_you_mean, listing
+from dovetail.errors import Fault, MeasurementError, argument, did_you_mean, listing
 from dovetail.frf import QUANTITIES, Frf, Quantity, check_size, unit_of
 from dovetail.interfaces import About, Statement
 from dovetail.measurement.frf_units import UnitMeaning, is_si, meaning_of_unit, read_unit
@@ -146,7 +146,8 @@ class Recording:
         if not self.taken:
             return ""
         left_out = ", of which that at 0 Hz is left out" if first else ""
-        return f"{self.frequency.size} rows{left_out}; {listing(self.taken)}."
+        count = self.frequency.size
+        return f"{count} row{'s' * (count != 1)}{left_out}; {listing(self.taken)}."
 
     def with_dofs(self, response: str, force: str) -> Recording:
         """Return the recording with the caller's DOFs, if the file states none.
@@ -390,8 +391,8 @@ class ReadOptions:
 
     @property
     def chooses(self) -> str:
-        """The first option that chooses one of several FRFs, with its value, or an empty text."""
+        """The first argument that chooses one of several FRFs, as messages name it, or an empty text."""
         for name in ("index", "response", "force"):
             if (value := getattr(self, name)) is not None:
-                return f"{name}={value}"
+                return argument(name, value)
         return ""

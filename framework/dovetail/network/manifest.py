@@ -14,6 +14,7 @@ from dovetail.errors import BundleError, Fault
 from dovetail.network.evaluation import Evaluation
 
 MANIFEST = "manifest.json"
+_ACCEPTED = "a folder that 'dovetail train' wrote, or a description (YAML)"
 FORMAT: Final = "dovetail-model"
 VERSION: Final = 3
 
@@ -134,7 +135,9 @@ def _header(folder: Path) -> dict[str, Any]:
     if not folder.is_dir():
         raise BundleError(Fault(str(folder), "there is no such model folder."))
     if not file.is_file():
-        raise BundleError(Fault(str(folder), f"this folder has no {MANIFEST}, so it is not a model of dovetail."))
+        raise BundleError(
+            Fault(str(folder), f"this folder has no {MANIFEST}, so it is not a trained network.", _ACCEPTED)
+        )
     try:
         if file.stat().st_size > _LARGEST_MANIFEST:
             raise BundleError(Fault(str(file), f"the manifest is longer than {_LARGEST_MANIFEST} bytes."))

@@ -91,7 +91,9 @@ def add_to_package(kind: Kind, name: str, folder: Path) -> NewPackage:
     words = _words(kind, name)
     project = folder / "pyproject.toml"
     if not project.is_file():
-        raise DovetailError(Fault(str(folder), "there is no pyproject.toml, so this is not a package.", "its folder"))
+        raise DovetailError(
+            Fault(str(folder), "there is no pyproject.toml, so this is not a package.", "the folder of a package")
+        )
     content, package = _parsed(project), _import_package(folder)
     words["package"] = package.name
     module = f"{package.name}.{words['name']}"

@@ -254,10 +254,8 @@ def _averages(comments: Mapping[str, str]) -> int | None:
     text = comments["averages"]
     digits = text.lstrip("0")
     if not (digits.isdecimal() and len(digits) < 10 and 1 <= int(digits) <= MOST_AVERAGES):
-        where = comments["averages stands in"]
-        raise MeasurementError(
-            Fault(where, f"{text[:40]!r} is not a number of averages.", "a whole number of 1 or more")
-        )
+        problem = f"{text[:40]!r} is not a number of averages."
+        raise MeasurementError(Fault(comments["averages stands in"], problem, "a whole number of 1 or more"))
     return int(digits)
 
 
@@ -369,7 +367,9 @@ def _field_columns(
     columns = [(name, unit) for name, unit in zip(names, units, strict=True) if name not in ("", _SKIP)]
     words = {name: column_word(name, unit) for name, unit in columns}
     shown = line if len(line) <= 60 else f"{line[:60]}..."
-    unclear = MeasurementError(Fault(where, f"the header {shown!r} is not understood.", _HEADERS, SAY_COLUMNS))
+    over_time = any(name.lower().startswith("time") for name in names)
+    remedy = "'dovetail frf' estimates an FRF from signals over time." if over_time else SAY_COLUMNS
+    unclear = MeasurementError(Fault(where, f"the header {shown!r} is not understood.", _HEADERS, remedy))
     if len(words) < len(columns):
         raise MeasurementError(Fault(where, f"the header {shown!r} has a name twice.", _HEADERS, SAY_COLUMNS))
     named = {field for field in NUMERIC_FIELDS if set(words.values()) & set(FIELD_NAMES[field])}

@@ -112,7 +112,9 @@ def frf_from_signals(
     pulses, signals = _check_records(force, response, rate, label)
     chosen = parse_quantity(quantity, "the argument quantity")
     if estimator not in ESTIMATORS:
-        raise MeasurementError(Fault("the argument estimator", f"'{estimator}' is none.", ", ".join(ESTIMATORS)))
+        raise MeasurementError(
+            Fault("the argument estimator", f"'{estimator}' is not an estimator.", ", ".join(ESTIMATORS))
+        )
     faults = check_signals(pulses, signals, rate, full_scale)
     bad = {fault.impact for fault in faults if fault.is_bad} if leave_out_bad else set()
     used = tuple(number for number in range(1, len(pulses) + 1) if number not in bad)
@@ -128,7 +130,7 @@ def frf_from_signals(
         pulses, problems = remove_force_offset(pulses)
         warnings += problems
     windowed = _apply_windows(pulses, signals, rate, force_window, exponential_window, label)
-    frf = _estimate_frf(*windowed, rate, chosen, estimator)
+    frf = _estimate_frf(*windowed, rate, chosen, estimator, label)
     warnings += [f"impact {number} is left out." for number in sorted(bad)]
     if len(used) == 1:
         warnings.append("a single impact gives neither coherence nor variance.")
@@ -210,7 +212,9 @@ def _decay(end: float | None, duration: float) -> float:
     return -math.log(end) / duration
 
 
-def _estimate_frf(force: Array, response: Array, rate: float, quantity: Quantity, estimator: Estimator) -> Frf:
+def _estimate_frf(
+    force: Array, response: Array, rate: float, quantity: Quantity, estimator: Estimator, label: str
+) -> Frf:
     """Average the spectra; the windows are already applied, since pyFRF's windows scale an FRF by their areas."""
     from pyFRF import FRF
 
@@ -222,4 +226,8 @@ def _estimate_frf(force: Array, response: Array, rate: float, quantity: Quantity
         values = average.get_FRF(frf_form=quantity)[0, 0, lines]
         coherence = np.clip(average.get_coherence()[0, lines], 0.0, 1.0) if several else None
     frequency = np.asarray(np.fft.rfftfreq(samples, 1.0 / rate)[lines], dtype=np.float64)
+    empty = np.flatnonzero(~np.isfinite(values))
+    if empty.size:
+        problem = f"at {empty.size} of {frequency.size} lines, from {frequency[empty[0]]:g} Hz, the spectra are zero."
+        raise MeasurementError(Fault(label, f"{problem} There is no FRF there.", remedy="Check the channels."))
     return Frf(frequency, values, quantity, coherence=coherence, averages=len(force))

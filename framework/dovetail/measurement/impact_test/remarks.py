@@ -179,7 +179,9 @@ class Remarks:
             if reading is not None and reading.kind in ("time", "none") and not role:
                 continue
             if not roles or (len(cells) > 1 and role):
-                problem = f"the unit '{text[:60]}' is not understood."
+                whole = read_unit(text)
+                of_frf = " (that of an FRF: the file has no signals)" if whole and whole.kind == "ratio" else ""
+                problem = f"the unit '{text[:60]}' is not understood{of_frf}."
                 raise MeasurementError(Fault(where, problem, "N, lbf, m/s^2, g, mm/s, ...", "Correct the file."))
             for one in roles:
                 about = "load unit" if one == "force" else "motion unit"
