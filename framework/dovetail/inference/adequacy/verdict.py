@@ -10,7 +10,6 @@ from typing import Any, Final, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.errors import listing
 from dovetail.frf import Frf, coherence_with_model, poor_bands
 from dovetail.frf.resonance_peaks import PairedPeaks, resonance_peaks
 from dovetail.inference.posterior.model_error import TYPICAL, ModelError, typical_model_error
@@ -172,11 +171,10 @@ class Adequacy:
         unknown = [_KINDS[name] for name in self.size.unknown if name in _KINDS]
         head, errors = heads.get(self.word, "The model does not fit"), self.size.describe()
         known = f"{head}{':' if self.word in heads else ', unless'} {errors}." if errors else f"{head}."
-        return (
-            f"{known} Errors of {listing(unknown)} are unknown: this measurement does not show them."
-            if unknown
-            else known
-        )
+        if not unknown:
+            return known
+        named = " and ".join(filter(None, [", ".join(unknown[:-1]), unknown[-1]]))
+        return f"{known} Errors of {named} are unknown: this measurement does not show them."
 
     def parameters_moved_by_causes(
         self, intervals: Mapping[str, tuple[float, float]], parameters: Sequence[Parameter]
