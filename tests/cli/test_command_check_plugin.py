@@ -67,7 +67,9 @@ def test_a_name_of_several_kinds_checks_them_all(run, tmp_path):
 
 
 def test_an_unknown_name(run):
-    assert run("check-plugin", "colet", code=1).stderr.startswith("  there is no model 'colet'.\n")
+    assert run("check-plugin", "colet", code=1).stderr.startswith(
+        "dovetail check-plugin\n  there is no model 'colet'.\n"
+    )
 
 
 @pytest.mark.parametrize("command", ["check-plugin", "describe"])

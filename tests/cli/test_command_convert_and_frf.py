@@ -303,4 +303,4 @@ def test_faults_of_frf(run, tmp_path, hits):
     assert "the archive is damaged" in fault_of(run, tmp_path, "a.npz", b"PK")
     assert "0 time records of a force" in fault_of(run, tmp_path, "a.uff", "    -1\n   151\nx\n    -1\n")
     np.savez(tmp_path / "b.npz", force=hits[1])
-    assert "force or response are missing" in run("frf", tmp_path / "b.npz", "-o", tmp_path / "c.csv", code=1).stderr
+    assert "a force or a response is missing" in run("frf", tmp_path / "b.npz", "-o", tmp_path / "c.csv", code=1).stderr

@@ -25,7 +25,9 @@ def test_generate_never_changes_existing_files(run, bench, tmp_path):
     taken = tmp_path / "mine"
     taken.mkdir()
     (taken / "notes.txt").write_text("mine")
-    assert "this path is taken" in run("generate", bench.description, "-o", taken, code=1).stderr
+    assert (
+        "a file or folder of this name already exists" in run("generate", bench.description, "-o", taken, code=1).stderr
+    )
     assert (taken / "notes.txt").read_text() == "mine"
 
 

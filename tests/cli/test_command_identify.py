@@ -290,7 +290,9 @@ def test_missing_files(run, bench, tmp_path):
         run("identify", gone, bench.measured, "--method", "network", code=1).stderr
         == f"{gone}\n  there is no such file.\n"
     )
-    assert "it is not a model" in run("identify", tmp_path, bench.measured, "--method", "network", code=1).stderr
+    assert (
+        "it is not a trained network" in run("identify", tmp_path, bench.measured, "--method", "network", code=1).stderr
+    )
 
 
 def test_the_mass_of_the_accelerometer_is_removed(run, bench, tmp_path):

@@ -60,7 +60,7 @@ def test_describe_names_both_sources_of_a_conflict(run):
 def test_an_unknown_model_is_reported_with_the_plugins_that_failed_to_load(run):
     offered = sorted({row["name"] for row in json.loads(run("plugins", "--json").stdout)["components"]} - {"rigid"})
     assert run("describe", "colet", code=1).stderr == (
-        "  there is no model 'colet'.\n"
+        "dovetail describe\n  there is no model 'colet'.\n"
         "  Did you mean 'collet'? (Not loaded: broken-pkg 1.0: ModuleNotFoundError: no 'gone') "
         "A model of your own needs --plugin FILE.py or, in a package, `pip install -e FOLDER` once more.  "
         f"Accepted: {', '.join(offered)}\n"

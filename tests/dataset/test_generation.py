@@ -103,7 +103,7 @@ def test_existing_paths_are_never_overwritten(sdof, tmp_path):
     dovetail.generate(sdof, tmp_path / "data.zarr", samples=20)
     with pytest.raises(DatasetError) as error:
         dovetail.generate(sdof, tmp_path / "data.zarr", samples=20)
-    assert found(error) == "this path is taken."
+    assert found(error) == "a file or folder of this name already exists."
 
 
 @pytest.mark.parametrize(

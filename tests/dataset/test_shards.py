@@ -167,7 +167,7 @@ def test_shards_of_another_plan_are_refused(assembly, tmp_path):
     dovetail.generate(dovetail.load(description), tmp_path / "c.zarr", samples=SAMPLES, shard=(2, 2))
     with pytest.raises(DatasetError, match="its description differ"):
         dovetail.merge_datasets([first.path, tmp_path / "c.zarr"], tmp_path / "data.zarr")
-    with pytest.raises(DatasetError, match="this path is taken"):
+    with pytest.raises(DatasetError, match="a file or folder of this name already exists"):
         dovetail.merge_datasets([first.path], tmp_path / "b.zarr")
     with pytest.raises(DatasetError, match="there are none"):
         dovetail.merge_datasets([], tmp_path / "data.zarr")

@@ -45,9 +45,7 @@ def test_names_compressed_blocks_and_radians_per_second(tmp_path: Path) -> None:
     np.testing.assert_allclose(frf.frequency, FREQUENCY)
     np.testing.assert_array_equal(frf.values, 2 * VALUES)
     message = fault_of(tmp_path / "a.hdf5")
-    assert message.startswith(
-        "a.hdf5\n  no name is that of the frequency; the file holds:\n    a: (3, 3) float64"
-    )
+    assert message.startswith("a.hdf5\n  no name is that of the frequency; the file holds:\n    a: (3, 3) float64")
 
 
 def test_several_groups_are_ambiguous(tmp_path: Path) -> None:

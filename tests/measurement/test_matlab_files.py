@@ -63,9 +63,7 @@ def test_names_amplitude_and_phase(tmp_path: Path) -> None:
     frf = read_frf(path, names=names, unit="um/N")
     np.testing.assert_allclose(frf.values, VALUES * 1e-6, rtol=1e-14)
     message = fault_of(path)
-    assert message.startswith(
-        "a.mat\n  no name is that of the frequency; the file holds:\n    X: (7, 1) float64"
-    )
+    assert message.startswith("a.mat\n  no name is that of the frequency; the file holds:\n    X: (7, 1) float64")
     assert "\n    other: (3, 3) float64\n" in message
 
 

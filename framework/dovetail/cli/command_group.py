@@ -181,7 +181,8 @@ def _explained_faults(ctx: Any) -> Iterator[None]:
         if error.errno == errno.EPIPE:
             raise
         reason = error.strerror or str(error)
-        _explain(Fault(str(error.filename or ""), f"the system refuses: {reason}."), ctx)
+        remedy = "Check the permissions and the free space there, or choose another place."
+        _explain(Fault(str(error.filename or ""), f"the system refuses: {reason}.", remedy=remedy), ctx)
     except KeyboardInterrupt:
         typer.echo("\nInterrupted.", err=True)
         raise typer.Exit(INTERRUPTED) from None

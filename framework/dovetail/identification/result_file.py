@@ -365,7 +365,8 @@ def _frf(file: Path, frequency: list[float], quantity: Quantity, frf: _StoredFrf
 def _faults(file: Path, error: ValidationError) -> list[Fault]:
     other = Fault(str(file), "this is not the result of an identification.", _ACCEPTED)
     details = error.errors(include_url=False)
-    if details[0]["type"] == "json_invalid" or any(one["loc"] == ("method",) for one in details):
+    wrong = {one["loc"] for one in details}
+    if details[0]["type"] == "json_invalid" or {("method",), ("parameters",)} <= wrong:
         return [other]  # a file of another kind: what it lacks would not help
     faults = [
         Fault(f"{file}  {'.'.join(str(key) for key in fault['loc'])}".rstrip(), f"{fault['msg']}.")

@@ -49,7 +49,7 @@ def read_archive(archive: RecordedArrays, chosen: Mapping[str, str], remarks: Re
         held = ", ".join(list(archive.entries)[:20]) or "nothing"
         accepted = "arrays force and response, of shape (n_impacts, n_samples), and rate or time"
         raise MeasurementError(
-            Fault(str(archive.path), f"there is no force or no response; the file holds: {held}.", accepted)
+            Fault(str(archive.path), f"a force or a response is missing; the file holds: {held}.", accepted)
         )
     _read_others(archive, names, remarks)
     points = _points_of_impacts(archive, names)
