@@ -74,7 +74,8 @@ def test_sizes_that_the_parameters_can_follow_are_unknown():
     size = result.adequacy.size
     assert {"natural_frequency", "damping", "magnitude"} <= {*size.unknown}
     assert np.isfinite(size.phase)
-    assert "Errors of natural frequencies, damping, amplitudes and a smooth background are unknown" in result.adequacy.sentence
+    unknown = "Errors of natural frequencies, damping, amplitudes and a smooth background are unknown"
+    assert unknown in result.adequacy.sentence
     assert "natural frequencies are off" not in result.adequacy.sentence
     stored = json.loads(json.dumps(result.to_dict()))["adequacy"]["model_error"]
     assert stored["magnitude"] is None

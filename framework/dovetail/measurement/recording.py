@@ -392,7 +392,6 @@ class ReadOptions:
     @property
     def chooses(self) -> str:
         """The first argument that chooses one of several FRFs, as messages name it, or an empty text."""
-        for name in ("index", "response", "force"):
-            if (value := getattr(self, name)) is not None:
-                return argument(name, value)
-        return ""
+        named = [(self.index, argument("index", self.index)), (self.response, argument("response", self.response))]
+        named.append((self.force, argument("force", self.force)))
+        return next((text for value, text in named if value is not None), "")
