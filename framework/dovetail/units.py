@@ -262,8 +262,9 @@ def _factor_by_pint(unit: str, target: str, text: str) -> float:
             raise ValueError(unit)
         angular = target == "Hz" and "radian" in dict(registry.Quantity(1.0, source).to_root_units().unit_items())
         return float(one) / (2.0 * math.pi if angular else 1.0)
-    except pint.DimensionalityError as error:
-        problem = f"{text!r} has the dimension {error.dim1}, but a unit of {target} {error.dim2} was expected."
+    except pint.DimensionalityError:
+        wanted = "a plain number" if target == "1" else f"in {target}, or in a unit that can be converted to it"
+        problem = f"{text!r} is not {wanted}."
         raise UnitError(problem + _force_hint(spelled, target)) from None
     except Exception:  # pint's parser may raise anything
         problem = f"{unit!r} in {text!r} is not a unit; a unit of {target} was expected."

@@ -265,7 +265,7 @@ def test_a_part_of_the_band_is_enough_without_a_network(run, bench, tmp_path):
     ("arguments", "code", "found"),
     [
         (["--method", "nettwork"], 2, "Did you mean 'network'?"),
-        (["--accelerometer-mass", "3 m"], 2, "'3 m' has the dimension [length]"),
+        (["--accelerometer-mass", "3 m"], 2, "'3 m' is not in kg, or"),
         (["--accelerometer-mass", "1.2"], 2, "'1.2' without a unit is 1.2 kg."),
         (["--quantity", "mobility"], 1, "the file says that it holds accelerance"),
         (["--quantity", "speed"], 1, "'speed' is not a quantity"),

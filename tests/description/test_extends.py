@@ -97,7 +97,7 @@ def test_faults_are_reported_at_the_lines_of_the_file_that_holds_them(message, s
     base = sound.replace("outer: 50 mm", "outer: 50 s")
     assert message(over, middle=middle, base=base) == (
         "test.yaml:3:10  frequency.start\n"
-        "  '100 kg' has the dimension [mass], but a unit of Hz 1 / [time] was expected.\n"
+        "  '100 kg' is not in Hz, or in a unit that can be converted to it.\n"
         "test.yaml:4:32  joints.collet.parameters.k_ry\n"
         "  'k_ry' is not a parameter of joint model 'clamp' (fake 1.0).\n"
         "  Did you mean 'kr_tc'?  Accepted: Dc [m], mn1 [kg], kr_tc [N m/rad]\n"
@@ -106,7 +106,7 @@ def test_faults_are_reported_at_the_lines_of_the_file_that_holds_them(message, s
         "  The nearest nodes are at 10 mm and 20 mm.  Accepted: 0 mm, 10 mm, 20 mm, 30 mm, 40 mm, 50 mm, 60 mm, "
         "70 mm, 80 mm, 90 mm, 100 mm\n"
         "base.yaml:13:32  substructures.holder.sections[0].outer\n"
-        "  '50 s' has the dimension [time], but a unit of m [length] was expected."
+        "  '50 s' is not in m, or in a unit that can be converted to it."
     )
 
 

@@ -36,7 +36,7 @@ def test_paths_in_the_order_of_the_dict(document, faults):
         "<dict>  substructures.holder.sections[0].outer\n"
         "  0 must be greater than 0.\n"
         "<dict>  response.position\n"
-        "  '10 kg' has the dimension [mass], but a unit of m [length] was expected."
+        "  '10 kg' is not in m, or in a unit that can be converted to it."
     )
 
 

@@ -89,7 +89,7 @@ CASES = {
     "port_position_unit": (
         {"at: [90 mm, 100 mm]": "at: [90 mm, 100 s]"},
         "test.yaml:18:36  joints.collet.connect.tool.at[1]\n"
-        "  '100 s' has the dimension [time], but a unit of m [length] was expected.",
+        "  '100 s' is not in m, or in a unit that can be converted to it.",
     ),
     "no_node_there": (
         {"at: [90 mm, 100 mm]": "at: [90 mm, 96 mm]"},

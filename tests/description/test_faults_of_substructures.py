@@ -106,7 +106,7 @@ CASES = {
     "unit_of_another_dimension": (
         {"outer: 50 mm": "outer: 50 kg"},
         "test.yaml:13:32  substructures.holder.sections[0].outer\n"
-        "  '50 kg' has the dimension [mass], but a unit of m [length] was expected.",
+        "  '50 kg' is not in m, or in a unit that can be converted to it.",
     ),
     "unit_unknown": (
         {"outer: 50 mm": "outer: 50 milimeter"},

@@ -31,7 +31,7 @@ CHAIN, FORCE, FOOT = "response.calibration", "response.force", "joints.foot.para
 FAULTS = {
     "one_end": (YOUNG, {"range": [1e11]}, "young.range\n  a range has a lower and an upper end, but this list has 1"),
     "empty": (YOUNG, {"range": [2e11, 1e11]}, "young.range\n  the range from 200000000000.0 to 100000000000.0 is"),
-    "unit": (YOUNG, {"range": ["1 mm", 2e11]}, "young.range[0]\n  '1 mm' has the dimension [length]"),
+    "unit": (YOUNG, {"range": ["1 mm", 2e11]}, "young.range[0]\n  '1 mm' is not in Pa, or"),
     "invalid_end": (
         YOUNG,
         {"range": [-1, 2e11]},

@@ -42,7 +42,7 @@ def test_what_refers_to_a_faulty_part_is_not_reported_as_well(message, broken):
     text = broken({"outer: 50 mm": "outer: 50 kg", "response: {at: tool": "response: {at: holder"})
     assert message(text) == (
         "test.yaml:13:32  substructures.holder.sections[0].outer\n"
-        "  '50 kg' has the dimension [mass], but a unit of m [length] was expected."
+        "  '50 kg' is not in m, or in a unit that can be converted to it."
     )
 
 
