@@ -171,3 +171,14 @@ def test_digits_of_an_frf_that_is_zero_are_not_counted():
     whole["response"]["force"] = {"position": "foot", "direction": "ry"}
     assert (dovetail.load(whole).frf(dovetail.load(whole).from_unit(np.full(12, 0.5))) == 0.0).all()
     assert warnings(whole) == []
+
+
+def test_an_frf_that_is_zero_is_not_identified():
+    """Its fit once ended with 'the value of line 1 is not finite'."""
+    described = dovetail.load(WHOLE)
+    middle = described.from_unit(np.full(12, 0.5))
+    measured = described.simulate(middle)
+    whole = changed(("response", "direction"), "z")
+    whole["response"]["force"] = {"position": "foot", "direction": "ry"}
+    with pytest.raises(dovetail.ParameterError, match="the model's FRF at camera, node top, z"):
+        dovetail.identify(dovetail.load(whole), measured, "refined")

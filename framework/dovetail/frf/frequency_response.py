@@ -31,6 +31,11 @@ MOST_AVERAGES = 1_000_000
 _CORRECT = "Correct the unit or the columns, or remove these lines."
 
 
+def kind_of(rotation: bool, moment: bool) -> str:
+    """Return the kind of an FRF, such as ``"displacement per force"``."""
+    return f"{'rotation' if rotation else 'displacement'} per {'moment' if moment else 'force'}"
+
+
 def unit_of(quantity: Quantity, *, rotation: bool = False, moment: bool | None = None) -> str:
     """Return the SI unit of an FRF of this quantity.
 
@@ -144,6 +149,8 @@ class Frf:
         True for a rotation per moment, False for a displacement per force.
     moment : bool, optional
         True for an excitation by a moment, False by a force; by default as `rotation`.
+    has_unit : bool
+        Whether its file gives a unit, so that a displacement per force is not one of another kind in other words.
     response, force : str
         Names of the DOFs where the motion was measured and where the force acted, such as ``"5+x"``; empty if
         unknown.
@@ -171,6 +178,7 @@ class Frf:
     force: str = ""
     origin: str = ""
     moment: bool | None = None
+    has_unit: bool = False
 
     def __post_init__(self) -> None:
         arrays = {name: getattr(self, name) for name in ("frequency", "values", "coherence", "variance")}
@@ -257,7 +265,7 @@ class Frf:
     @property
     def kind(self) -> str:
         """The kind of FRF, such as ``"displacement per force"``."""
-        return f"{'rotation' if self.rotation else 'displacement'} per {'moment' if self.by_moment else 'force'}"
+        return kind_of(self.rotation, self.by_moment)
 
     @property
     def amplitude(self) -> NDArray[np.float64]:

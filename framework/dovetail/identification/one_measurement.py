@@ -11,7 +11,6 @@ from typing import Any, cast
 import numpy as np
 
 from dovetail.assembly import FRF_TOLERANCE, Assembly, AssemblySource, as_assembly, largest_frf_difference
-from dovetail.description import Response
 from dovetail.documents.validation import validated
 from dovetail.errors import Fault, MeasurementError, ParameterError, argument, did_you_mean, listing
 from dovetail.frf import Frf
@@ -200,11 +199,11 @@ def lines_to_fit(
 ) -> MeasuredLines:
     """Return the lines of measured FRFs with the requested weights, with the signs that the description leaves open."""
     frfs = one_per_response(assembly.description, frfs)
-    for frf, response in zip(frfs, assembly.description.responses, strict=True):
+    for frf in frfs:
         _check_numbers(frf)
-        _check_kind(frf, response)
     weighted, own = (each if phase else tuple(map(amplitudes, each)) for each in (_weighted(frfs, weights), frfs))
     lines = MeasuredLines.of(assembly, weighted)
+    _check_motion(lines.assembly)
     if weights is not None:
         lines = replace(lines, unweighted=MeasuredLines.of(assembly, own).frfs)
     return with_signs(lines, progress) if assembly.description.unknown_signs else lines
@@ -359,13 +358,13 @@ def _check_numbers(frf: Frf) -> None:
         raise MeasurementError(Fault(frf.label, problem, remedy="Leave this line out: 'frequency: {without: ...}'."))
 
 
-def _check_kind(frf: Frf, response: Response) -> None:
-    """Raise a MeasurementError where a unit says that an FRF is of a rotation, or by a moment, and it should not be."""
-    expected = response.frf(frf.frequency, frf.values)
-    if (frf.rotation or frf.by_moment) and frf.kind != expected.kind:
-        problem = f"its unit, {frf.unit}, is that of a {frf.kind}, and the response is a {expected.kind}."
-        remedy = "Correct the response's 'direction' or that of its 'force', or the unit."
-        raise MeasurementError(Fault(frf.label, problem, remedy=remedy))
+def _check_motion(assembly: Assembly) -> None:
+    """Raise a ParameterError if the force of a response does not move its point, as in another plane of symmetry."""
+    middle = assembly.from_unit(np.full(len(assembly.parameters), 0.5))
+    for label, each in zip(assembly.description.response_labels, assembly.each_response, strict=True):
+        if not each.frf(middle).any():
+            problem = f"the model's FRF at {label} is zero at all lines: the force does not move this point so."
+            raise ParameterError(Fault(assembly.name, problem, remedy="Correct the directions of response and force."))
 
 
 def method_options(method: IdentificationMethod) -> tuple[str, ...]:

@@ -137,6 +137,7 @@ class Recording:
             variance=None if self.variance is None else self.variance[first:] * factor**2,
             rotation=self.rotation,
             moment=self.moment,
+            has_unit=bool(self.unit),
             response=self.response,
             force=self.force,
             origin=self._origin(first),

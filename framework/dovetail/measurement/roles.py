@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError
-from dovetail.frf import Frf, conversion
+from dovetail.frf import Frf, conversion, kind_of
 from dovetail.frf.resonance_peaks import noise_deviation
 from dovetail.measurement.named_points import GivenDof, ModelDof, axes_disagree, read_dof
 from dovetail.measurement.point_statements import GENERAL_NOUNS, points_of_note
@@ -68,6 +68,11 @@ class Role:
     def dofs(self) -> str:
         """The DOFs in the file, in words."""
         return f"response {self.frf.response or 'unknown'}, force {self.frf.force or 'unknown'}"
+
+    @property
+    def kind(self) -> str:
+        """The kind of FRF as which it is used, such as ``"displacement per force"``."""
+        return kind_of(self.response.rotation, self.force.rotation)
 
     @property
     def use(self) -> str:
@@ -170,6 +175,11 @@ def contradictions(
 
 def _faults_alone(role: Role, ends: Sequence[_End], distinct: bool) -> Iterator[Fault]:
     """Yield what the file of one FRF says that contradicts its use."""
+    frf, used_as = role.frf, role.kind
+    if (frf.rotation or frf.by_moment or frf.has_unit) and frf.kind != used_as:
+        problem = f"its unit, {frf.unit}, is that of a {frf.kind}, and the response is a {used_as}."
+        remedy = "Correct the response's 'direction' or that of its 'force', or the unit."
+        yield Fault(role.name, problem, remedy=remedy)
     for end in ends:
         dof, used = end.dof, end.used
         its = f"its {end.noun}, {dof.text[:60]},"
