@@ -129,3 +129,9 @@ def test_noise_and_truth_make_a_measurement(run, sdof, assemblies, tmp_path):
 )
 def test_wrong_noise_and_truth(run, assemblies, arguments, found):
     assert found in run("simulate", assemblies / "sdof.yaml", *arguments, code=2).stderr
+
+
+def test_a_number_without_a_unit_is_explained_where_it_is_outside_the_range(run, assemblies):
+    words = ("--set", "Dc=30", "--set", "mn1=3kg", "--set", "dc=0.012")
+    said = run("simulate", assemblies / "bt40_er32_quick.yaml", *words).stderr
+    assert said == "'Dc=30' has no unit, so that it is 30 m: outside the range 26 to 40 mm.\n"

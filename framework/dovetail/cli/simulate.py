@@ -78,6 +78,7 @@ def simulate(
     chosen = _settings(settings or [])
     loaded = at_point(dovetail.load(assembly, plugins=plugin or ()), point)
     theta = _theta(loaded, chosen)
+    _note_missing_units(loaded, theta, chosen)
     frf = loaded.simulate(theta)
     if noise:
         frf = noisy_frf(frf, noise, seed)
@@ -111,6 +112,16 @@ def _theta(assembly: Assembly, chosen: dict[str, str]) -> dict[str, float]:
     """Return SI values of all parameters by name: the chosen ones, and the middle of the range for others."""
     names = [parameter.name for parameter in assembly.parameters]
     return dict(zip(names, assembly.vector(chosen).tolist(), strict=True))
+
+
+def _note_missing_units(assembly: Assembly, theta: dict[str, float], chosen: dict[str, str]) -> None:
+    """Say what a number without a unit means where it is outside the range."""
+    from dovetail.identification.parameters import is_in_range
+
+    for p in assembly.parameters:
+        text = chosen.get(p.name, "")
+        if p.unit != "1" and text[-1:].isdigit() and not is_in_range(theta[p.name], p.lower, p.upper, p.scale):
+            note(f"'{p.name}={text}' has no unit, so that it is {text} {p.unit}: outside the range {range_text(p)}.")
 
 
 def _print(assembly: Assembly, theta: dict[str, float]) -> None:
