@@ -124,6 +124,11 @@ def did_you_mean(word: str, accepted: Iterable[str]) -> str:
     return f"Did you mean '{nearest}'?" if nearest else ""
 
 
+def counted(count: int, noun: str) -> str:
+    """Return a count with its noun: ``"1 line"``, ``"2 lines"``."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
 def listing(names: Iterable[str], limit: int = 12) -> str:
     """Join `names` with commas; those beyond `limit` are counted."""
     items = list(names)

@@ -13,6 +13,7 @@ from dovetail.cli.commands import INTERRUPTED, exit_unless_trustworthy
 from dovetail.cli.output_files import writing
 from dovetail.cli.reading import Reading
 from dovetail.cli.terminal import heading, note, print_json, progress_bars, say, say_on_stderr, table, title
+from dovetail.errors import counted
 
 if TYPE_CHECKING:
     from dovetail.assembly import Assembly
@@ -102,7 +103,7 @@ def _print(assembly: Assembly, batch: Batch) -> None:
     from dovetail.report.batch import batch_summary
     from dovetail.report.content import parameter_rows, warnings_of
 
-    title(f"{assembly.name}: joint identified from {len(batch.results)} measurements")
+    title(f"{assembly.name}: joint identified from {counted(len(batch.results), 'measurement')}")
     headers = ["measurement", "model", "mean coherence", "chi-squared", "identified"]
     rows = []
     for row in batch_summary(batch):

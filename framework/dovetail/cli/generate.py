@@ -12,6 +12,7 @@ import typer
 from dovetail.cli.commands import INTERRUPTED, typed
 from dovetail.cli.options import AssemblyFile, PluginFiles, Scheduler, load_assembly
 from dovetail.cli.terminal import progress_bars, say, say_on_stderr
+from dovetail.errors import counted
 
 if TYPE_CHECKING:
     from dovetail.dataset import Storage
@@ -83,8 +84,8 @@ def generate(
         raise typer.Exit(INTERRUPTED) from None
     of = f"shard {shard} of " if shards > 1 else ""
     say(
-        f"{output}: {of}{len(dataset)} samples of {len(loaded.parameters)} parameters, "
-        f"{len(dataset.frequency)} lines each, seed {dataset.seed}"
+        f"{output}: {of}{counted(len(dataset), 'sample')} of {counted(len(loaded.parameters), 'parameter')}, "
+        f"{counted(len(dataset.frequency), 'line')} each, seed {dataset.seed}"
     )
 
 

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from dovetail.cli.terminal import say
+from dovetail.errors import counted
 
 
 def merge(
@@ -23,4 +24,7 @@ def merge(
     import dovetail
 
     dataset = dovetail.merge_datasets(shards, output)
-    say(f"{output}: {len(dataset)} samples of {dataset.parameters.shape[1]} parameters, from {len(shards)} shards")
+    say(
+        f"{output}: {counted(len(dataset), 'sample')} of {counted(dataset.parameters.shape[1], 'parameter')}, "
+        f"from {counted(len(shards), 'shard')}"
+    )

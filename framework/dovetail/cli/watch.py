@@ -13,6 +13,7 @@ import typer
 
 from dovetail.cli.options import PluginFiles, part
 from dovetail.cli.terminal import note, progress_bars, say, say_on_stderr
+from dovetail.errors import counted
 
 if TYPE_CHECKING:
     from types import FrameType
@@ -81,7 +82,7 @@ def watch(
             note(f"Watching {folder}. The page is {output / 'watch.html'}. Ctrl-C ends.")
         watched.run(stop, once=once, interval=interval, report=report, looked=pages.update, failed=_note_failure)
         pages.update()
-    note(f"{len(new)} new files. The state, the tables and the page are in {output}.")
+    note(f"{counted(len(new), 'new file')}. The state, the tables and the page are in {output}.")
     if once and any(record["status"] == ALARM for record in new):
         raise typer.Exit(_NOT_AS_PREDICTED)
 

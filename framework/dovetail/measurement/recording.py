@@ -12,7 +12,7 @@ from typing import Any, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.errors import Fault, MeasurementError, argument, did_you_mean, listing
+from dovetail.errors import Fault, MeasurementError, argument, counted, did_you_mean, listing
 from dovetail.frf import QUANTITIES, Frf, Quantity, check_size, unit_of
 from dovetail.interfaces import About, Statement
 from dovetail.measurement.frf_units import UnitMeaning, is_si, meaning_of_unit, read_unit
@@ -147,8 +147,7 @@ class Recording:
         if not self.taken:
             return ""
         left_out = ", of which that at 0 Hz is left out" if first else ""
-        count = self.frequency.size
-        return f"{count} row{'s' * (count != 1)}{left_out}; {listing(self.taken)}."
+        return f"{counted(self.frequency.size, 'row')}{left_out}; {listing(self.taken)}."
 
     def with_dofs(self, response: str, force: str) -> Recording:
         """Return the recording with the caller's DOFs, if the file states none.

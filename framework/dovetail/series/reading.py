@@ -16,7 +16,7 @@ from dovetail.documents.fault_list import FaultList
 from dovetail.documents.tree import Path as Place
 from dovetail.documents.tree import format_value, plain_values
 from dovetail.documents.validation import validate
-from dovetail.errors import DovetailError, UnitError, did_you_mean, listing
+from dovetail.errors import DovetailError, UnitError, counted, did_you_mean, listing
 from dovetail.measurement.file_section import MeasuredFile
 from dovetail.registry import PluginPaths, Registry, components
 from dovetail.series.description import FREE, Covariate, Role, SeriesDescription, SeriesTest
@@ -104,7 +104,7 @@ class _Reader:
             return None
         count, wanted = len(files), len(assembly.description.responses)
         if count != wanted:
-            problem = f"{count} measured file{'s' * (count != 1)}, and its assembly has {wanted} responses."
+            problem = f"{counted(count, 'measured file')}, and its assembly has {wanted} responses."
             accepted = "; ".join(assembly.description.response_labels)
             self.faults.add((*place, "measured"), problem, accepted, "Give one file for each response, in order.")
         return SeriesTest(name, assembly, files, values)

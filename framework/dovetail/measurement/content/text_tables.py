@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.errors import Fault, MeasurementError
+from dovetail.errors import Fault, MeasurementError, counted
 from dovetail.measurement.recording import MOST_LINES
 
 _MOST_ABOVE = 10_000
@@ -201,7 +201,7 @@ def find_rows(where: str, lines: Sequence[str], columns: Sequence[str], wanted: 
     if start == len(lines):
         raise MeasurementError(Fault(where, f"there is no row of {len(columns)} numbers.", accepted))
     count = len(_split(lines[start][:_LONGEST_LINE], _separator(lines[start])))
-    problem = f"the line has {count} column{'s' * (count != 1)}, and {len(columns)} are named."
+    problem = f"the line has {counted(count, 'column')}, and {len(columns)} are named."
     raise MeasurementError(Fault(f"{where}:{start + 1}", problem, accepted, "Name each column; 'skip' leaves one out."))
 
 
@@ -335,7 +335,7 @@ def read_rows(
 
 
 def _another_width(where: str, count: int, width: int, names: Sequence[str]) -> MeasurementError:
-    problem = f"the line has {count} column{'s' * (count != 1)}, the header {width}."
+    problem = f"the line has {counted(count, 'column')}, the header {width}."
     return MeasurementError(Fault(where, problem, ",".join(names)))
 
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.errors import Fault, MeasurementError, argument, did_you_mean, listing
+from dovetail.errors import Fault, MeasurementError, argument, counted, did_you_mean, listing
 from dovetail.frf import QUANTITIES, Quantity
 from dovetail.interfaces import Recorded, RecordedArrays, RecordedChannels, RecordedSignal, plugin_errors
 from dovetail.measurement.content.sets import is_dof, sets_of
@@ -191,7 +191,7 @@ def _origin(units: Sequence[Sequence[str]], shape: tuple[int, ...], rate: float,
     ):
         unit_text = listing(dict.fromkeys(unit or f"{usual}, since no unit is given" for unit in each))
         described.append(f"{name} in {unit_text}")
-    count = f"{shape[0]} impact{'s' * (shape[0] != 1)} of {shape[1]} samples"
+    count = f"{counted(shape[0], 'impact')} of {shape[1]} samples"
     return f"{count} at {rate:.6g} Hz; {'; '.join(described)}."
 
 
