@@ -14,6 +14,7 @@ from dovetail.description.checked import (
 from dovetail.description.damping import has_dampers, with_damping
 from dovetail.description.fingerprints import fingerprint
 from dovetail.description.json_schema import description_schema
+from dovetail.description.placed_parts import direction_name
 from dovetail.description.reader import read_description
 from dovetail.description.sections import AugmentationSection
 from dovetail.description.study_section import SearchRange, StudySection
@@ -31,6 +32,7 @@ __all__ = [
     "StudySection",
     "Tie",
     "description_schema",
+    "direction_name",
     "fingerprint",
     "has_dampers",
     "read_description",

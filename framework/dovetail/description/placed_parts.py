@@ -61,6 +61,14 @@ def direction_text(direction: str | tuple[float, float, float]) -> str:
     return direction if isinstance(direction, str) else f"({', '.join(f'{part:.4g}' for part in direction)})"
 
 
+def direction_name(direction: str | tuple[float, float, float]) -> str:
+    """Return the words of a direction, ``"-y"`` for the unit vector against an axis."""
+    if isinstance(direction, str) or max(map(abs, direction)) < 1.0:
+        return direction_text(direction)
+    axis = np.argmax(np.abs(direction))
+    return ("-" if direction[axis] < 0.0 else "") + DIRECTIONS[axis]
+
+
 Vector = Annotated[tuple[float, float, float], BeforeValidator(lambda value: _as_vector(value))]
 """A direction: three numbers, or the name of an axis with its sense."""
 MovingDirection = Annotated[Direction | tuple[float, float, float], BeforeValidator(_as_direction)]

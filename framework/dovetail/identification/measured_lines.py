@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
-from dovetail.description import Description, Place
+from dovetail.description import Description, Place, direction_name
 from dovetail.errors import Fault, Importance, MeasurementError, Note, listing
 from dovetail.frf import Frf
 from dovetail.frf.resonance_peaks import resonance_peaks
@@ -360,8 +360,8 @@ def _axes(assembly: Assembly) -> list[NDArray[np.float64]]:
 def _model_dof(description: Description, place: Place) -> ModelDof:
     nodes = description.substructures[place.substructure].nodes
     label, position, directions = nodes[place.node].label, nodes[place.node].position, nodes[place.node].directions
-    in_space = isinstance(place.direction, str) and not set(directions) <= {"x", "rz"}
-    words, direction = description.point_label(place), str(place.direction) if in_space else ""
+    in_space = not set(directions) <= {"x", "rz"}
+    words, direction = description.point_label(place), direction_name(place.direction) if in_space else ""
     labels = tuple(other.label for other in nodes)
     return ModelDof(words, place.rotation, place.substructure, label, labels, position, direction)
 

@@ -52,7 +52,7 @@ class ModelDof:
     position : float, optional
         m along the part.
     direction : str
-        Its direction, if nodes of the model move along several axes.
+        Its direction, if nodes of the model move along several axes: ``"y"``, ``"-y"`` or ``"(0.6, 0.8, 0)"``.
     """
 
     place: str
@@ -62,6 +62,16 @@ class ModelDof:
     labels: tuple[str, ...] = ()
     position: float | None = None
     direction: str = ""
+
+    @property
+    def axis(self) -> str:
+        """The axis along which it is; empty if it is along none, or not known."""
+        return "" if self.is_skew else self.direction.removeprefix("-")
+
+    @property
+    def is_skew(self) -> bool:
+        """Whether it is along no axis of the model."""
+        return self.direction.startswith("(")
 
 
 class GivenDof(NamedTuple):
@@ -137,7 +147,8 @@ def axes_disagree(one: tuple[GivenDof, ModelDof], other: tuple[GivenDof, ModelDo
     """Return whether one direction of the model has two in the files, or two directions of the model have one."""
     (first, first_dof), (second, second_dof) = one, other
     is_comparable = first_dof.rotation == second_dof.rotation and not {"", "r"} & {first.axis, second.axis}
-    return is_comparable and (first.axis == second.axis) != (first_dof.direction == second_dof.direction)
+    is_comparable = is_comparable and not (first_dof.is_skew or second_dof.is_skew)
+    return is_comparable and (first.axis == second.axis) != (first_dof.axis == second_dof.axis)
 
 
 def are_opposite(response: str, force: str) -> bool:

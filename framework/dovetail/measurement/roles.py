@@ -133,15 +133,31 @@ def check_roles(
     -----
     UserWarning
         A text names only other parts than the one at which the FRF is used, among words that are not understood, or an
-        axis that a planar model does not have.
+        axis that a planar model does not have; or axes have other names than those of a model in space.
     """
     fault = next(contradictions(roles, substructures=substructures, distinct=distinct), None)
     if fault is not None:
         raise MeasurementError(fault)
+    _warn_of_axes(roles, substructures)
     for role in roles:
         _warn_of_words(role, substructures)
         if passive and role.is_drive_point:
             _check_passive(role)
+
+
+def _warn_of_axes(roles: Sequence[Role], substructures: Collection[str]) -> None:
+    """Warn if axes in files have other names than those of a model in space along which the FRFs are used."""
+    other = {
+        (end.dof.axis, end.used.axis): end
+        for role in reversed(roles)
+        for end in _ends(role, substructures)
+        if end.used.axis and end.dof.axis not in ("", "r", end.used.axis)
+    }
+    if other:
+        pairs = ", ".join(f"{axis} is used as {used}" for axis, used in sorted(other))
+        end = next(reversed(other.values()))
+        text = f"{end.role.name}: its {end.noun} is {end.dof.text[:60]}, and it is used along {end.used.direction}"
+        warnings.warn(f"{text} at {end.used.place} ({pairs}). Are the axes of the files other ones?", stacklevel=4)
 
 
 def _warn_of_words(role: Role, substructures: Collection[str]) -> None:
@@ -198,7 +214,7 @@ def _faults_alone(role: Role, ends: Sequence[_End], distinct: bool) -> Iterator[
         if dof.is_elsewhere(used):
             problem = f"{its} is not at {used.place}, where it is used."
             yield _fault(role, problem, "Correct the position in the description, or give another FRF.")
-        if dof.axis and used.direction and dof.named and dof.axis != used.direction:
+        if dof.axis and used.axis and dof.named and dof.axis != used.axis:
             problem = f"{its} is along {dof.axis}, and it is used along {used.direction} at {used.place}."
             yield _fault(role, problem, "Correct the 'direction' in the description, or give another FRF.")
     for one, other in combinations(ends, 2):
@@ -257,7 +273,7 @@ def _faults_of_ends(earlier: _End, later: _End, distinct: bool) -> Iterator[Faul
         )
         yield _fault(later.role, problem, _EXCHANGED)
     if axes_disagree((first, earlier.used), (second, later.used)):
-        if earlier.used.direction == later.used.direction:
+        if earlier.used.axis == later.used.axis:
             problem = f"its file says {later.role.dofs}, another direction than {pair}; the model has one."
         else:
             problem = f"its file says {later.role.dofs}, the same direction as {pair}; the model has two."
