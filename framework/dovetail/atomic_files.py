@@ -108,7 +108,8 @@ def write_whole(path: Path, content: bytes, *, overwrite: bool) -> None:
         except OSError as error:
             raise FileError(Fault(str(path), f"the file cannot be written: {_reason(error)}.")) from None
         finally:
-            temporary.unlink(missing_ok=True)
+            with suppress(OSError):
+                temporary.unlink(missing_ok=True)
 
 
 @contextmanager

@@ -35,6 +35,11 @@ MISTAKES = {
     "FRF as signals": (("frf", "measured.csv", "-o", "new.csv"), "that of an FRF: the file has no signals"),
     "command as model": (("describe", "identify"), "'identify' is a command, not a model.\n"),
     "file as folder": (("examples", "sdof", "-o", "other.json"), "other.json\n  this is a file, not a folder."),
+    "folder in a file": (
+        ("examples", "sdof", "-o", "other.json/new"),
+        "Check the permissions and the free space there",
+    ),
+    "description in a file": (("new-assembly", "other.json/new.yaml"), "nothing can be written here: Not a directory."),
     "dataset that is there": (
         ("generate", SDOF, "-o", "folder", "--samples", "2"),
         "an interrupted dataset with --resume",
@@ -74,3 +79,10 @@ def test_an_frf_without_force_at_some_lines_is_refused_with_the_lines(run, folde
     said = run("frf", "constant.csv", "-o", "new.csv", code=1).stderr
     assert "constant.csv\n  at " in said
     assert "There is no FRF there.\n  Check the channels.\n" in said
+
+
+@pytest.mark.parametrize("words", [("new-assembly",), ("schema", "-o"), ("simulate", SDOF, "-o")])
+def test_a_folder_that_is_missing_is_made(run, folder, words):
+    file = folder / "new" / {"new-assembly": "a.yaml", "schema": "a.json", "simulate": "a.csv"}[words[0]]
+    run(*words, file)
+    assert file.stat().st_size

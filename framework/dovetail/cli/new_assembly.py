@@ -41,7 +41,7 @@ def new_assembly(
     as it is and is meant to be edited. Materials: steel, aluminium, titanium, carbide.
     """
     import dovetail
-    from dovetail.atomic_files import write_whole
+    from dovetail.atomic_files import check_room, write_whole
     from dovetail.description.new_description import EXAMPLE_PARTS, new_description, parse_part, two_sided_joints
     from dovetail.errors import DovetailError, Fault
     from dovetail.registry import components
@@ -50,6 +50,7 @@ def new_assembly(
         raise typer.BadParameter(f"'{file}' does not end in .yaml.", param_hint="NAME.yaml")
     if file.exists():
         raise DovetailError(Fault(str(file), "a file of this name already exists.", remedy="Choose another name."))
+    check_room(file.resolve().parent)
     registry = components(plugin or ())
     joints = two_sided_joints(registry)
     model = joint or _ask(f"Joint ({', '.join(joints)})", next(iter(joints)))
@@ -71,6 +72,7 @@ def new_assembly(
             position=response or _ask(f"Measured where on '{first.name}'", "0 mm"),
             quantity=quantity or _ask("Quantity", "accelerance"),
         )
+    file.parent.mkdir(parents=True, exist_ok=True)
     write_whole(file, text.encode(), overwrite=False)
     with _removed_on_error(file):
         dovetail.load(file, plugins=plugin or ())

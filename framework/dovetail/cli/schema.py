@@ -36,5 +36,6 @@ def schema(
     if output is None:
         print_json(made)
         return
+    output.parent.mkdir(parents=True, exist_ok=True)
     write_whole(output, json_text(made).encode("utf-8"), overwrite=True)
     note(f"Written: {output}")
