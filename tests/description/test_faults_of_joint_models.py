@@ -105,6 +105,24 @@ AT_READING = {
     "ports_alike": ('"b"', '"a"', "has 2 ports of the name 'a'.\n", "Accepted: names that differ"),
     "internal": ("internal_dofs = 0", "internal_dofs = 0.5", "has 0.5 for its internal_dofs.\n", "Accepted: a whole"),
     "merged": ("merged_dofs = ()", "merged_dofs = ((0, 4),)", "has (0, 4) among its merged_dofs.\n", "Accepted: pairs"),
+    "nested": (
+        "merged_dofs = ()",
+        'nested_ports = (("a", "hub", None),)',
+        "has ('a', 'hub', None) among its nested_ports.\n",
+        "Accepted: two of the ports a, b, and a diameter",
+    ),
+    "nested_pair": (
+        "merged_dofs = ()",
+        'nested_ports = (("a", "b"),)',
+        "has ('a', 'b') among its nested_ports.\n",
+        "Accepted: two of the ports",
+    ),
+    "nested_diameter": (
+        "merged_dofs = ()",
+        'nested_ports = (("a", "b", 0.0),)',
+        "has ('a', 'b', 0.0) among its nested_ports.\n",
+        "Accepted: two of the ports",
+    ),
     "merged_none": (
         "merged_dofs = ()",
         "merged_dofs = 3",

@@ -34,6 +34,7 @@ def joint_faults(model: JointModel) -> tuple[Fault, ...]:
     if not faults:
         faults = _read(model, "merged_dofs", lambda pairs: _pair_faults(pairs, model.size))
         faults += _read(model, "facing_ports", lambda pairs: _facing_faults(pairs, model.ports))
+        faults += _read(model, "nested_ports", lambda nested: _nested_faults(nested, model.ports))
     return tuple(faults)
 
 
@@ -152,6 +153,22 @@ def _pair_faults(pairs: object, size: int) -> list[Fault]:
         are_dofs = isinstance(pair, (tuple, list)) and all(isinstance(dof, int) and 0 <= dof < size for dof in pair)
         if not are_dofs or len(pair) != 2:
             return [Fault("merged_dofs", f"has {_shortened(pair)} among its merged_dofs.", accepted)]
+    return []
+
+
+def _nested_faults(nested: object, ports: Sequence[JointPort]) -> list[Fault]:
+    names = {port.name for port in ports}
+    accepted = f"two of the ports {', '.join(port.name for port in ports)}, and a diameter [m] or None; () for none"
+    if not isinstance(nested, (tuple, list)):
+        return [Fault("nested_ports", f"has {_shortened(nested)} for its nested_ports, not a tuple.", accepted)]
+    for entry in nested:
+        is_nested = isinstance(entry, (tuple, list)) and len(entry) == 3 and {str(name) for name in entry[:2]} <= names
+        if (
+            not is_nested
+            or entry[0] == entry[1]
+            or not (entry[2] is None or (isinstance(entry[2], (int, float)) and entry[2] > 0))
+        ):
+            return [Fault("nested_ports", f"has {_shortened(entry)} among its nested_ports.", accepted)]
     return []
 
 
