@@ -45,7 +45,9 @@ def test_names_compressed_blocks_and_radians_per_second(tmp_path: Path) -> None:
     np.testing.assert_allclose(frf.frequency, FREQUENCY)
     np.testing.assert_array_equal(frf.values, 2 * VALUES)
     message = fault_of(tmp_path / "a.hdf5")
-    assert message.startswith("a.hdf5\n  no name is that of the frequency; the file holds:\n    a: (3, 3) float64")
+    assert message.startswith(
+        "a.hdf5\n  the frequency cannot be found by its name; the file holds:\n    a: (3, 3) float64"
+    )
 
 
 def test_several_groups_are_ambiguous(tmp_path: Path) -> None:
@@ -67,7 +69,7 @@ def test_nothing_outside_the_file_is_read(tmp_path: Path) -> None:
         layout[:] = h5py.VirtualSource("other.h5", "mobility", (7,))
         file.create_virtual_dataset("frf", layout)
     assert fault_of(tmp_path / "a.h5").startswith(
-        "a.h5\n  no names are those of an FRF's values; the file holds:\n    f: (7,) float64\n  Say"
+        "a.h5\n  the values cannot be found by their names; the file holds:\n    f: (7,) float64\n  Say"
     )
 
 

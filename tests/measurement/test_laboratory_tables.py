@@ -163,7 +163,7 @@ def test_a_motion_does_not_say_over_what(tmp_path: Path, refused) -> None:
 @pytest.mark.parametrize(
     ("columns", "message"),
     [
-        (("frequency", "real"), "the argument columns\n  no names are those of an FRF's values"),
+        (("frequency", "real"), "the argument columns\n  the values cannot be found by their names"),
         (
             ("frequency", "reel", "imag"),
             "the argument columns\n  'reel' is not a field of an FRF.\n  Did you mean 'real'?",

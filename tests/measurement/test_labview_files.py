@@ -87,7 +87,7 @@ def test_one_of_several_segments_and_columns_by_their_names(tmp_path: Path, refu
     check(read_frf(tmp_path / "a.lvm", index=2))
     assert "choose one" in refused("a.lvm", twice, index=3)
     assert refused("a.lvm", HEADER + SEGMENT.replace("FRF (Real)", "FRF A")).startswith(
-        "a.lvm: segment 1\n  no names are those of an FRF's values; the file holds:\n    frequency: Hz\n"
+        "a.lvm: segment 1\n  the values cannot be found by their names; the file holds:\n    frequency: Hz\n"
     )
     untitled = HEADER + SEGMENT.replace("FRF (Real)\tFRF (Imag)", "Untitled\tUntitled 1")
     assert "`columns=['frequency', 'real', 'imag', 'skip']`" in refused("a.lvm", untitled)

@@ -63,7 +63,9 @@ def test_names_amplitude_and_phase(tmp_path: Path) -> None:
     frf = read_frf(path, names=names, unit="um/N")
     np.testing.assert_allclose(frf.values, VALUES * 1e-6, rtol=1e-14)
     message = fault_of(path)
-    assert message.startswith("a.mat\n  no name is that of the frequency; the file holds:\n    X: (7, 1) float64")
+    assert message.startswith(
+        "a.mat\n  the frequency cannot be found by its name; the file holds:\n    X: (7, 1) float64"
+    )
     assert "\n    other: (3, 3) float64\n" in message
 
 
@@ -162,7 +164,7 @@ def test_entries_that_cannot_be_read_are_skipped(tmp_path: Path) -> None:
             {"X": np.ones((7, 3))},
             "a.mat\n  the only array, 'X', has the shape (7, 3), and its columns have no names.\n",
         ),
-        ({}, "a.mat\n  no name is that of the frequency; the file holds: nothing\n"),
+        ({}, "a.mat\n  the frequency cannot be found by its name; the file holds: nothing\n"),
     ],
 )
 def test_faulty_input_is_refused_with_its_message(tmp_path: Path, variables: dict, message: str) -> None:

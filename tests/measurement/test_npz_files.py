@@ -51,19 +51,19 @@ def test_arrays_of_other_types(tmp_path: Path) -> None:
         ),
         (
             saved(times=AXIS),
-            "a.npz\n  no name is that of the frequency; the file holds:\n    times\n"
+            "a.npz\n  the frequency cannot be found by its name; the file holds:\n    times\n"
             "  Say which it is: `names={'frequency': 'NAME'}`.  "
             "Accepted: frequency, frequency_hz, frequencies, freq, freq_hz, f, f_hz",
         ),
         (
             zipped(),
-            "a.npz\n  no name is that of the frequency; the file holds: nothing\n"
+            "a.npz\n  the frequency cannot be found by its name; the file holds: nothing\n"
             "  Say which it is: `names={'frequency': 'NAME'}`.  "
             "Accepted: frequency, frequency_hz, frequencies, freq, freq_hz, f, f_hz",
         ),
         (
             saved(frequency=AXIS),
-            "a.npz\n  no names are those of an FRF's values; the file holds:\n    frequency\n"
+            "a.npz\n  the values cannot be found by their names; the file holds:\n    frequency\n"
             "  Say which they are, for example `names={'values': 'NAME'}`.  "
             "Accepted: values (complex) | real, imag | amplitude (or db), phase_deg (or phase_rad) | amplitude",
         ),

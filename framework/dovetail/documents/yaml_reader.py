@@ -110,7 +110,7 @@ def _decode(data: bytes, file: str, rank: int, faults: FaultList) -> str:
         if is_yaml:
             faults.add_at(mark, (), problem, remedy="Save the file as UTF-8.")
         else:
-            faults.add_at(mark, (), f"this is not a text: {problem}", DESCRIPTION)
+            faults.add_at(mark, (), f"this is not a text file: {problem}", DESCRIPTION)
         raise faults.error() from None
     if match := UNPRINTABLE.search(text):
         mark = _mark_after(text[: match.start()], file, rank)

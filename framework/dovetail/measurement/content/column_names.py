@@ -280,7 +280,7 @@ def _check_phase(
 
 def _check_complete(where: str, contents: Mapping[str, str], assigned: Mapping[str, str]) -> None:
     if "frequency" not in assigned:
-        problem = f"no name is that of the frequency; the file holds:{_inventory(contents)}"
+        problem = f"the frequency cannot be found by its name; the file holds:{_inventory(contents)}"
         raise MeasurementError(
             Fault(
                 where, problem, ", ".join(FIELD_NAMES["frequency"]), "Say which it is: `names={'frequency': 'NAME'}`."
@@ -290,7 +290,7 @@ def _check_complete(where: str, contents: Mapping[str, str], assigned: Mapping[s
     if fields in [set(kind) for kind in _VALUES]:
         return
     several = len(fields) > 1
-    reason = "the file gives the values in two ways" if several else "no names are those of an FRF's values"
+    reason = "the file gives the values in two ways" if several else "the values cannot be found by their names"
     problem = f"{reason}; the file holds:{_inventory(contents)}"
     raise MeasurementError(
         Fault(where, problem, _ACCEPTED, "Say which they are, for example `names={'values': 'NAME'}`.")
