@@ -113,15 +113,21 @@ def argument(name: str, value: object = None) -> str:
 
 def did_you_mean(word: str, accepted: Iterable[str]) -> str:
     """Return ``"Did you mean 'x'?"`` with the accepted spelling nearest to `word`, or an empty text."""
+    meant = nearest(word, accepted)
+    return f"Did you mean '{meant}'?" if meant else ""
+
+
+def nearest(word: str, accepted: Iterable[str]) -> str:
+    """Return the accepted spelling nearest to `word`, or an empty text if none is similar."""
     word = word[:_LONGEST_WORD].lower()
     word = _SYNONYMS.get(word, word)
-    nearest, highest = "", (_LEAST_SIMILAR, 0)
+    found, highest = "", (_LEAST_SIMILAR, 0)
     for candidate in accepted:
         ratio = difflib.SequenceMatcher(None, word, candidate.lower()).ratio()
         score = ratio, len(set(word) & set(candidate.lower()))
         if score > highest:
-            nearest, highest = candidate, score
-    return f"Did you mean '{nearest}'?" if nearest else ""
+            found, highest = candidate, score
+    return found
 
 
 def counted(count: int, noun: str) -> str:

@@ -136,3 +136,21 @@ def test_a_command_is_not_taken_for_a_misspelt_model(run, command):
     assert "'calibrate' is a command, not a model." in message
     assert "'dovetail calibrate --help' describes it." in message
     assert "Did you mean" not in message
+
+
+@pytest.mark.parametrize("command", ["check-plugin", "describe"])
+@pytest.mark.parametrize(
+    ("typed", "meant"), [("identfy", "identify"), ("simulat", "simulate"), ("idnetify-series", "identify-series")]
+)
+def test_a_misspelt_command_is_not_taken_for_a_model(run, command, typed, meant):
+    message = run(command, typed, code=1).stderr
+    assert f"there is no model '{typed}'." in message
+    assert f"Did you mean the command '{meant}'? 'dovetail {meant} --help' describes it." in message
+
+
+@pytest.mark.parametrize("command", ["check-plugin", "describe"])
+@pytest.mark.parametrize(("typed", "meant"), [("colet", "collet"), ("timoshenko_bem", "timoshenko_beam")])
+def test_a_misspelt_model_is_not_taken_for_a_command(run, command, typed, meant):
+    message = run(command, typed, code=1).stderr
+    assert f"Did you mean '{meant}'?" in message
+    assert "the command" not in message

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from dovetail.cli.options import AsJson, ModelName, PluginFiles
 from dovetail.cli.terminal import heading, print_json, range_text, say, table, title
-from dovetail.errors import Fault, PluginError
+from dovetail.errors import Fault, PluginError, nearest
 
 if TYPE_CHECKING:
     from dovetail.registry import Registry
@@ -77,15 +77,24 @@ def registry_for(name: str, files: Sequence[Path]) -> Registry:
     Raises
     ------
     PluginError
-        The name is that of a command, not of a model.
+        The name is that of a command, not of a model, or is more similar to one than to any model's.
     """
     from dovetail.cli.command_group import OWN
+    from dovetail.interfaces import KINDS
     from dovetail.registry import CommandTable, components
 
     registry = components(files)
-    if not registry.kinds_of(name) and name in CommandTable(OWN, files).offers:
+    if registry.kinds_of(name):
+        return registry
+    commands = CommandTable(OWN, files).offers
+    if name in commands:
         remedy = f"'dovetail {name} --help' describes it."
         raise PluginError(Fault("", f"'{name}' is a command, not a model.", "a model's name", remedy))
+    models = [model for kind in KINDS for model in registry.names(kind)]
+    meant = nearest(name, [*models, *commands])
+    if meant in commands and meant not in models:
+        remedy = f"Did you mean the command '{meant}'? 'dovetail {meant} --help' describes it."
+        raise PluginError(Fault("", f"there is no model '{name}'.", "a model's name", remedy))
     return registry
 
 
