@@ -23,6 +23,7 @@ from dovetail.description.unknown_parts import UnknownPart, UnknownReceptance
 from dovetail.errors import DovetailError, Fault, ParameterError
 from dovetail.interfaces import (
     DIRECTIONS,
+    PLANAR,
     JointModel,
     JointPort,
     Parameter,
@@ -42,7 +43,7 @@ class _SensorMass(JointModel):
     Parameters
     ----------
     directions : tuple of str
-        The displacements of the node, all of which it resists.
+        Of the node; it resists the displacements among them.
     """
 
     name = "sensor_mass"
@@ -60,7 +61,7 @@ class _SensorMass(JointModel):
 
     def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
         matrices = StructuralMatrices.zeros(len(theta), self.size)
-        for dof in range(self.size):
+        for dof in np.flatnonzero(~self.node_dofs.rotations):
             matrices.M[:, dof, dof] = theta[:, 0]
         return matrices
 
@@ -135,7 +136,7 @@ def entries_at_response(description: Description) -> dict[str, JointEntry]:
 
 def _sensor(place: Place, owner: str) -> JointEntry:
     moves = DIRECTIONS if place.node in place.dofs.carriers else place.dofs.directions[place.node]
-    directions = tuple(d for d in moves if not is_rotation(d))
+    directions = tuple(d for d in moves if moves == PLANAR or not is_rotation(d))  # a planar node's stay together
     sensor = Connection(_SensorMass(directions), (Attachment(place.substructure, (place.node,)),))
     return JointEntry(connection=sensor, parameters=_SensorMass.parameters, ties={"mass": Tie(owner, "mass")})
 
