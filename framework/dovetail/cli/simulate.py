@@ -67,6 +67,7 @@ def simulate(
     """
     import dovetail
     from dovetail.assembly.summary import natural_frequencies
+    from dovetail.identification.response_points import with_points
     from dovetail.identification.truth import truth_text
     from dovetail.measurement import noisy_frf
     from dovetail.report.frf_files import write_frf_files
@@ -79,7 +80,7 @@ def simulate(
     loaded = at_point(dovetail.load(assembly, plugins=plugin or ()), point)
     theta = _theta(loaded, chosen)
     _note_missing_units(loaded, theta, chosen)
-    frf = loaded.simulate(theta)
+    frf = with_points(loaded.description, loaded.simulate(theta))
     if noise:
         frf = noisy_frf(frf, noise, seed)
     natural, damping, reason = natural_frequencies(loaded, theta)

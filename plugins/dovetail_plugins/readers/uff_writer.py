@@ -27,8 +27,8 @@ def encode(content: FrfToWrite, path: Path, binary: bool | None) -> bytes:
     """Return a universal file: the FRF, then its coherence and its variance as sets of the same points.
 
     An unknown DOF is written as node 0 without a direction. A DOF whose name does not look like ``5+x`` or ``tool:5+x``
-    is written into an id line. If response and force have opposite senses, the values have the sign that belongs to
-    these senses.
+    is written into an id line; its direction, as that of ``tool, 20 mm, x``, into the header too. If response and force
+    have opposite senses, the values have the sign that belongs to these senses.
 
     Raises
     ------
@@ -94,7 +94,8 @@ def _dofs(frf: Frf) -> dict[str, Any]:
         match = _DOF.fullmatch(name)
         if name and not match:
             fields[line] = _id_line(f"{key}: {name}")
-        code = _CODES[match[4].lower()] if match and match[4] else 0
+        axis = (match[4] or "") if match else name.rpartition(", ")[2]
+        code = _CODES.get(axis.lower(), 0)
         if match and match[1]:
             fields[f"{end}_ent_name"] = name[: len(match[1])]
         fields[f"{end}_node"] = int(match[2]) if match else 0
