@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from copy import deepcopy
+from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import dovetail
 
@@ -182,3 +184,56 @@ def test_an_frf_that_is_zero_is_not_identified():
     whole["response"]["force"] = {"position": "foot", "direction": "ry"}
     with pytest.raises(dovetail.ParameterError, match="the model's FRF at camera, node top, z"):
         dovetail.identify(dovetail.load(whole), measured, "refined")
+
+
+def _turned(turn):
+    """Return a whole turned at random whose force does not move the point of its response, and another that does."""
+    rotation = Rotation.random(random_state=turn)
+    steps = [{"about": rotation.as_rotvec().tolist(), "angle": rotation.magnitude()}]
+    across, along = (rotation.apply(axis).tolist() for axis in ([1.0, 0.0, 0.0], [0.0, 0.0, 1.0]))
+    whole = deepcopy(WHOLE)
+    whole["substructures"]["arm"]["place"] = {"rotate": steps}
+    whole["substructures"]["camera"]["place"] = {"rotate": steps, "origin": rotation.apply([0.0, -0.25, 0.0]).tolist()}
+    whole["joints"]["foot"]["axes"] = {"rotate": steps}
+    whole["response"] |= {"direction": along, "force": {"position": "foot", "direction": across}}
+    other = deepcopy(whole)
+    other["response"]["force"]["direction"] = along
+    return whole, other
+
+
+@pytest.mark.parametrize("turn", range(6))
+def test_an_frf_that_is_zero_but_for_rounding_is_not_identified(turn):
+    """By symmetry it is 1e-16 of others, and only in a structure along the axes exactly zero."""
+    whole, other = map(dovetail.load, _turned(turn))
+    theta = whole.from_unit(np.full(12, 0.5))
+    share = np.abs(whole.frf(theta) / other.frf(theta))
+    assert np.all(share > 0.0)
+    assert np.median(share) < 1e-10
+    with pytest.raises(dovetail.ParameterError, match="the force does not move this point so"):
+        dovetail.identify(whole, whole.simulate(theta), "refined")
+
+
+def test_an_frf_that_is_small_but_not_by_rounding_is_identified():
+    """A point behind two soft mounts moves a millionth as much as that of the force."""
+    soft = {"model": "spring_damper", "parameters": {"c": {"value": 0.0}, "kr": {"value": 1.0}, "cr": {"value": 0.0}}}
+    names = ["first", "second", "third"]
+    whole = {
+        "dovetail": 1,
+        "name": "mounts",
+        "frequency": {"start": "500 Hz", "stop": "1000 Hz", "lines": 20},
+        "substructures": {
+            name: {"model": "lumped", "masses": [{"mass": "10 kg", "inertia": "1 kg m^2"}]} for name in names
+        },
+        "joints": {
+            f"mount_{number}": soft
+            | {
+                "parameters": soft["parameters"] | {"k": {"range": ["1e4 N/m", "1e6 N/m"], "scale": "log"}},
+                "connect": {"a": {"to": one, "at": "0 mm"}, "b": {"to": other, "at": "0 mm"}},
+            }
+            for number, (one, other) in enumerate(pairwise(names))
+        },
+        "response": {"at": "third", "position": "0 mm", "force": {"at": "first", "position": "0 mm"}},
+    }
+    assembly = dovetail.load(whole)
+    middle = assembly.simulate(assembly.from_unit(np.full(2, 0.5)))
+    assert dovetail.identify(assembly, middle, "refined", seconds=5.0).fit is not None

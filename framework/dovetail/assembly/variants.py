@@ -38,6 +38,15 @@ def _with_responses(assembly: Assembly, *responses: Response) -> Assembly:
     return assembly.with_description(replace(assembly.description, responses=responses))
 
 
+def at_drive_points(assembly: Assembly) -> tuple[Assembly, Assembly]:
+    """Return the assembly with the drive points at the output and at the input of its response."""
+    response = assembly.description.response
+    at = response.force or response
+    output = replace(response, force=None)
+    place = {"substructure": at.substructure, "node": at.node, "direction": at.direction, "dofs": at.dofs}
+    return _with_responses(assembly, output), _with_responses(assembly, replace(output, **place))
+
+
 def movable_nodes(assembly: Assembly) -> list[NodePlace]:
     """Return all nodes that can move in the direction of the response, except the response's own."""
     response, substructures = assembly.description.response, assembly.description.substructures.items()

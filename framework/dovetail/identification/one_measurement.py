@@ -11,6 +11,7 @@ from typing import Any, cast
 import numpy as np
 
 from dovetail.assembly import FRF_TOLERANCE, Assembly, AssemblySource, as_assembly, largest_frf_difference
+from dovetail.assembly.variants import at_drive_points
 from dovetail.documents.validation import validated
 from dovetail.errors import Fault, MeasurementError, ParameterError, argument, did_you_mean, listing
 from dovetail.frf import Frf
@@ -35,6 +36,9 @@ _MOST_ZEROS = 0.01
 """Part of the lines; single ones are bad lines like others."""
 _LARGEST_SPIKE = 1e20
 """Times the median amplitude; above it squares and sums lose all other lines."""
+_NO_MOTION, _PROBES = 1e-10, 2
+"""Amplitude over the geometric mean of those at the drive points of output and input, at half of the lines, up to which
+an FRF consists of rounding errors, or could not be measured; and parameter vectors that are tried besides the middle."""
 _JUDGEMENT = ("model_error", "cause_seconds", "good", "rough")
 """Options of `JudgementOptions`."""
 
@@ -359,10 +363,17 @@ def _check_numbers(frf: Frf) -> None:
 
 
 def _check_motion(assembly: Assembly) -> None:
-    """Raise a ParameterError if the force of a response does not move its point, as in another plane of symmetry."""
-    middle = assembly.from_unit(np.full(len(assembly.parameters), 0.5))
+    """Raise a ParameterError if the force of a response does not move its point, as in another plane of symmetry.
+
+    Its FRF is then zero, or consists of rounding errors: those of the FRFs of its drive points.
+    """
+    fractions = np.random.default_rng(0).random((_PROBES, len(assembly.parameters)))
+    theta = assembly.from_unit(np.concatenate([np.full((1, len(assembly.parameters)), 0.5), fractions]))
     for label, each in zip(assembly.description.response_labels, assembly.each_response, strict=True):
-        if not each.frf(middle).any():
+        drive_points = (each,) * 2 if each.description.response.is_drive_point else at_drive_points(each)
+        output, force = (np.abs(drive.frf(theta)) for drive in drive_points)
+        moves = np.abs(each.frf(theta)) > _NO_MOTION * np.sqrt(output * force)
+        if np.all(np.mean(moves, axis=-1) < 0.5):
             problem = f"the model's FRF at {label} is zero at all lines: the force does not move this point so."
             raise ParameterError(Fault(assembly.name, problem, remedy="Correct the directions of response and force."))
 
