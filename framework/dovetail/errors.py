@@ -121,13 +121,13 @@ def nearest(word: str, accepted: Iterable[str]) -> str:
     """Return the accepted spelling nearest to `word`, or an empty text if none is similar."""
     word = word[:_LONGEST_WORD].lower()
     word = _SYNONYMS.get(word, word)
-    found, highest = "", (_LEAST_SIMILAR, 0)
+    similar, highest = "", (_LEAST_SIMILAR, 0)
     for candidate in accepted:
         ratio = difflib.SequenceMatcher(None, word, candidate.lower()).ratio()
         score = ratio, len(set(word) & set(candidate.lower()))
         if score > highest:
-            found, highest = candidate, score
-    return found
+            similar, highest = candidate, score
+    return similar
 
 
 def counted(count: int, noun: str) -> str:

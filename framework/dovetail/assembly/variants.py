@@ -43,8 +43,8 @@ def at_drive_points(assembly: Assembly) -> tuple[Assembly, Assembly]:
     response = assembly.description.response
     at = response.force or response
     output = replace(response, force=None)
-    place = {"substructure": at.substructure, "node": at.node, "direction": at.direction, "dofs": at.dofs}
-    return _with_responses(assembly, output), _with_responses(assembly, replace(output, **place))
+    moved = replace(output, substructure=at.substructure, node=at.node, direction=at.direction, dofs=at.dofs)
+    return _with_responses(assembly, output), _with_responses(assembly, moved)
 
 
 def movable_nodes(assembly: Assembly) -> list[NodePlace]:

@@ -13,15 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
-from dovetail.description import Description
+from dovetail.description import Description, Place, direction_name
 from dovetail.errors import Fault, Importance, MeasurementError, Note, listing
 from dovetail.frf import Frf
 from dovetail.frf.resonance_peaks import resonance_peaks
 from dovetail.frf.resonances import fit_resonances
-from dovetail.identification.response_points import moving_parts, roles_of
 from dovetail.inference.fitting import refine
 from dovetail.interfaces import Progress
-from dovetail.measurement import Role, check_roles, find_gaps, find_missing_ends, on_grid, within_band
+from dovetail.measurement import ModelDof, Role, check_roles, find_gaps, find_missing_ends, on_grid, within_band
 from dovetail.measurement.roles import PHASE_ERROR, SUSPICIOUS, contradictions, power_delivered
 from dovetail.problem import Problem
 from dovetail.problem.merged_lines import MOST_LINES, every_nth_line, merged_lines
@@ -301,6 +300,14 @@ def check_measured(description: Description, measured: Frf | Sequence[Frf]) -> t
     return frfs
 
 
+def roles_of(description: Description, frfs: Sequence[Frf]) -> list[Role]:
+    """Return what FRFs are used as, of which there is one for each response."""
+    return [
+        Role(frf, _model_dof(description, response), _model_dof(description, response.force or response))
+        for frf, response in zip(frfs, description.responses, strict=True)
+    ]
+
+
 def _sharp_peaks(frf: Frf) -> NDArray[np.float64]:
     """Return the peaks [Hz] from which the amplitude falls steeply within two lines, on both sides."""
     peaks, amplitude = resonance_peaks(frf), frf.to("accelerance").amplitude
@@ -340,9 +347,23 @@ def batch_contradictions(description: Description, measured: Sequence[Frf | Sequ
     return {number: fault for number, fault in found.items() if fault is not None}
 
 
+def moving_parts(description: Description) -> dict[str, bool]:
+    """Return the names of all substructures, and whether they move."""
+    return {name: not model.grounded for name, model in description.substructures.items()}
+
+
 def _axes(assembly: Assembly) -> list[NDArray[np.float64]]:
     """Return the frequencies of each response."""
     return [alone.frequency for alone in assembly.each_response]
+
+
+def _model_dof(description: Description, place: Place) -> ModelDof:
+    nodes = description.substructures[place.substructure].nodes
+    label, position, directions = nodes[place.node].label, nodes[place.node].position, nodes[place.node].directions
+    in_space = not set(directions) <= {"x", "rz"}
+    words, direction = description.point_label(place), direction_name(place.direction) if in_space else ""
+    labels = tuple(other.label for other in nodes)
+    return ModelDof(words, place.rotation, place.substructure, label, labels, position, direction)
 
 
 def _each(

@@ -38,7 +38,7 @@ _LARGEST_SPIKE = 1e20
 """Times the median amplitude; above it squares and sums lose all other lines."""
 _NO_MOTION, _PROBES = 1e-10, 2
 """Amplitude over the geometric mean of those at the drive points of output and input, at half of the lines, up to which
-an FRF consists of rounding errors, or could not be measured; and parameter vectors that are tried besides the middle."""
+an FRF consists of rounding errors, or cannot be measured; and parameter vectors that are tried besides the middle."""
 _JUDGEMENT = ("model_error", "cause_seconds", "good", "rough")
 """Options of `JudgementOptions`."""
 
