@@ -126,7 +126,7 @@ def decode_table(path: Path, text: str, options: ReadOptions) -> Recording:
 
 def _texts_around(path: Path, table: TextTable, options: ReadOptions) -> FreeText:
     """Return what the lines around a table state, without the comments that are read by their keys."""
-    is_own = table.header[0] == "frequency_Hz" and "quantity" in _comments_above(str(path), table)
+    is_own = table.header[0] == "frequency_Hz" and {"quantity", "unit"} <= {*_comments_above(str(path), table)}
 
     def is_read(line: str) -> bool:
         match = _own_comment(line)
