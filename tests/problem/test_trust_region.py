@@ -126,10 +126,13 @@ def test_each_search_is_reported_once_when_it_ends(lap, starts):
 
 
 class Wall(SumOfSquares):
-    """A parabola about 0.7, without finite residuals below 0.2."""
+    """A parabola about a place, by default 0.7, without finite residuals below 0.2."""
+
+    def __init__(self, lowest=0.7):
+        self._lowest = lowest
 
     def residuals(self, position):
-        return np.where(position < 0.2, np.inf, position - 0.7)
+        return np.where(position < 0.2, np.inf, position - self._lowest)
 
     def linearise(self, position):
         return Linearisation(self.residuals(position), np.ones((len(position), 1, 1)))
@@ -161,3 +164,9 @@ def test_searches_that_are_superfluous_end_and_the_others_go_on(lap, starts):
     np.testing.assert_array_equal(ends.steps[::2], 3)
     np.testing.assert_array_equal(ends.position[1::2], full.position[1::2])
     assert len(reported) == 6
+
+
+def test_a_search_that_is_driven_to_where_nothing_is_finite_ends_close_to_it():
+    found = minimise(Wall(-3.0), np.array([[0.9], [0.21]]), tolerance=1e-6, most_steps=60)
+    np.testing.assert_allclose(found.position[:, 0], 0.2, atol=2e-3)
+    assert np.isfinite(found.cost).all()
