@@ -10,7 +10,7 @@ import scipy
 
 from dovetail.frf.resonance_peaks import prominent_peaks
 from dovetail.inference.fitting.whiteness import log_improbability
-from dovetail.problem.definition import latin_hypercube
+from dovetail.problem.definition import halton, latin_hypercube
 
 
 def curves(count):
@@ -40,6 +40,13 @@ def test_a_latin_hypercube_is_that_of_scipy():
         np.testing.assert_array_equal(latin_hypercube(count, 5, ours), cube.random(count))
 
 
+@pytest.mark.parametrize("size", [1, 4, 23])
+def test_a_halton_sequence_is_that_of_scipy(size):
+    points = halton(400, size, np.random.default_rng(3).spawn(1)[0])
+    expected = scipy.stats.qmc.Halton(size, rng=np.random.default_rng(3)).random(400)
+    np.testing.assert_allclose(points, expected, atol=1e-15)
+
+
 @pytest.mark.parametrize("squares", [0.1, 30.0, 1e3, 1e5])
 def test_the_improbability_of_noise_is_the_tail_of_chi_squared(squares):
     tail = -scipy.stats.chi2.logsf(squares, 12) / np.log(10.0)
@@ -47,12 +54,13 @@ def test_the_improbability_of_noise_is_the_tail_of_chi_squared(squares):
     assert log_improbability(squares, 12) == pytest.approx(expected, rel=1e-12)
 
 
-def test_an_identification_loads_neither_statistics_nor_signal_processing():
+@pytest.mark.parametrize("options", ["method='refined'", "form='laplace'"])
+def test_an_identification_loads_neither_statistics_nor_signal_processing(options):
     assemblies = Path(__file__).parents[2] / "assemblies"
     code = (
         "import sys, dovetail\n"
         f"assembly, frf = {str(assemblies / 'shaft_hub.yaml')!r}, {str(assemblies / 'measurements/shaft_hub.uff')!r}\n"
-        "dovetail.identify(assembly, frf, 'refined')\n"
+        f"dovetail.identify(assembly, frf, {options})\n"
         "print(sorted({'scipy.stats', 'scipy.signal'} & set(sys.modules)))\n"
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

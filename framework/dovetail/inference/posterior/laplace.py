@@ -18,6 +18,7 @@ from dovetail.inference.posterior.model_error import TYPICAL, ModelError
 from dovetail.inference.posterior.unknown_chain import UnknownChain
 from dovetail.interfaces import Progress, silent
 from dovetail.problem import Problem
+from dovetail.problem.definition import halton
 
 
 @dataclass(frozen=True)
@@ -83,8 +84,8 @@ class LaplaceApproximation:
 
     def draw(self, count: int, seed: int) -> NDArray[np.float64]:
         """Return samples (count, d) of z, spread evenly (scrambled Halton points)."""
-        points = scipy.stats.qmc.Halton(len(self.mode), rng=np.random.default_rng([seed, 4])).random(count)
-        return np.asarray(self.mode + scipy.stats.norm.ppf(points) @ self.axes)
+        points = halton(count, len(self.mode), np.random.default_rng([seed, 4]).spawn(1)[0])
+        return np.asarray(self.mode + scipy.special.ndtri(points) @ self.axes)
 
     @property
     def unreliable(self) -> NDArray[np.bool_]:
