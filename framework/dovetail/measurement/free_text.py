@@ -52,6 +52,8 @@ _AXES = word_set("axis xaxis yaxis abscissa abszisse ordinate")
 _PHASE_WORDS = word_set("phase angle time coherence coh variance tip temperature stiffness")
 """Words of what has a unit of its own, which is not that of the values."""
 _QUANTITY_WORDS = word_set("quantity function type format measurement kind grösse größe ordinate y ylabel")
+_AVERAGES = word_set("averages average avg avgs navg nave averagings mittelungen")
+_COUNTED = _AVERAGES | word_set("number of no num n nr count anzahl der linear spectral frf fft")
 _REMARKS = word_set("note notes comment comments remark remarks description title name file filename path")
 _GENERIC = word_set(
     "frf frequency response function functions h of the a real imag part magnitude amplitude per over transfer"
@@ -81,7 +83,8 @@ class FieldClaim(NamedTuple):
     Parameters
     ----------
     part : str
-        ``phase``, ``coherence``, ``variance``, ``amplitude`` (its scale), ``db`` (what it is over), or ``rotation``.
+        ``phase``, ``coherence``, ``variance``, ``amplitude`` (its scale), ``db`` (what it is over), ``rotation``, or
+        ``averages`` (their number).
     text, where : str
     """
 
@@ -198,6 +201,8 @@ def _field_claim(words: Sequence[str], key: str, value: str, where: str) -> Fiel
             is_unit = text in ANGLES if part == "phase" else text in ("%", "percent", "db")
             if has_unit or is_unit or (part == "variance" and read_unit(text) is not None):
                 return FieldClaim(part, text, where)
+    if named & _AVERAGES and named <= _COUNTED and text.isdecimal():
+        return FieldClaim("averages", text, where)
     if (reference := reference_of_decibels(key, value)) != 1.0:
         return FieldClaim("db", f"{reference:g}", where)
     scale = find_scale(key, value)

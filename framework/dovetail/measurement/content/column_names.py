@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -98,6 +98,10 @@ _MOST_LISTED = 20
 _MANY_LINES = 100
 _HALF_TURN, _NEARLY_A_TURN = 3.15, 6.0
 """Largest phase, and smallest jump of a wrapped phase, of numbers labelled in degrees that are in fact radians."""
+_RESONANCE = 3.0
+"""Amplitude over those on both sides from which a resonance turns the phase by more than 100 degrees."""
+_SPAN_OF_DECIBELS = 1e-3, 300.0
+"""Smallest and largest range of the decibels of a measured FRF: a rigid mass has noise, and sensors have a range."""
 _ACCEPTED = "values (complex) | real, imag | amplitude (or db), phase_deg (or phase_rad) | amplitude"
 
 
@@ -303,16 +307,40 @@ def _inventory(contents: Mapping[str, str]) -> str:
     return ("".join(rows) or " nothing") + (f"\n    and {hidden} more" if hidden > 0 else "")
 
 
-def _looks_like_radians(phase: NDArray[np.float64]) -> bool:
-    """Return whether a phase labelled in degrees looks like radians: within +-pi on many lines, and wrapped there."""
-    within = phase.size >= _MANY_LINES and bool(np.all(np.abs(phase) <= _HALF_TURN))
-    return within and bool(np.abs(np.diff(phase)).max() > _NEARLY_A_TURN)
+def _doubts(fields: Mapping[str, NDArray[Any]]) -> Iterator[str]:
+    """Yield what looks as if it were in another unit than its name says: decibels, and phases next to amplitudes."""
+    if "db" in fields and _look_linear(db := fields["db"]):
+        problem = f"the decibels lie between {db.min():.4g} and {db.max():.4g}: they look like amplitudes"
+        yield f"{problem}. If they are, call them amplitude."
+    if "phase_deg" in fields and (sign := _sign_of_radians(fields["phase_deg"], fields["amplitude"])):
+        problem = f"the phase in degrees never leaves +-3.15 and {sign}: it looks like radians"
+        yield f"{problem}. If it is in radians, call it phase_rad."
+    if "phase_rad" in fields and _looks_like_degrees(phase := fields["phase_rad"]):
+        problem = f"the phase in radians reaches {np.abs(phase).max():.4g} and jumps by more than pi"
+        yield f"{problem}: it looks like degrees. If it is in degrees, call it phase_deg."
+
+
+def _sign_of_radians(phase: NDArray[np.float64], amplitude: NDArray[np.float64]) -> str:
+    """Return what shows that a phase labelled in degrees is in radians; empty without a sign of it."""
+    if phase.size < _MANY_LINES or not np.all(np.abs(phase) <= _HALF_TURN):
+        return ""
+    if np.abs(np.diff(phase)).max() > _NEARLY_A_TURN:
+        return "jumps by nearly 2 pi"
+    peak = int(np.argmax(amplitude))
+    passed = amplitude[peak] > _RESONANCE * max(amplitude[: peak + 1].min(), amplitude[peak:].min())
+    return "does not turn where the amplitude passes a resonance" if passed else ""
 
 
 def _looks_like_degrees(phase: NDArray[np.float64]) -> bool:
     """Return whether a phase in radians looks like degrees: it is neither within a turn, nor free of jumps."""
     wide = phase.size > 1 and bool(np.abs(phase).max() > 2.0 * _HALF_TURN)
     return wide and bool(np.abs(np.diff(phase)).max() > _HALF_TURN)
+
+
+def _look_linear(db: NDArray[np.float64]) -> bool:
+    """Return whether decibels look like amplitudes: none is negative, and their span is no measurement's."""
+    span = np.ptp(db) if db.size >= _MANY_LINES and np.isfinite(db).all() and db.min() >= 0.0 else 1.0
+    return not _SPAN_OF_DECIBELS[0] <= span <= _SPAN_OF_DECIBELS[1]
 
 
 def combine_values(fields: Mapping[str, NDArray[Any]], locate: Callable[[int], str]) -> tuple[NDArray[Any], bool]:
@@ -330,6 +358,9 @@ def combine_values(fields: Mapping[str, NDArray[Any]], locate: Callable[[int], s
     if negative.size:
         problem = f"the amplitude {fields['amplitude'][negative[0]]:.6g} is negative (decibels are called db)."
         raise MeasurementError(Fault(locate(int(negative[0])), problem, "an amplitude of zero or more"))
+    for doubt in _doubts(fields):
+        place = re.sub(r"(?:[:,]\D*|\s+line )\d+\D*$", "", locate(0))
+        warnings.warn(f"{place}: {doubt}", stacklevel=2)
     if "values" in fields:
         return fields["values"], True
     if "amplitude" in fields and not {"phase_deg", "phase_rad"} & set(fields):
@@ -338,16 +369,6 @@ def combine_values(fields: Mapping[str, NDArray[Any]], locate: Callable[[int], s
     if "real" in fields:
         values.real, values.imag = fields["real"], fields["imag"]
         return values, True
-    problem = ""
-    if "phase_deg" in fields and _looks_like_radians(fields["phase_deg"]):
-        problem = "the phase in degrees never leaves +-3.15 and jumps by nearly 2 pi: it looks like radians"
-        problem += ". If it is in radians, call it phase_rad."
-    if "phase_rad" in fields and _looks_like_degrees(fields["phase_rad"]):
-        problem = f"the phase in radians reaches {np.abs(fields['phase_rad']).max():.4g} and jumps by more than pi: "
-        problem += "it looks like degrees. If it is in degrees, call it phase_deg."
-    if problem:
-        place = re.sub(r"(?:[:,]\D*|\s+line )\d+\D*$", "", locate(0))
-        warnings.warn(f"{place}: {problem}", stacklevel=2)
     phase = np.deg2rad(fields["phase_deg"]) if "phase_deg" in fields else fields["phase_rad"]
     with np.errstate(invalid="ignore"):  # an infinite phase becomes NaN, and the recording refuses it
         values.real, values.imag = fields["amplitude"] * np.cos(phase), fields["amplitude"] * np.sin(phase)

@@ -65,7 +65,8 @@ def read_recording(archive: RecordedArrays, options: ReadOptions) -> Recording:
     values, has_phase = combine_values(fields, locate)
     free_text = read_unused(archive, names, options.skip)
     meaning, mentions = meaning_of_file(_statements(archive, names), free_text)
-    check_parts(names, free_text.claims, meaning.unit, where)
+    averages = _read_averages(archive, names)
+    check_parts(names, free_text.claims, meaning.unit, where, averages)
     scale = check_axis(meaning, mentions, _SAY_UNIT)
     check_other_axes(archive, names, fields["frequency"], scale, options.skip)
     points = [*free_text.points, *points_of_columns(archive, names, _chosen(options))]
@@ -78,7 +79,7 @@ def read_recording(archive: RecordedArrays, options: ReadOptions) -> Recording:
         coherence=fields.get("coherence"),
         locate=locate,
         how_to_state_quantity="a text 'quantity' or 'unit' in the file",
-        averages=_read_averages(archive, names),
+        averages=averages,
         variance=fields.get("variance"),
         taken=taken_for(names, list(archive.entries)),
         mentions=[one for one in mentions if not ("db" in names and one.text.lower() == "db")],

@@ -19,7 +19,9 @@ _COMPUTED = re.compile(
 """Words in the names of columns that hold something computed from a coherence or a variance."""
 
 
-def check_parts(fields: Mapping[str, str], claims: Sequence[FieldClaim], unit: str, where: str) -> None:
+def check_parts(
+    fields: Mapping[str, str], claims: Sequence[FieldClaim], unit: str, where: str, averages: int | None = None
+) -> None:
     """Refuse parts of an FRF that the file says to be in another unit, on another scale, or computed from others.
 
     Parameters
@@ -31,6 +33,8 @@ def check_parts(fields: Mapping[str, str], claims: Sequence[FieldClaim], unit: s
         The unit of the values, whose square is that of a variance.
     where : str
         Place of the names.
+    averages : int, optional
+        The number of averages that is read.
 
     Raises
     ------
@@ -43,6 +47,9 @@ def check_parts(fields: Mapping[str, str], claims: Sequence[FieldClaim], unit: s
     for claim in claims:
         if problem := _problem(fields, claim, unit):
             raise MeasurementError(Fault(claim.where, problem, remedy=SKIP.replace("NAME", claim.text)))
+        if claim.part == "averages" and averages is not None and int(claim.text) != averages:
+            problem = f"there are {claim.text[:20]} averages here, and {averages} elsewhere in the file."
+            raise MeasurementError(Fault(claim.where, problem, remedy="Keep one of the two."))
 
 
 def _problem(fields: Mapping[str, str], claim: FieldClaim, unit: str) -> str:
@@ -58,6 +65,8 @@ def _problem(fields: Mapping[str, str], claim: FieldClaim, unit: str) -> str:
     if part == "rotation":
         is_rotation = bool(unit) and (reading := read_unit(unit)) is not None and reading.rotation
         return "" if is_rotation else f"the motion is '{text[:40]}' here, and is read as a displacement."
+    if part == "averages":
+        return ""
     if part == "db":
         return f"decibels are over {text} of the unit, and are read as over 1." if "db" in fields else ""
     is_wrong = "amplitude" in fields if text != "power" else {"amplitude", "db"} & set(fields)

@@ -76,7 +76,8 @@ def _recording_of(path: Path, frf: RecordedFrf, where: str, reader: FrfReader, o
     _check_kind(frf, meaning, where)
     parts = {"values" if np.iscomplexobj(frf.values) else "amplitude": "", "coherence": "", "variance": ""}
     claims = [*read.claims, *([] if np.iscomplexobj(frf.values) else _claims_of_labels(read.statements))]
-    check_parts({name: "" for name in parts if getattr(frf, name, True) is not None}, claims, meaning.unit, where)
+    parts = {name: "" for name in parts if getattr(frf, name, True) is not None}
+    check_parts(parts, claims, meaning.unit, where, frf.averages)
     fields, mentions = _fields(frf, meaning, mentioned, where)
     recording = Recording(
         where=where,

@@ -207,9 +207,9 @@ def recording_of(
     _check_quantities(path, header)
     names = {field: header.names[column] for field, column in header.columns.items()}
     meaning, mentions = meaning_of_file(header.statements, free_text)
-    claims = [*header.claims, *free_text.claims]
+    claims, averages = [*header.claims, *free_text.claims], _averages(header.comments)
     if claims or {"coherence", "variance"} & set(names):
-        check_parts(names, claims, meaning.unit, str(path))
+        check_parts(names, claims, meaning.unit, str(path), averages)
     fields["frequency"] = fields["frequency"] * check_axis(meaning, mentions, SAY_COLUMNS)
     values, has_phase = combine_values(fields, locate)
     return Recording(
@@ -221,7 +221,7 @@ def recording_of(
         coherence=fields.get("coherence"),
         locate=locate,
         how_to_state_quantity="a line '# quantity: accelerance' before the header",
-        averages=_averages(header.comments),
+        averages=averages,
         variance=fields.get("variance"),
         taken=header.taken,
         mentions=[one for one in mentions if not ("db" in header.columns and one.text.lower() == "db")],
