@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail.identification import measured_lines
-from dovetail.identification.measured_lines import check_measured
+from dovetail.identification.measured_lines import check_measured, roles_of
 
 NODES = {"foot": [0.0, 0.0, 0.0], "top": [0.0, 0.0, 0.05]}
 BODY = {"model": "rigid_body", "mass": 1.0, "inertia": [1e-3] * 3, "nodes": NODES, "place": {}}
@@ -79,5 +78,5 @@ def test_two_skew_directions_at_a_node_are_no_drive_point():
     """They were one point, so that an FRF that delivers power was refused."""
     assert remarks([([1, 1, 0], [1, -1, 0])], ("11+x", "11+y"), at=("top", "top")) == []
     description = description_of([([1, 1, 0], [1, -1, 0])], at=("top", "top"))
-    (role,) = measured_lines._roles(description, measured(("", "")))
+    (role,) = roles_of(description, measured(("", "")))
     assert not role.is_drive_point
