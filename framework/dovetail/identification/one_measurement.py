@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dovetail.assembly import FRF_TOLERANCE, Assembly, AssemblySource, as_assembly, largest_frf_difference
 from dovetail.assembly.variants import at_drive_points
@@ -362,18 +363,25 @@ def _check_numbers(frf: Frf) -> None:
         raise MeasurementError(Fault(frf.label, problem, remedy="Leave this line out: 'frequency: {without: ...}'."))
 
 
+def _moves(assembly: Assembly, theta: NDArray[np.float64]) -> bool:
+    """Return whether the force of the only response moves its point, for one of some parameter vectors."""
+    amplitude = np.abs(assembly.frf(theta))
+    if assembly.description.response.is_drive_point:
+        return bool(amplitude.any())
+    output, force = (np.abs(drive_point.frf(theta)) for drive_point in at_drive_points(assembly))
+    moved = np.mean(amplitude > _NO_MOTION * np.sqrt(output * force), axis=1)
+    return bool((moved >= 0.5).any())
+
+
 def _check_motion(assembly: Assembly) -> None:
     """Raise a ParameterError if the force of a response does not move its point, as in another plane of symmetry.
 
-    Its FRF is then zero, or consists of rounding errors: those of the FRFs of its drive points.
+    Its FRF is then zero, or consists of rounding errors.
     """
     fractions = np.random.default_rng(0).random((_PROBES, len(assembly.parameters)))
     theta = assembly.from_unit(np.concatenate([np.full((1, len(assembly.parameters)), 0.5), fractions]))
     for label, each in zip(assembly.description.response_labels, assembly.each_response, strict=True):
-        drive_points = (each,) * 2 if each.description.response.is_drive_point else at_drive_points(each)
-        output, force = (np.abs(drive.frf(theta)) for drive in drive_points)
-        moves = np.abs(each.frf(theta)) > _NO_MOTION * np.sqrt(output * force)
-        if np.all(np.mean(moves, axis=-1) < 0.5):
+        if not _moves(each, theta):
             problem = f"the model's FRF at {label} is zero at all lines: the force does not move this point so."
             raise ParameterError(Fault(assembly.name, problem, remedy="Correct the directions of response and force."))
 
