@@ -45,11 +45,12 @@ def check_parts(
             problem = f"'{fields[field][:60]}' is not a {field}: '{match[0].strip()}' is not understood."
             raise MeasurementError(Fault(where, problem, f"a column called {field}"))
     for claim in claims:
-        if problem := _problem(fields, claim, unit):
+        if claim.part == "averages":
+            if averages is not None and int(claim.text) != averages:
+                problem = f"there are {claim.text[:20]} averages here, and {averages} elsewhere in the file."
+                raise MeasurementError(Fault(claim.where, problem, remedy="Keep one of the two."))
+        elif problem := _problem(fields, claim, unit):
             raise MeasurementError(Fault(claim.where, problem, remedy=SKIP.replace("NAME", claim.text)))
-        if claim.part == "averages" and averages is not None and int(claim.text) != averages:
-            problem = f"there are {claim.text[:20]} averages here, and {averages} elsewhere in the file."
-            raise MeasurementError(Fault(claim.where, problem, remedy="Keep one of the two."))
 
 
 def _problem(fields: Mapping[str, str], claim: FieldClaim, unit: str) -> str:
@@ -65,8 +66,6 @@ def _problem(fields: Mapping[str, str], claim: FieldClaim, unit: str) -> str:
     if part == "rotation":
         is_rotation = bool(unit) and (reading := read_unit(unit)) is not None and reading.rotation
         return "" if is_rotation else f"the motion is '{text[:40]}' here, and is read as a displacement."
-    if part == "averages":
-        return ""
     if part == "db":
         return f"decibels are over {text} of the unit, and are read as over 1." if "db" in fields else ""
     is_wrong = "amplitude" in fields if text != "power" else {"amplitude", "db"} & set(fields)
