@@ -42,9 +42,10 @@ def at_drive_points(assembly: Assembly) -> tuple[Assembly, Assembly]:
     """Return the assembly with the drive points at the output and at the input of its response."""
     response = assembly.description.response
     at = response.force or response
-    output = replace(response, force=None)
-    moved = replace(output, substructure=at.substructure, node=at.node, direction=at.direction, dofs=at.dofs)
-    return _with_responses(assembly, output), _with_responses(assembly, moved)
+    moved = replace(
+        response, substructure=at.substructure, node=at.node, direction=at.direction, dofs=at.dofs, force=None
+    )
+    return at_drive_point(assembly), _with_responses(assembly, moved)
 
 
 def movable_nodes(assembly: Assembly) -> list[NodePlace]:
