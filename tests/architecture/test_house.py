@@ -84,7 +84,7 @@ def trips() -> dict[str, list[str]]:
         ("synthesis", "dovetail/assembly/model.py", "dovetail/synthesis/codegen/compiler.py", 10),
     ],
 )
-def test_a_trip_through_the_house_enters_few_files(trips, trip, first, last, most):
+def test_following_a_measurement_or_theta_through_the_code_enters_few_files(trips, trip, first, last, most):
     files = trips[trip]
     assert files[0] == first
     assert last in files

@@ -44,7 +44,7 @@ def test_shared_code_of_tests_is_imported_from_support(texts):
     assert [name for name, text in texts.items() if re.search(r"sys\.path\.(?:insert|append)\(", text)] == []
 
 
-def test_no_test_fails_because_the_machine_stood_still(texts):
+def test_no_test_limits_a_time_that_goes_on_while_the_machine_stands_still(texts):
     """A wait is given up after minutes only; no clock that goes on meanwhile is compared with a number of seconds."""
     limits = [(name, limit) for name, text in texts.items() for limit in re.findall(r"\btimeout=([\d.]+)", text)]
     assert [(name, limit) for name, limit in limits if float(limit) < PATIENCE] == []

@@ -90,7 +90,7 @@ def test_a_section_names_each_of_its_pages_where_the_code_host_shows_it(page):
     assert [name for name in names if f"]({name}.md)" not in text and f"]({name}.ipynb)" not in text] == []
 
 
-def test_tables_stand_in_the_pages_as_the_commands_wrote_them():
+def test_tables_in_pages_are_those_that_the_commands_wrote():
     made = runpy.run_path(str(DOCS / "make_tables.py"))
     assert len(made["pages"]()) >= 15
     for page in made["pages"]():

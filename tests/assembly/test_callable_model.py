@@ -95,7 +95,7 @@ def test_it_can_be_pickled(model):
         ((lambda frequency, k, c: ["a"] * 600, RANGES, BAND), "the type <U1"),
     ],
 )
-def test_what_is_not_such_a_function_is_refused(arguments, problem):
+def test_a_callable_model_with_faulty_arguments_is_refused(arguments, problem):
     with pytest.raises(dovetail.ParameterError, match=problem):
         dovetail.CallableModel(*arguments)
 

@@ -14,7 +14,7 @@ FILES = {f"calibration.{suffix}" for suffix in ("html", "json", "md")}
 FILES |= {"parameters.csv", "cases.csv", "ranks.png", "coverage.png", "SHA256SUMS"}
 
 
-def test_the_study_by_one_command(run, bench, tmp_path):
+def test_calibrate_writes_all_files_and_prints_the_table(run, bench, tmp_path):
     folder = tmp_path / "study"
     arguments = ["calibrate", bench.description, "--cases", 2, "--samples", 50, "--noise", 0.1, "-o", folder]
     printed = run(*arguments).stdout
@@ -64,7 +64,7 @@ def test_ctrl_c_writes_the_finished_results(interruptible, bench, tmp_path):
         (["--model-error", "200%"], 1, "not a relative error"),
     ],
 )
-def test_wrong_options(run, bench, arguments, code, found):
+def test_wrong_options_are_refused(run, bench, arguments, code, found):
     assert found in run("calibrate", bench.description, *arguments, code=code).stderr
 
 

@@ -36,7 +36,7 @@ def dovetail_components():
 '''
 
 
-def test_a_sound_plugin_file(run, tmp_path):
+def test_a_sound_plugin_file_passes_every_check(run, tmp_path):
     file = tmp_path / "pad.py"
     file.write_text(SOUND)
     printed = run("check-plugin", "pad", "--plugin", file).stdout
@@ -66,7 +66,7 @@ def test_a_name_of_several_kinds_checks_them_all(run, tmp_path):
     assert components == {"joint 'none'", "reducer 'none'"}
 
 
-def test_an_unknown_name(run):
+def test_an_unknown_name_is_an_error(run):
     assert run("check-plugin", "colet", code=1).stderr.startswith(
         "dovetail check-plugin\n  there is no model 'colet'.\n"
     )

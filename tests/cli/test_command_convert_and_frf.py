@@ -36,7 +36,7 @@ def analyser(tmp_path):
 NAMES = ("--name", "frequency=Test.Freq_Axis", "--name", "values=Test.FRF1", "--unit", "g/N")
 
 
-def test_from_any_format_round_and_back(run, analyser, tmp_path):
+def test_an_frf_converted_to_each_format_and_back_is_the_same(run, analyser, tmp_path):
     shown = run("convert", analyser, tmp_path / "0.uff", *NAMES)
     assert "200 lines from 10 to 507.5 Hz, accelerance, coherence, 10 averages" in shown.stdout
     taken = "'Test.Freq_Axis' is frequency, 'Test.FRF1' is values, 'Test.Coh' is coherence, 'Test.N_avg' is averages"
@@ -51,7 +51,7 @@ def test_from_any_format_round_and_back(run, analyser, tmp_path):
 
 
 @pytest.mark.parametrize(("to", "unit"), [("receptance", "m/N"), ("um/N", "um/N"), ("mm/s/N", "mm/s/N")])
-def test_to_another_quantity_or_unit(run, analyser, tmp_path, to, unit):
+def test_convert_writes_another_quantity_or_unit(run, analyser, tmp_path, to, unit):
     said = run("convert", analyser, tmp_path / "a.csv", *NAMES, "--to", to).stdout
     lines = (tmp_path / "a.csv").read_text().splitlines()
     assert f"# unit: {unit}" in lines
@@ -83,7 +83,7 @@ def test_one_frf_of_several_is_chosen_by_its_dofs(run, tmp_path):
     np.testing.assert_allclose(dovetail.read_frf(tmp_path / "a.csv").values, 2 * accelerance(AXIS), rtol=1e-10)
 
 
-def test_the_accelerometer_on_a_transfer_function(run, tmp_path):
+def test_the_accelerometer_is_removed_from_a_transfer_function(run, tmp_path):
     drive = dovetail.Frf(AXIS, accelerance(AXIS), "accelerance", response="2+x", force="2+x")
     transfer = dovetail.Frf(AXIS, accelerance(AXIS, 350), "accelerance", response="2+x", force="1+x")
     dovetail.write_frf(add_accelerometer_mass(drive, 0.01), tmp_path / "drive.npz")
@@ -101,7 +101,7 @@ def test_the_accelerometer_on_a_transfer_function(run, tmp_path):
     np.testing.assert_allclose(dovetail.read_frf(tmp_path / "b.npz").values, drive.values, rtol=1e-9)
 
 
-def test_faults_of_convert(run, analyser, tmp_path):
+def test_wrong_input_of_convert_is_refused_with_what_is_accepted(run, analyser, tmp_path):
     assert "the file holds:" in run("convert", analyser, tmp_path / "a.uff", code=1).stderr
     assert "not PART=NAME" in run("convert", analyser, tmp_path / "a.uff", "--name", "values", code=2).stderr
     assert "Accepted: .uff, .unv, .csv, .npz" in run("convert", analyser, tmp_path / "a.mat", code=2).stderr
@@ -114,7 +114,7 @@ def test_faults_of_convert(run, analyser, tmp_path):
     assert (tmp_path / "a.uff").read_text() == "old"
 
 
-def test_a_table_without_a_header(run, tmp_path):
+def test_a_table_without_a_header_is_converted_once_its_columns_are_named(run, tmp_path):
     rows = "".join(f"{f:.2f};7;{v.real:.12e};{v.imag:.12e}\n" for f, v in zip(AXIS, accelerance(AXIS), strict=True))
     (tmp_path / "a.txt").write_text(f"by hand\n{rows.replace('.', ',')}")
     fault = run("convert", tmp_path / "a.txt", tmp_path / "a.uff", "--quantity", "accelerance", code=1).stderr
@@ -126,7 +126,7 @@ def test_a_table_without_a_header(run, tmp_path):
     np.testing.assert_allclose(dovetail.read_frf(tmp_path / "a.uff").values, accelerance(AXIS), rtol=1e-9)
 
 
-def test_dofs_and_a_coherence_above_one(run, tmp_path):
+def test_convert_writes_given_dofs_and_reports_a_coherence_above_one(run, tmp_path):
     (tmp_path / "a.csv").write_text("f,re [g/N],im [g/N],coh\n1,2,3,1.02\n2,3,4,1\n")
     done = run("convert", tmp_path / "a.csv", tmp_path / "a.uff", "--dofs", "3+x, 1-x")
     assert "from 1-x to 3+x" in done.stdout
@@ -167,7 +167,7 @@ def check(path, truth, rtol=0.01):
     assert np.median(frf.coherence[19:699]) > 0.99
 
 
-def test_signals_in_an_archive(run, tmp_path, hits):
+def test_an_archive_of_signals_becomes_an_frf(run, tmp_path, hits):
     time, force, response, truth = hits
     np.savez(tmp_path / "hits.npz", force=force, response=response / 9.80665, rate=RATE)
     shown = run("frf", tmp_path / "hits.npz", "-o", tmp_path / "a.uff", "--response-unit", "g").stdout
@@ -183,7 +183,7 @@ def test_signals_in_an_archive(run, tmp_path, hits):
     check(tmp_path / "c.npz", truth)
 
 
-def test_signals_in_a_table(run, tmp_path, hits):
+def test_a_table_of_signals_becomes_an_frf(run, tmp_path, hits):
     time, force, response, truth = hits
     names = ["time", *(f"{name} {n}" for n in range(1, 5) for name in ("Force", "Response"))]
     columns = [time, *(one[n] for n in range(4) for one in (force, response))]
@@ -198,7 +198,7 @@ def test_signals_in_a_table(run, tmp_path, hits):
     assert (tmp_path / "b.csv").read_text().split("\n")[4:] == (tmp_path / "a.csv").read_text().split("\n")[4:]
 
 
-def test_signals_in_a_universal_file(run, tmp_path, hits):
+def test_signals_of_a_universal_file_become_an_frf(run, tmp_path, hits):
     time, force, response, truth = hits
     for pulse, signal in zip(force, response, strict=True):
         for kind, unit, data in ((13, "N", pulse), (12, "g", signal / 9.80665)):
@@ -210,7 +210,7 @@ def test_signals_in_a_universal_file(run, tmp_path, hits):
     check(tmp_path / "a.csv", truth)
 
 
-def test_signals_in_volts(run, tmp_path, hits):
+def test_signals_in_volts_become_an_frf_by_their_sensitivities(run, tmp_path, hits):
     """With the sensitivities of hammer and accelerometer, in a file that states volts and milliseconds."""
     time, force, response, truth = hits
     names = ["time [ms]", *(f"{name} {n} [mV]" for n in range(1, 5) for name in ("Force", "Response"))]
@@ -229,7 +229,7 @@ def test_signals_in_volts(run, tmp_path, hits):
     assert "is not a sensitivity" in run("frf", tmp_path / "volts.csv", "-o", tmp_path / "b.uff", *wrong, code=1).stderr
 
 
-def test_one_node_of_a_roving_hammer(run, tmp_path, hits):
+def test_the_impacts_at_one_node_of_a_roving_hammer_become_an_frf(run, tmp_path, hits):
     """Two impacts at each of two nodes, with the force along -x at the second."""
     time, force, response, truth = hits
     for number, (pulse, signal) in enumerate(zip(force, response, strict=True)):
@@ -250,7 +250,7 @@ def test_one_node_of_a_roving_hammer(run, tmp_path, hits):
     np.testing.assert_allclose(frf.values[19:699], -2 * truth[1], rtol=0.02, atol=0.02)
 
 
-def test_windows_and_bad_impacts(run, tmp_path, hits):
+def test_frf_applies_windows_and_leaves_bad_impacts_out(run, tmp_path, hits):
     _, force, response, _ = hits
     late = int(0.05 * RATE)
     force[1, late:] += 0.3 * force[1, :-late]
@@ -281,7 +281,7 @@ def test_a_time_of_too_few_digits_is_left_out_as_the_error_says(run, tmp_path):
     assert "from 1 to 1999 Hz" in run("frf", tmp_path / "a.csv", *options, "-o", tmp_path / "a.uff").stdout
 
 
-def test_faults_of_frf(run, tmp_path, hits):
+def test_wrong_input_of_frf_is_refused_with_what_is_accepted(run, tmp_path, hits):
     table = "time,force,response\n" + "".join(f"{n / 100},{n % 7},{n % 5}\n" for n in range(50))
     assert "'speed' is not a unit of motion" in fault_of(run, tmp_path, "a.csv", table, "--response-unit", "speed")
     assert "'m' is not a unit of force" in fault_of(run, tmp_path, "a.csv", table, "--force-unit", "m")

@@ -132,7 +132,7 @@ def test_train_prints_how_well_the_network_does(bench):
     assert bench.trained.stderr == f"Written: {bench.model}\n"
 
 
-def test_train_on_a_dataset(run, bench, tmp_path):
+def test_train_uses_a_given_dataset(run, bench, tmp_path):
     data, folder = tmp_path / "data.zarr", tmp_path / "model"
     run("generate", bench.description, "-o", data, "--samples", 40)
     found = json.loads(run("train", bench.description, "--data", data, "-o", folder, "--json").stdout)

@@ -25,7 +25,7 @@ def untrained(monkeypatch):
     monkeypatch.setattr(dovetail, "train", lambda *_, **__: pytest.fail("it trained"))
 
 
-def test_identify_with_a_model(run, bench):
+def test_identify_with_a_model_prints_what_the_model_returns(run, bench):
     printed = run("identify", bench.model, bench.measured, "--method", "network").stdout
     result = dovetail.load_model(bench.model).identify(dovetail.read_frf(bench.measured), "network")
     rows = [line.split() for line in printed.splitlines()]
@@ -280,7 +280,7 @@ def test_wrong_options_are_refused_before_training(run, bench, arguments, code, 
 
 
 @pytest.mark.usefixtures("untrained")
-def test_missing_files(run, bench, tmp_path):
+def test_missing_files_are_reported(run, bench, tmp_path):
     gone = tmp_path / "gone.uff"
     assert (
         run("identify", bench.description, gone, "--method", "network", code=1).stderr
@@ -346,7 +346,7 @@ def heavier(bench, tmp_path):
 
 
 @pytest.mark.parametrize("given", ["folder", "file"])
-def test_predict_in_another_assembly(run, results, heavier, tmp_path, given):
+def test_predict_writes_the_frf_of_another_assembly(run, results, heavier, tmp_path, given):
     source = results if given == "folder" else results / "result.json"
     done = run("predict", heavier, source, "-o", tmp_path / "heavier.csv", "-o", tmp_path / "heavier.png")
     k = json.loads((results / "result.json").read_text())["parameters"]["k"]["value"]
@@ -359,7 +359,7 @@ def test_predict_in_another_assembly(run, results, heavier, tmp_path, given):
     assert (tmp_path / "heavier.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_predict_as_json(run, results, heavier):
+def test_predict_prints_json(run, results, heavier):
     found = json.loads(run("predict", heavier, results, "--json").stdout)
     assert found["name"] == "heavier"
     assert set(found["parameters"]) == {"k", "c"}
@@ -500,7 +500,7 @@ def test_files_of_a_batch_have_names_that_differ_even_where_capitals_do_not_coun
     assert file_stems(["A_3", "a", "A", "summary"]) == ["A_3", "a", "A_4", "summary_4"]
 
 
-def test_a_folder_without_measurements(run, bench, tmp_path):
+def test_a_folder_without_measurements_is_refused(run, bench, tmp_path):
     (tmp_path / "empty").mkdir()
     assert "this folder holds no measurement" in run("identify", bench.description, tmp_path / "empty", code=1).stderr
 

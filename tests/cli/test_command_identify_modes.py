@@ -80,7 +80,7 @@ def test_a_table_that_the_model_does_not_fit_exits_with_code_three(run, modes):
     assert '"is_trustworthy": false' in output
 
 
-def test_options_of_an_frf_do_not_go_with_it(run, modes):
+def test_options_for_frfs_are_refused_with_a_table_of_modes(run, modes):
     for option in (("--weights", "coherence"), ("--amplitude-only",), ("--network",), ("--index", "1")):
         assert "takes no option of an FRF" in run("identify", OSCILLATOR, modes, *option, code=2).output
 

@@ -20,7 +20,7 @@ def test_plugins_lists_installed_components(run):
     assert "Offered more than once" not in printed
 
 
-def test_plugins_as_json(run):
+def test_plugins_prints_json(run):
     found = json.loads(run("plugins", "--json").stdout)
     assert {"kind": "joint", "name": "collet"}.items() <= next(
         entry for entry in found["components"] if entry["name"] == "collet"

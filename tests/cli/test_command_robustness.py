@@ -6,7 +6,7 @@ import json
 import pytest
 
 
-def test_the_study_by_one_command(run, bench, tmp_path):
+def test_robustness_writes_all_files_and_prints_the_table(run, bench, tmp_path):
     folder = tmp_path / "study"
     arguments = ["robustness", bench.description, "--models", "none, pca", "--levels", "0,0.2", "-o", folder]
     printed = run(*arguments).stdout
@@ -21,7 +21,7 @@ def test_the_study_by_one_command(run, bench, tmp_path):
     assert (folder / "robustness.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_on_a_dataset_and_as_json(run, bench, tmp_path):
+def test_robustness_uses_a_given_dataset_and_prints_json(run, bench, tmp_path):
     data = tmp_path / "data.zarr"
     run("generate", bench.description, "-o", data, "--samples", 40)
     arguments = ["robustness", bench.description, "--data", data, "--models", "none", "--levels", "10%", "--json"]

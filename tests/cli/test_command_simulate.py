@@ -40,7 +40,7 @@ def test_written_files_hold_the_frf(run, sdof, assemblies, tmp_path, suffix):
     np.testing.assert_allclose(read.values, sdof.frf({"k": 3e6, "c": 40.0}), rtol=1e-9)
 
 
-def test_several_files_at_once_and_a_figure(run, assemblies, tmp_path):
+def test_several_files_and_a_figure_are_written_at_once(run, assemblies, tmp_path):
     table, figure = tmp_path / "frf.csv", tmp_path / "frf.png"
     done = run("simulate", assemblies / "sdof.yaml", "-o", table, "-o", figure)
     assert figure.read_bytes().startswith(b"\x89PNG")
@@ -60,12 +60,12 @@ def test_a_file_that_is_there_stays(run, assemblies, tmp_path, name):
     assert file.read_bytes() != b"mine"
 
 
-def test_unknown_parameter(run, assemblies):
+def test_an_unknown_parameter_is_refused(run, assemblies):
     message = run("simulate", assemblies / "sdof.yaml", "--set", "kk=1", code=1).stderr
     assert message == ("parameter kk\n  the assembly has no such parameter.\n  Did you mean 'k'?  Accepted: k, c\n")
 
 
-def test_wrong_unit(run, assemblies):
+def test_a_wrong_unit_is_refused(run, assemblies):
     message = run("simulate", assemblies / "sdof.yaml", "--set", "k=3 mm", code=1).stderr
     assert message.startswith("parameter k\n  '3 mm' is not in N/m, or")
     assert "Traceback" not in message
@@ -81,20 +81,20 @@ def test_wrong_unit(run, assemblies):
         (["--sett", "k=1"], "No such option"),
     ],
 )
-def test_wrong_command_lines(run, assemblies, arguments, found):
+def test_wrong_command_lines_print_the_usage(run, assemblies, arguments, found):
     message = run("simulate", assemblies / "sdof.yaml", *arguments, code=2).stderr
     assert message.startswith("Usage: ")
     assert found in message
 
 
-def test_missing_file(run, tmp_path):
+def test_a_missing_file_is_reported(run, tmp_path):
     file = tmp_path / "gone.yaml"
     done = run("simulate", file, code=1)
     assert done.stdout == ""
     assert done.stderr == f"{file}\n  there is no such file.\n"
 
 
-def test_a_place_that_cannot_be_written(run, assemblies, tmp_path):
+def test_an_output_that_cannot_be_written_is_reported(run, assemblies, tmp_path):
     blocker = tmp_path / "file"
     blocker.write_text("")
     message = run("simulate", assemblies / "sdof.yaml", "-o", blocker / "frf.csv", code=1).stderr
@@ -127,7 +127,7 @@ def test_noise_and_truth_make_a_measurement(run, sdof, assemblies, tmp_path):
         (["--truth-output", "truth.txt"], "truth.txt"),
     ],
 )
-def test_wrong_noise_and_truth(run, assemblies, arguments, found):
+def test_a_wrong_noise_or_truth_is_refused(run, assemblies, arguments, found):
     assert found in run("simulate", assemblies / "sdof.yaml", *arguments, code=2).stderr
 
 

@@ -9,7 +9,7 @@ import pytest
 PARTS = "campaign/cases/parts.yaml"
 
 
-def test_parts_of_the_campaign(run, assemblies, tmp_path):
+def test_the_parts_of_the_campaign_are_validated(run, assemblies, tmp_path):
     folder = tmp_path / "parts"
     printed = run("validate", assemblies / PARTS, "--method", "network", "-o", folder).stdout
     assert [line.split()[0] for line in printed.splitlines()[3:] if line[0] != " "] == ["T0", "T1", "T2", "T3", "H0"]

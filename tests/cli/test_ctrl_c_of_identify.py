@@ -33,7 +33,7 @@ def sampling(interruptible, run, assemblies, tmp_path):
     process.kill()
 
 
-def test_the_first_writes_a_result_that_says_what_it_lacks(sampling, tmp_path):
+def test_the_first_ctrl_c_writes_a_result_that_says_what_it_lacks(sampling, tmp_path):
     sampling.send_signal(signal.SIGINT)
     printed, said = sampling.communicate(timeout=PATIENCE)
     assert "Stopping with what there is" in said
@@ -45,7 +45,7 @@ def test_the_first_writes_a_result_that_says_what_it_lacks(sampling, tmp_path):
     assert result["parameters"]["k"]["value"] == pytest.approx(3e6, rel=0.02)
 
 
-def test_the_second_ends_at_once_and_leaves_nothing_half_written(sampling, tmp_path):
+def test_the_second_ctrl_c_ends_at_once_and_leaves_nothing_half_written(sampling, tmp_path):
     sampling.send_signal(signal.SIGINT)
     for line in sampling.stderr:
         if "Stopping with what there is" in line:

@@ -135,7 +135,7 @@ def test_the_study_of_the_page_finds_the_settings_that_it_shows(tmp_path, type_l
 
 
 @pytest.mark.slow
-def test_the_way_from_the_hammer_to_the_tool_tip(learn, type_line):
+def test_the_page_from_hammer_to_tool_tip_runs(learn, type_line):
     """Without the search for what explains the error of the mesh."""
     pytest.importorskip("pyFRF")
     smaller = {"-o joint": "--cause-seconds 0 -o joint"}
@@ -164,7 +164,7 @@ SMALLER = {
 
 
 @pytest.mark.parametrize(("measurements", "smaller"), [(2, SMALLER), pytest.param(20, {}, marks=pytest.mark.slow)])
-def test_the_script_and_the_commands_of_the_page_on_python(tmp_path, type_line, measurements, smaller):
+def test_the_script_and_the_commands_of_the_page_on_python_run(tmp_path, type_line, measurements, smaller):
     """By default with fewer measurements and samples, and a network that learns sooner; the script in this process."""
 
     def typed(line: str) -> str:

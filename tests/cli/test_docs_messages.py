@@ -46,7 +46,7 @@ def raised(script):
     return f"{type(caught.value).__name__}: {caught.value}\n"
 
 
-def test_there_are_twenty_at_least():
+def test_the_page_has_at_least_twenty_messages():
     assert len(SECTIONS) >= 20
 
 

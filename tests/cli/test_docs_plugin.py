@@ -82,7 +82,7 @@ def test_the_joint_of_the_page_works_as_the_page_says(run, tmp_path):
     np.testing.assert_allclose(assembly.frf([k, m]), expected, rtol=1e-10)
 
 
-def test_the_substructure_of_the_page(run, tmp_path):
+def test_the_substructure_of_the_page_has_the_frf_of_its_formula(run, tmp_path):
     plugin, description = example("rail.py", tmp_path), tmp_path / "assembly.yaml"
     rail = "{model: rail, length: 100 mm, mass: 500 g, stiffness: 1 MN/m, loss_factor: 0.02}"
     text = ASSEMBLY.replace("{model: lumped, masses: [{mass: 1 kg}]}", rail).replace("position: 0,", "position: 0.1,")
@@ -97,7 +97,7 @@ def test_the_substructure_of_the_page(run, tmp_path):
     np.testing.assert_allclose(assembly.frf([k, c]), expected, rtol=1e-10)
 
 
-def test_the_reducer_and_the_regressor_of_the_page(run, tmp_path, assemblies):
+def test_the_reducer_and_the_regressor_of_the_page_are_trained(run, tmp_path, assemblies):
     plugins = [example("bands.py", tmp_path), example("ridge.py", tmp_path)]
     description = tmp_path / "assembly.yaml"
     description.write_text(
@@ -117,7 +117,7 @@ def test_the_reducer_and_the_regressor_of_the_page(run, tmp_path, assemblies):
     )
 
 
-def test_the_reader_of_the_page(run, tmp_path):
+def test_the_reader_of_the_page_reads_its_format(run, tmp_path):
     plugin, measured = example("blocks.py", tmp_path), tmp_path / "measured.blk"
     measured.write_text("#blocks\n10 1 0.1\n20 2 0.2\n\n10 3 0.3\n20 4 0.4\n")
     assert "accelerance" in run("--plugin", plugin, "plot", measured, "--index", "1").stdout
@@ -125,7 +125,7 @@ def test_the_reader_of_the_page(run, tmp_path):
     np.testing.assert_allclose(frf.values, 9.80665 * np.array([3 + 0.3j, 4 + 0.4j]))
 
 
-def test_the_method_of_the_page(run, tmp_path, assemblies):
+def test_the_method_of_the_page_identifies_a_measurement(run, tmp_path, assemblies):
     plugin, measured = example("one_step.py", tmp_path), tmp_path / "measured.csv"
     run("simulate", assemblies / "sdof.yaml", "--set", "k=3e6", "--set", "c=50", "--noise", "1%", "-o", measured)
     words = ("identify", assemblies / "sdof.yaml", measured, "--method", "one_step", "--json")

@@ -144,7 +144,7 @@ def test_faults_of_files_show_what_they_name(make, run, tmp_path):
     assert not OBEYED.search(run("frf", make(tmp_path), "-o", tmp_path / "b.csv", code=1).output)
 
 
-def test_notes_and_file_names(run, folder, tmp_path):
+def test_control_characters_in_notes_and_file_names_are_not_printed(run, folder, tmp_path):
     for output in ("b.csv", "b.uff", "b.npz"):
         assert not OBEYED.search(run("convert", noted(tmp_path), folder / output).output)
     (tmp_path / "only").mkdir()

@@ -139,7 +139,7 @@ def without(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[
     return use
 
 
-def test_every_extra_has_its_doors():
+def test_every_extra_has_functions_that_need_it():
     assert set(DOORS) == set(EXTRAS)
 
 

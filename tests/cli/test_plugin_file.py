@@ -73,7 +73,7 @@ def description(tmp_path):
     return file
 
 
-def test_a_new_joint_end_to_end(run, plugin, description, tmp_path):
+def test_a_new_joint_is_listed_checked_simulated_and_identified(run, plugin, description, tmp_path):
     assert "hysteretic_spring" in run("plugins", "--plugin", plugin).stdout
     rows = [line.split() for line in run("check", description, "--plugin", plugin).stdout.splitlines()]
     assert ["joint", "mount,", "internal", "hysteretic_spring", "0"] in rows
@@ -126,7 +126,7 @@ def test_without_the_plugin_the_model_is_unknown(run, description):
         ),
     ],
 )
-def test_a_bad_plugin_file(run, tmp_path, description, text, found):
+def test_a_bad_plugin_file_is_an_error_in_every_command(run, tmp_path, description, text, found):
     file = tmp_path / "bad.py"
     file.write_text(text)
     for arguments in (["--plugin", file, "plugins"], ["check", description, "--plugin", file]):
@@ -142,7 +142,7 @@ def test_the_failing_line_is_named_for_a_relative_path(run, tmp_path, monkeypatc
     assert run("--plugin", "bad.py", "plugins", code=1).stderr.startswith("bad.py:3\n  AttributeError: ")
 
 
-def test_a_missing_plugin_file(run, tmp_path):
+def test_a_missing_plugin_file_is_reported(run, tmp_path):
     file = tmp_path / "gone.py"
     assert run("--plugin", file, "plugins", code=1).stderr == f"{file}\n  there is no such plugin file.\n"
 

@@ -62,7 +62,7 @@ def files(run, assemblies, tmp_path_factory) -> dict[str, Path]:
     return files
 
 
-def test_all_commands_are_here():
+def test_every_command_is_tested_or_quick():
     assert set(CommandTable(OWN).offers) == {line.split()[0] for line in LONG} | QUICK
 
 
@@ -92,7 +92,7 @@ print("done")
 
 
 @pytest.mark.parametrize("progress", [True, False])
-def test_a_bar_in_python_where_it_is_wanted(on_a_terminal, files, tmp_path, progress):
+def test_python_shows_a_bar_only_on_request(on_a_terminal, files, tmp_path, progress):
     script = SCRIPT.format(progress=progress)
     shown = on_a_terminal(sys.executable, "-c", script, files["sdof"], tmp_path / "data.zarr")
     assert shown.code == 0, shown.written
@@ -101,7 +101,7 @@ def test_a_bar_in_python_where_it_is_wanted(on_a_terminal, files, tmp_path, prog
 
 
 @pytest.mark.parametrize("word", ["-q", "-v"])
-def test_no_bar_with_quiet_and_with_verbose(command, on_a_terminal, files, tmp_path, word):
+def test_quiet_and_verbose_show_no_bar(command, on_a_terminal, files, tmp_path, word):
     shown = on_a_terminal(command, "generate", files["sdof"], "-o", tmp_path / "data.zarr", "--samples", 50, word)
     assert shown.code == 0, shown.written
     assert shown.first_bar == float("inf")

@@ -63,7 +63,7 @@ def test_every_command_that_prints_a_table_prints_json_too():
     assert [c.__name__ for c in with_table if "as_json" not in inspect.signature(c).parameters] == []
 
 
-def test_the_json_of_measured_files(run, assemblies):
+def test_plot_prints_what_it_read_as_json(run, assemblies):
     (found,) = json.loads(run("plot", assemblies / "measurements" / "hammer_test.uff", "--json").stdout)
     peaks, coherence = found.pop("resonances_Hz"), found.pop("mean_coherence")
     assert found == {

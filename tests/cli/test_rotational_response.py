@@ -41,7 +41,7 @@ def turned(tmp_path):
     return file
 
 
-def test_the_unit_of_a_rotation(turned):
+def test_an_frf_of_a_rotation_has_its_unit(turned):
     assembly = dovetail.load(turned)
     frf = dovetail.Frf(assembly.frequency, assembly.frf(), "accelerance", rotation=True)
     assert (frf.unit, frf.to("receptance").unit) == ("rad/(N m s^2)", "rad/(N m)")

@@ -201,7 +201,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_a_comparison_that_is_none_is_refused(case, rod):
+def test_models_that_cannot_be_compared_are_refused(case, rod):
     arguments, expected = WRONG[case]
     done = CliRunner().invoke(app, ["compare-models", *(str(rod) if one == "FRF" else one for one in arguments)])
     assert done.exit_code == 1, done.output

@@ -85,7 +85,7 @@ def same(folder, whole) -> None:
     assert np.isfinite(dovetail.Dataset(folder).amplitude[:]).all()
 
 
-def test_a_disk_that_refuses_at_random_moments(whole, tmp_path):
+def test_a_dataset_is_resumed_after_a_disk_refused_at_random_moments(whole, tmp_path):
     description = whole.path.parent / "description.json"
     arguments = [str(description), str(tmp_path / "data.zarr"), str(len(whole)), "3"]
     without_caches = [sys.executable, "-B", "-c", REFUSED]  # the limit would cut off the bytecode of modules, too
@@ -104,7 +104,7 @@ def may_mount() -> bool:
 
 
 @pytest.mark.skipif(not may_mount(), reason="mounting a small disk is not permitted here")
-def test_a_disk_that_is_full(whole, tmp_path):
+def test_a_dataset_is_resumed_after_the_disk_was_full(whole, tmp_path):
     disk = tmp_path / "disk"
     disk.mkdir()
     arguments = [str(whole.path.parent / "description.json"), str(disk), str(len(whole)), str(tmp_path / "copy.zarr")]
@@ -192,7 +192,7 @@ print(json.dumps(refused))
 
 @pytest.mark.skipif(not may_mount(), reason="mounting a small disk is not permitted here")
 @pytest.mark.parametrize("times", [6, pytest.param(50, marks=pytest.mark.slow)])
-def test_a_disk_that_fills_while_results_are_written(sdof, tmp_path, times):
+def test_a_disk_that_fills_while_results_are_written_leaves_no_half_file(sdof, tmp_path, times):
     description = json.loads(sdof.description.text)
     regressor = {"model": "mlp", "hidden": [8, 4], "max_epochs": 3}
     description["identification"].update(samples=60, reducer={"model": "none"}, regressor=regressor)

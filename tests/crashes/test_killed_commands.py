@@ -75,7 +75,7 @@ EVERY = ("generate", "train", "identify", "convert", "validate", "calibrate")
     ("piece", "kinds", "kills"),
     [(0, ("identify",), 1), *(pytest.param(piece, EVERY, 25, marks=pytest.mark.slow) for piece in range(1, 9))],
 )
-def test_killed_at_random_moments(place, piece, kinds, kills):
+def test_commands_killed_at_random_moments_leave_whole_files(place, piece, kinds, kills):
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "DOVETAIL_CACHE_DIR": str(place / "cache")}
     usual: dict[str, float] = {}
     moments, killed = random.Random(piece), 0

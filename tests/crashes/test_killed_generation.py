@@ -29,7 +29,7 @@ dovetail.generate(assembly, sys.argv[2], samples=int(sys.argv[3]), resume=True, 
 @pytest.mark.parametrize(
     ("kills", "part", "chunk"), [(2, 500, 4e5), pytest.param(20, 3000, 8e6, marks=pytest.mark.slow)], ids=["2", "20"]
 )
-def test_killed_and_resumed(collet, tmp_path, monkeypatch, kills, part, chunk):
+def test_a_killed_generation_is_resumed_bit_for_bit(collet, tmp_path, monkeypatch, kills, part, chunk):
     """By default with chunks of a twentieth of their bytes, so that there are many of few samples."""
     monkeypatch.setattr(generation, "_CHUNK_BYTES", chunk)
     samples = part * kills

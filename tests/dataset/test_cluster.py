@@ -224,7 +224,9 @@ def test_a_killed_worker_loses_nothing(assembly, tmp_path, scheduler, workers):
     assert digests(path) == digests(tmp_path / "plain.zarr")
 
 
-def test_a_shard_of_interpolated_complex_frfs_by_a_cluster(assembly, tmp_path, monkeypatch, scheduler, workers):
+def test_a_shard_of_interpolated_complex_frfs_is_generated_by_a_cluster(
+    assembly, tmp_path, monkeypatch, scheduler, workers
+):
     monkeypatch.setattr(generation, "_CHUNK_BYTES", 8.0 * 391 * 50)
     options = {"samples": SAMPLES, "seed": 3, "storage": "complex", "interpolation": 1e-9, "shard": (2, 3)}
     dovetail.generate(assembly, tmp_path / "plain.zarr", **options)

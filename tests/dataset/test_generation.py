@@ -147,7 +147,7 @@ def test_a_full_disk_leaves_a_dataset_that_can_be_resumed(sdof, tmp_path, monkey
     np.testing.assert_allclose(np.asarray(resumed.amplitude[:]), np.abs(sdof.frf(resumed.parameters)), rtol=1e-6)
 
 
-def test_nothing_to_sample_and_no_samples(sdof, tmp_path):
+def test_a_dataset_without_parameters_or_samples_is_refused(sdof, tmp_path):
     description = json.loads(sdof.description.text)
     description["joints"]["mount"]["parameters"] = {"k": {"value": 1e6}, "c": {"value": 10}}
     with pytest.raises(DatasetError) as error:

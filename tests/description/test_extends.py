@@ -10,7 +10,7 @@ from dovetail.description import read_description
 from dovetail.errors import DescriptionError
 
 
-def test_a_new_tool_in_the_same_holder(read, sound):
+def test_an_extension_replaces_the_tool_and_keeps_the_holder(read, sound):
     description = read(
         "extends: base.yaml\n"
         "name: longer\n"
@@ -123,13 +123,13 @@ def test_the_path_is_taken_from_the_file_that_names_it(registry, sound, tmp_path
         read_description({"extends": "a/b/test.yaml"}, registry)
 
 
-def test_a_cycle_of_two(message):
+def test_files_that_extend_each_other_are_refused(message):
     assert message("extends: other.yaml", other="# back\nextends: test.yaml") == (
         "other.yaml:2:10  extends\n  'test.yaml' extends itself in a circle."
     )
 
 
-def test_an_endless_chain(message):
+def test_a_chain_of_too_many_files_is_refused(message):
     files = {f"f{index}": f"extends: f{index + 1}.yaml" for index in range(40)}
     assert message("extends: f0.yaml", **files) == (
         "f14.yaml:1:10  extends\n  'f15.yaml' is in a chain of more than 16 files."

@@ -25,7 +25,7 @@ def faults(registry):
     return message_of
 
 
-def test_paths_in_the_order_of_the_dict(document, faults):
+def test_faults_are_listed_by_path_in_the_order_of_the_dict(document, faults):
     document["response"]["position"] = "10 kg"
     document["frequency"]["stopp"] = 1
     document["substructures"]["holder"]["sections"][0]["outer"] = 0
@@ -82,12 +82,12 @@ def test_keys_that_are_not_strings_are_refused(document, faults):
     )
 
 
-def test_a_dict_inside_itself(document, faults):
+def test_a_dict_inside_itself_is_refused(document, faults):
     document["joints"]["collet"]["parameters"] = document
     assert faults(document).endswith("joints.collet.parameters\n  the description has more than 32 levels.")
 
 
-def test_a_dict_that_repeats_itself(document, faults):
+def test_a_dict_of_too_many_values_is_refused(document, faults):
     laugh = ["ha"]
     for _ in range(20):
         laugh = [laugh] * 10

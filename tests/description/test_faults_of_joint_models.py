@@ -170,7 +170,7 @@ def test_declarations_that_do_not_fit_are_refused_with_the_description(load, tmp
     assert f"  Correct it in {tmp_path / 'pad.py'}.  {accepted}" in text
 
 
-def test_a_property_that_makes_a_bad_parameter(load):
+def test_a_joint_with_an_invalid_parameter_is_refused(load):
     broken = 'parameters = property(lambda self: (Parameter("k", "N/m", 5, 1),)) or ('
     with pytest.raises(
         dovetail.DovetailError, match="cannot give its parameters: parameter 'k': its range from 5 to 1 is"

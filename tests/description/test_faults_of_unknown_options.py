@@ -163,14 +163,14 @@ def test_options_tied_to_those_of_another_part_are_tried_at_the_ends_of_their_ra
     assert fault.remedy == "Narrow the range of 'arm.sections.0.outer', to which it is tied."
 
 
-def test_a_part_with_very_many_degrees_of_freedom():
+def test_an_unknown_option_of_a_part_with_very_many_dofs_is_refused():
     changed = with_value(YOUNG, {"range": [1e11, 2e11]})
     changed["substructures"]["arm"]["sections"][0]["elements"] = 400
     with pytest.raises(dovetail.DescriptionError, match="it has 802 DOFs, and its matrices are made anew"):
         dovetail.load({**changed, "response": {"at": "arm", "position": "node n401"}})
 
 
-def test_two_responses_with_one_name():
+def test_two_responses_with_one_name_are_refused():
     changed = {key: value for key, value in SOUND.items() if key != "response"}
     changed["responses"] = [{"at": "arm", "position": f"node n{n}", "name": "tip"} for n in (3, 5)]
     with pytest.raises(dovetail.DescriptionError, match="another response has the name 'tip'"):

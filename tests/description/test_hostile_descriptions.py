@@ -70,7 +70,7 @@ EXACT = {
 
 
 @pytest.mark.parametrize("case", EXACT)
-def test_exact_message_in_bounded_time(case, message):
+def test_a_hostile_description_has_its_message_in_bounded_time(case, message):
     data, expected = EXACT[case]
     started = time.process_time()
     assert message(data) == expected

@@ -124,7 +124,7 @@ def test_a_wrong_value_fails(path, value):
     assert faults(description) != []
 
 
-def test_one_response_or_a_list_of_them():
+def test_a_response_or_a_list_of_them_is_valid_and_both_are_not():
     description = read(ROOT / "assemblies" / "bt40_er32.yaml")
     one = description.pop("response")
     assert faults(description) != []
@@ -150,7 +150,7 @@ def test_every_option_and_parameter_of_every_component_is_described_with_its_uni
     assert definitions["frequency"]["properties"]["step"]["description"] == "Distance of the lines [Hz]."
 
 
-def test_the_command_writes_it(run, tmp_path):
+def test_the_command_writes_the_schema(run, tmp_path):
     file = tmp_path / "dovetail.schema.json"
     run("schema", "-o", file)
     assert json.loads(file.read_text(encoding="utf-8")) == json.loads(run("schema").stdout)
@@ -190,7 +190,7 @@ def run():
     return invoke
 
 
-def test_what_is_unknown_of_parts_and_chains():
+def test_unknown_options_of_parts_and_chains_are_in_the_schema():
     description = read(ROOT / "assemblies" / "bt40_er32.yaml")
     beam = description["substructures"]["tool"]
     for young in (

@@ -68,7 +68,7 @@ def test_a_plugin_that_did_not_load_is_named_where_its_model_is_missing(sound, t
     assert fault.remedy.startswith("(Not loaded: acme 3.0: 'Clamp' is not a component class")
 
 
-def test_the_search_ends_somewhere(message, broken):
+def test_no_more_than_the_largest_number_of_faults_is_listed(message, broken):
     keys = "".join(f"      q{index}: 1\n" for index in range(5000))
     text = message(broken({"    parameters:\n": f"    parameters:\n{keys}"}))
     assert text.count("is not a parameter") == MOST_FAULTS

@@ -26,7 +26,7 @@ def document(read, sound) -> str:
     return read(sound).text
 
 
-def test_everything_is_taken_over(read, sound):
+def test_each_value_of_a_file_is_in_its_description(read, sound):
     description = read(sound)
     assert description.name == "test"
     assert description.source == "test.yaml"
@@ -149,7 +149,7 @@ def test_motion_does_not_pass_through_the_ground(document, registry):
     )
 
 
-def test_numbers_of_yaml_1_2(read, sound):
+def test_numbers_are_read_as_in_yaml_1_2(read, sound):
     text = sound.replace("samples: 100", "samples: 1e2\n  seed: 0x10").replace("580 GPa", "5.8e11")
     description = read(text)
     assert (description.identification.samples, description.identification.seed) == (100, 16)
@@ -159,7 +159,7 @@ def test_numbers_of_yaml_1_2(read, sound):
     assert read(sound.replace("name: test", "name: 2001-01-01")).name == "2001-01-01"
 
 
-def test_aliases_tags_quotes_and_a_byte_order_mark(read, sound):
+def test_aliases_tags_quotes_and_a_byte_order_mark_are_read(read, sound):
     text = sound.replace("young: 580 GPa", "young: &young !!str 580 GPa").replace("young: 200 GPa", "'young': *young")
     text = text.replace("name: test", 'name: !!str "1"').replace("elements: 4", "elements: !!int 4")
     description = read(b"\xef\xbb\xbf%YAML 1.2\n---\n" + text.encode() + b"...\n")
@@ -202,7 +202,7 @@ def test_the_values_of_a_description_cannot_be_changed(read, sound):
         description.joints["collet"].fixed["Dc"] = 1.0
 
 
-def test_numpy_numbers_and_tuples_in_a_dict(document, registry):
+def test_numpy_numbers_and_tuples_in_a_dict_are_read(document, registry):
     described = edited(document, ["identification", "samples"], np.int64(50))
     described["joints"]["collet"]["parameters"]["Dc"] = {"range": (np.float32(0.025), np.float64(0.04))}
     description = read_description(described, registry)

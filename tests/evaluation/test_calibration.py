@@ -160,7 +160,7 @@ def test_options_that_calibrate_cannot_use_are_refused(sdof, options, message):
         calibrate(sdof, **{"cases": 1, **options})
 
 
-def test_nothing_to_identify(sdof):
+def test_a_calibration_without_parameters_to_identify_is_refused(sdof):
     description = json.loads(sdof.description.text)
     description["joints"]["mount"]["parameters"] = {"k": {"value": 1e6}, "c": {"value": 10.0}}
     with pytest.raises(ParameterError, match="nothing to identify"):

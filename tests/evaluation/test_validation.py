@@ -129,7 +129,7 @@ def test_a_measurement_is_compared_on_its_own_lines(bench):
         assert result.mean_coherence > 0.999
 
 
-def test_plain_values_and_figures(bench):
+def test_a_validation_has_plain_values_and_figures(bench):
     (bench / "cases.yaml").write_text(
         CASES.replace("tests:\n", "covariates: {torque: N m}\ntests:\n", 1).replace(
             "sdof.uff}\n", "sdof.uff}\n    at: {torque: 3 N m}\n"

@@ -52,7 +52,7 @@ FRFS = {
 
 
 @pytest.mark.parametrize("name", FRFS)
-def test_an_frf_by_xarray(name, tmp_path):
+def test_an_frf_comes_back_from_xarray(name, tmp_path):
     pytest.importorskip("xarray")
     original = frf(**FRFS[name])
     arrays = dovetail.to_xarray(original)
@@ -65,13 +65,13 @@ def test_an_frf_by_xarray(name, tmp_path):
     assert_equal(original, dovetail.from_xarray(stored))
 
 
-def test_amplitudes_by_xarray():
+def test_amplitudes_come_back_from_xarray():
     original = dovetail.Frf(FREQUENCY, np.ones(20), "receptance", has_phase=False)
     assert_equal(original, dovetail.from_xarray(dovetail.to_xarray(original)))
 
 
 @pytest.mark.parametrize("form", ["samples", "laplace"])
-def test_a_posterior_by_xarray(sdof, form):
+def test_a_posterior_comes_back_from_xarray(sdof, form):
     posterior = dovetail.identify(sdof, dovetail.noisy_frf(sdof.simulate(TRUTH), 0.01, 0), form=form).posterior
     arrays = dovetail.to_xarray(posterior)
     assert arrays["theta"].dims == ("sample", "parameter")
@@ -80,7 +80,7 @@ def test_a_posterior_by_xarray(sdof, form):
     assert again.interval() == posterior.interval()
 
 
-def test_a_result_by_xarray(result, tmp_path):
+def test_a_result_comes_back_from_xarray(result, tmp_path):
     tree = dovetail.to_xarray(result)
     assert list(tree["parameters"]["unit"].to_numpy()) == ["N/m", "N s/m"]
     assert float(tree["parameters"]["estimate"].sel(parameter="k")) == result.table[0].estimate
@@ -96,7 +96,7 @@ def test_a_result_by_xarray(result, tmp_path):
     assert stored.to_dict() == written
 
 
-def test_a_dataset_by_xarray(sdof, tmp_path):
+def test_a_dataset_has_labelled_arrays_in_xarray(sdof, tmp_path):
     for storage, name in (("amplitude", "amplitude"), ("complex", "accelerance")):
         dataset = dovetail.generate(sdof, tmp_path / storage, samples=6, storage=storage)
         arrays = dovetail.to_xarray(dataset)
@@ -107,7 +107,7 @@ def test_a_dataset_by_xarray(sdof, tmp_path):
         np.testing.assert_array_equal(arrays["theta"].sel(parameter="c"), dataset.parameters[:, 1])
 
 
-def test_modes_by_xarray(sdof, result):
+def test_modes_have_labelled_arrays_in_xarray(sdof, result):
     arrays = dovetail.to_xarray(dovetail.modes(sdof, result))
     assert arrays["natural_frequency"].attrs["units"] == "Hz"
     assert list(arrays["end"].to_numpy()) == ["low", "high"]
@@ -122,7 +122,7 @@ def test_what_has_no_labelled_arrays_is_refused(sdof):
         dovetail.from_xarray(3)
 
 
-def test_an_frf_by_the_names_of_sdypy():
+def test_an_frf_comes_back_from_the_names_of_sdypy():
     original = frf()
     named = dovetail.to_sdypy(original)
     assert set(named) == {"frf", "freq", "frf_form"}
@@ -144,7 +144,7 @@ def hits():
     return np.stack([pulse, 2 * pulse]), np.exp(-20 * time) * np.sin(2 * np.pi * 200 * time) * [[1.0], [2.0]]
 
 
-def test_signals_by_sep_5_give_the_same_frf(hits):
+def test_signals_in_the_form_of_sep_5_give_the_same_frf(hits):
     pytest.importorskip("pyFRF")
     force, response = hits
     expected = dovetail.frf_from_signals(force, response, 2048.0, quantity="mobility")
@@ -188,7 +188,7 @@ def test_signals_that_do_not_fit_are_refused(hits, change, problem):
         dovetail.from_sep005([{**first, **change}, *others])
 
 
-def test_frfs_by_the_tables_of_pyfbs():
+def test_frfs_come_back_from_the_tables_of_pyfbs():
     pytest.importorskip("pandas")
     names = ("1+x", "2-y", "spindle+z")
     frfs = [frf(response=o, force=i, quantity="accelerance", label=f"{o} by {i}") for o in names for i in names[:2]]
@@ -260,7 +260,7 @@ def test_tables_that_do_not_fit_are_refused():
 
 @pytest.mark.parametrize("name", [name for name in FRFS if name != "known variance"])
 @pytest.mark.parametrize("quantity", ["receptance", "mobility", "accelerance"])
-def test_an_frf_by_uff(name, quantity, tmp_path):
+def test_an_frf_comes_back_from_a_universal_file(name, quantity, tmp_path):
     original = frf(**{**FRFS[name], "quantity": quantity})
     dovetail.write_frf(original, tmp_path / "frf.uff")
     again = dovetail.read_frf(tmp_path / "frf.uff")

@@ -72,7 +72,7 @@ def test_numbers_of_any_kind_become_those_of_an_frf():
     assert (frf.coherence.dtype, frf.variance.dtype) == (np.float64, np.float64)
 
 
-def test_amplitude_and_phase_by_hand():
+def test_amplitude_and_phase_equal_a_manual_calculation():
     frf = Frf(AXIS, VALUES, "accelerance")
     np.testing.assert_allclose(frf.amplitude, [5.0, 1.0, 2.0])
     np.testing.assert_allclose(frf.phase, [np.arctan2(4, 3), -np.pi / 2, np.pi])

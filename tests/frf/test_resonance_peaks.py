@@ -76,7 +76,7 @@ def test_a_low_peak_is_found_on_request_and_placed_where_the_accelerance_is_high
     np.testing.assert_allclose(np.concatenate(noisy), peak, rtol=1e-3)
 
 
-def test_at_the_usual_prominence_a_low_peak_is_none() -> None:
+def test_at_the_usual_prominence_a_low_peak_is_not_listed() -> None:
     assert resonance_peaks(damped_mode(0.0, 0)).size == 0
 
 

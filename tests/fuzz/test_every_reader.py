@@ -247,7 +247,7 @@ def peak_megabytes() -> float:
 
 
 @pytest.mark.parametrize("name", READERS)
-def test_altered_files(name: str, corpus: dict[str, bytes], tmp_path: Path) -> None:
+def test_altered_files_are_read_or_refused(name: str, corpus: dict[str, bytes], tmp_path: Path) -> None:
     fuzz(name, corpus, tmp_path / name, {"a.yaml": 20, **dict.fromkeys(GUARDED, 25)}.get(name, 40))
 
 
@@ -304,11 +304,11 @@ def fuzz_folder(name: str, folders: dict[str, Path], path: Path, cases: int) -> 
 
 
 @pytest.mark.parametrize("name", OPEN)
-def test_altered_folders(name: str, folders: dict[str, Path], tmp_path: Path) -> None:
+def test_altered_folders_are_read_or_refused(name: str, folders: dict[str, Path], tmp_path: Path) -> None:
     fuzz_folder(name, folders, tmp_path / name, 30)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", OPEN)
-def test_many_altered_folders(name: str, folders: dict[str, Path], tmp_path: Path) -> None:
+def test_many_altered_folders_are_read_or_refused(name: str, folders: dict[str, Path], tmp_path: Path) -> None:
     fuzz_folder(name, folders, tmp_path / name, -(-MANY // (len(READERS) + 2)))

@@ -80,7 +80,7 @@ def holds(result: dovetail.Identification, name: str, truth: float) -> bool:
     return bool(low <= truth <= high)
 
 
-def test_masses_ties_and_a_chain_with_a_transfer_frf():
+def test_masses_ties_and_a_chain_are_identified_with_a_transfer_frf():
     chain = {"gain": {"range": [0.5, 2.0], "scale": "log"}, "delay": {"range": ["-1 ms", "1 ms"]}, "sign": "unknown"}
     assembly = dovetail.load({**MASSES, "responses": [{**DRIVE, "name": "tip", "calibration": chain}, TRANSFER]})
     frfs = measured(assembly, as_measured(assembly, gain=-1.2, delay=0.3e-3))

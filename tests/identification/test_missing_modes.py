@@ -62,7 +62,7 @@ def test_a_joint_that_depends_on_frequency_has_natural_frequencies_too(sdof):
     assert warnings == ()
 
 
-def test_a_natural_frequency_outside_the_axis(sdof):
+def test_a_natural_frequency_outside_the_axis_gives_a_warning(sdof):
     modes, warnings = warnings_of(sdof, [1e8, 10.0])
     assert modes == ()
     assert OUTSIDE in warnings

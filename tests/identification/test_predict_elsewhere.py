@@ -37,7 +37,9 @@ def exact(assembly: dovetail.Assembly, stiffness: float, damping: float, mass: f
     return 1.0 / (stiffness + 1j * omega * damping - mass * omega**2)
 
 
-def test_the_frf_of_another_mass_on_the_same_joint(sdof: dovetail.Assembly, result: dovetail.Identification) -> None:
+def test_the_frf_of_another_mass_on_the_same_joint_is_predicted(
+    sdof: dovetail.Assembly, result: dovetail.Identification
+) -> None:
     other = another(sdof)
     frf = dovetail.predict(other, result)
     assert frf.quantity == "receptance"
@@ -52,7 +54,9 @@ def test_a_joint_of_another_name_is_matched_by_its_parameters(
     np.testing.assert_allclose(dovetail.predict(other, result).values, exact(other, *result.theta), rtol=1e-9)
 
 
-def test_an_assembly_with_another_known_joint(sdof: dovetail.Assembly, result: dovetail.Identification) -> None:
+def test_an_assembly_with_another_known_joint_is_predicted(
+    sdof: dovetail.Assembly, result: dovetail.Identification
+) -> None:
     other = another(sdof, {"mount": {}, "side": {"k": {"value": 1e6}, "c": {"value": 5.0}}})
     assert [parameter.name for parameter in other.parameters] == ["mount.k", "mount.c"]
     expected = exact(other, result.theta[0] + 1e6, result.theta[1] + 5.0)

@@ -53,7 +53,7 @@ def shown(assemblies, tmp_path_factory) -> dict[str, object]:
 
 
 @pytest.mark.parametrize("kind", ["Assembly", "Frf", "Identification", "Batch", "Identifier", "Dataset"])
-def test_a_line_and_a_table_of_texts_alone(shown, kind):
+def test_an_object_is_shown_as_a_line_and_as_a_table_of_texts(shown, kind):
     line, page = repr(shown[kind]), shown[kind]._repr_html_()
     assert kind in line
     assert len(line) < 400

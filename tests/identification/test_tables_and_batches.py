@@ -109,7 +109,7 @@ def test_the_log_likelihood_is_that_of_the_measurement(sdof):
     np.testing.assert_allclose(differences, expected - expected[0], atol=0.02 * np.ptp(expected) + 1e-6)
 
 
-def test_samples_of_equal_weight(result):
+def test_samples_of_equal_weight_are_drawn_in_proportion_to_the_weights(result):
     weight = np.arange(1.0, 1 + len(result.posterior.weight))
     posterior = replace(result.posterior, weight=weight / weight.sum())
     drawn = posterior.sample(4000, seed=3)

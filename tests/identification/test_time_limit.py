@@ -160,7 +160,7 @@ def test_each_measurement_of_a_batch_has_the_time(sdof):
 
 
 @pytest.mark.parametrize("seconds", [0, -1, float("nan"), "5", True])
-def test_a_time_limit_that_is_none_is_refused(sdof, seconds):
+def test_a_time_limit_that_is_not_positive_is_refused(sdof, seconds):
     with pytest.raises(dovetail.ParameterError, match="greater than 0"):
         dovetail.identify(sdof, measured_of(sdof, 1.0), seconds=seconds)
 

@@ -105,7 +105,7 @@ def test_a_good_model_is_trustworthy_with_its_errors_and_causes_in_every_output(
     assert plain["is_trustworthy"]
 
 
-def test_it_is_kept_with_the_result(good, tmp_path):
+def test_the_adequacy_is_stored_with_the_result(good, tmp_path):
     file = tmp_path / "result.json"
     file.write_text(json.dumps(good.to_dict(), allow_nan=False))
     assert load_result(file).adequacy == good.adequacy
@@ -197,7 +197,7 @@ def test_a_section_that_tapers_is_not_divided(collet):
 
 
 @pytest.mark.parametrize("name", ["mass", "tool: overhang at 0 mm", "tool: material.young"])
-def test_derivatives_by_joint_and_amount(collet, torque_100, name):
+def test_derivatives_by_joint_and_amount_are_their_differences(collet, torque_100, name):
     """By a quantity of the tool, whose matrices are those of a joint of finite elements anew, to 1 %."""
     entry = perturbation(collet, name)
     values = collet.frf(torque_100)

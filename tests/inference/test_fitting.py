@@ -288,7 +288,7 @@ def test_options_that_make_no_sense_are_refused_before_any_work(sdof, options, m
     assert not begun
 
 
-def test_nothing_to_identify_and_too_few_lines(sdof, assemblies):
+def test_a_fit_without_parameters_or_with_too_few_lines_is_refused(sdof, assemblies):
     tool = dovetail.load(assemblies / "campaign" / "t0.yaml")
     frf = dovetail.Frf(tool.frequency, tool.frf(), "accelerance")
     with pytest.raises(ParameterError, match="nothing to identify"):

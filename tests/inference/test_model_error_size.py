@@ -94,7 +94,7 @@ def check_size(reported, left):
 
 
 @pytest.mark.parametrize("index", [pytest.param(2, marks=pytest.mark.slow), 3])
-def test_a_mass_that_is_two_per_cent_off(chain, index):
+def test_the_size_of_a_mass_two_per_cent_off_is_estimated(chain, index):
     true = load_chain(*("1.02 kg" if at == index else "1 kg" for at in range(5)))
     result = dovetail.identify(chain, noisy(chain, true.frf(TRUTH), 0.005, 3), "refined", **NO_CAUSES)
     assert result.adequacy.word == "good"
@@ -103,7 +103,7 @@ def test_a_mass_that_is_two_per_cent_off(chain, index):
 
 
 @pytest.mark.parametrize("modulus", [0.01, *(pytest.param(size, marks=pytest.mark.slow) for size in (0.03, 0.1))])
-def test_a_modulus_that_is_off(collet, torque_100, modulus):
+def test_the_size_of_a_wrong_modulus_is_estimated(collet, torque_100, modulus):
     """Of the holder. The joint follows an error of 1 % to 0.1 % of noise, and most of a larger one."""
     model = collet.on(np.arange(100.0, 9001.0, 8.0))
     true = {entry.name: entry for entry in list_perturbations(model)}["holder: material.young"].apply(np.log1p(modulus))
@@ -155,7 +155,7 @@ def test_an_error_of_damping_only_is_not_reported_for_natural_frequencies(chain)
 
 
 @pytest.mark.parametrize("torque", [20, pytest.param(60, marks=pytest.mark.slow)])
-def test_a_mesh_that_is_too_coarse(collet, assemblies, torque):
+def test_intervals_allow_for_a_mesh_that_is_too_coarse(collet, assemblies, torque):
     """Two resonances do not determine its size, which is unknown then; intervals allow for twice a size like it."""
     folder, name = assemblies / "campaign" / "measurements", f"h0_j{torque}_t0"
     frf = every(3, dovetail.read_frf(folder / f"{name}.uff", accelerometer_mass=1.2e-3))

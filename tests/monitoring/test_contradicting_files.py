@@ -208,7 +208,7 @@ def remarks(folder, name, line=""):
     "line",
     ["date: 2026-03-01", "Date: 01.03.2026 08:00", "test date: 1 Mar 2026", "DATE = 20260301", "Recorded: 3/1/2026"],
 )
-def test_another_date_in_a_file_has_a_remark(tmp_path, line):
+def test_a_file_whose_date_differs_from_its_name_is_remarked(tmp_path, line):
     (remark,) = remarks(tmp_path, "2026-01-14.csv", line)
     assert remark.startswith("Its name says 2026-01-14, and '")
     assert not remarks(tmp_path, "2026-03-01T0800.csv", line)

@@ -30,7 +30,7 @@ SLOW = (
     "two_points",
     "test_one_vector_equals_the_direct_solve_at_every_line",
     "test_the_worst_files_take_bounded_time_and_memory",
-    "test_random_assemblies_against_the_dense_solve",
+    "test_random_assemblies_equal_the_dense_solve",
 )
 """Most are repetitions in tests/synthesis/test_exactness.py; each of the others takes half a minute or more."""
 

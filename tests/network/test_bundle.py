@@ -225,7 +225,7 @@ def test_a_state_that_is_more_than_values_is_refused(model: dovetail.Identifier,
     assert list(tmp_path.iterdir()) == []
 
 
-def test_no_folder_and_no_manifest(tmp_path: Path) -> None:
+def test_a_missing_folder_or_manifest_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(BundleError, match="no such model folder"):
         dovetail.load_model(tmp_path / "nowhere")
     with pytest.raises(BundleError, match=r"has no manifest\.json"):
@@ -257,7 +257,7 @@ def test_a_binary_manifest_is_refused(bundle: Path) -> None:
         dovetail.load_model(bundle)
 
 
-def test_a_newer_format(bundle: Path) -> None:
+def test_a_newer_format_is_refused(bundle: Path) -> None:
     change_manifest(bundle, lambda manifest: manifest.update(version=4, surprise=True))
     with pytest.raises(BundleError, match="format version 4") as caught:
         dovetail.load_model(bundle)
@@ -302,7 +302,7 @@ def test_a_manifest_without_its_hash_is_refused(bundle: Path) -> None:
 
 
 @pytest.mark.parametrize("part", ["reducer", "feature_scaling", "regressor", "target_scaling", "check", "novelty"])
-def test_a_missing_or_truncated_file(bundle: Path, part: str) -> None:
+def test_a_missing_or_truncated_file_is_an_error(bundle: Path, part: str) -> None:
     file = bundle / f"{part}.safetensors"
     content = file.read_bytes()
     file.write_bytes(content[:-7])
@@ -313,7 +313,7 @@ def test_a_missing_or_truncated_file(bundle: Path, part: str) -> None:
         dovetail.load_model(bundle)
 
 
-def test_a_truncated_file_whose_checksum_was_made_to_fit(bundle: Path) -> None:
+def test_a_truncated_file_with_a_matching_checksum_is_refused(bundle: Path) -> None:
     file = bundle / "regressor.safetensors"
     file.write_bytes(file.read_bytes()[:-7])
     digest = hashlib.sha256(file.read_bytes()).hexdigest()
@@ -346,7 +346,7 @@ def test_inconsistent_arrays_are_refused(bundle: Path, part: str, arrays: dict[s
         dovetail.load_model(bundle)
 
 
-def test_a_part_that_lacks_an_array(bundle: Path) -> None:
+def test_a_part_that_lacks_an_array_is_refused(bundle: Path) -> None:
     file = bundle / "regressor.safetensors"
     file.write_bytes((bundle / "reducer.safetensors").read_bytes())
     change_manifest(bundle, lambda manifest: manifest["files"].update(regressor=manifest["files"]["reducer"]))
@@ -361,7 +361,7 @@ def test_changed_weights_are_detected(bundle: Path) -> None:
         dovetail.load_model(bundle)
 
 
-def test_a_part_that_the_manifest_does_not_list(bundle: Path) -> None:
+def test_a_part_that_the_manifest_does_not_list_is_refused(bundle: Path) -> None:
     change_manifest(bundle, lambda manifest: manifest["files"].pop("regressor"))
     with pytest.raises(BundleError, match="does not list the regressor"):
         dovetail.load_model(bundle)
@@ -373,7 +373,7 @@ def test_a_file_outside_the_bundle_cannot_be_named(bundle: Path) -> None:
         dovetail.load_model(bundle)
 
 
-def test_a_description_that_is_broken_or_of_other_parameters(bundle: Path) -> None:
+def test_a_broken_description_or_one_of_other_parameters_is_refused(bundle: Path) -> None:
     change_manifest(bundle, lambda manifest: manifest.update(parameters=["k", "kr"]))
     with pytest.raises(BundleError, match=r"parameters \(k, kr\) are not those of its description"):
         dovetail.load_model(bundle)

@@ -97,7 +97,7 @@ SHAPES = {"vector": "(1200,)", "one_row": "(1, 3)", "scalar": "()", "empty": "(1
 
 
 @pytest.mark.parametrize("answer", SHAPES)
-def test_a_reducer_s_shape(train, answer):
+def test_a_reducer_that_returns_another_shape_is_an_error(train, answer):
     with pytest.raises(PluginError) as error:
         train(reducer=answer)
     assert str(error.value) == (
@@ -107,7 +107,7 @@ def test_a_reducer_s_shape(train, answer):
 
 
 @pytest.mark.parametrize("answer", ["column", "wide"])
-def test_a_reducer_that_changes_its_width(train, answer):
+def test_a_reducer_that_changes_its_width_is_an_error(train, answer):
     model = train()
     object.__setattr__(model.network, "reducer", Constant(answer, 3))
     with pytest.raises(
@@ -120,7 +120,7 @@ SHAPES_OF_TARGETS = {"column": "(300, 1)", "vector": "(300,)", "one_row": "(1, 2
 
 
 @pytest.mark.parametrize("answer", SHAPES_OF_TARGETS)
-def test_a_regressor_s_shape(train, answer):
+def test_a_regressor_that_returns_another_shape_is_an_error(train, answer):
     with pytest.raises(PluginError) as error:
         train(regressor=answer)
     assert str(error.value) == (
@@ -138,7 +138,7 @@ def test_a_regressor_s_shape(train, answer):
         ("nan", "it returned features that are not finite.", "its predictions for the test FRFs are not finite."),
     ],
 )
-def test_no_finite_numbers(train, answer, of_reducer, of_regressor):
+def test_components_that_return_no_finite_numbers_are_errors(train, answer, of_reducer, of_regressor):
     for said, which in ((of_reducer, "reducer"), (of_regressor, "regressor")):
         with pytest.raises(PluginError) as error:
             train(**{which: answer})

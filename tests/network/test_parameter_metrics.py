@@ -12,7 +12,7 @@ LINEAR = Parameter("mass", "kg", 0.0, 2.0)
 LOG = Parameter("k", "N/m", 1e5, 1e9, "log")
 
 
-def test_a_linear_parameter_against_a_calculation_by_hand() -> None:
+def test_metrics_of_a_linear_parameter_equal_a_manual_calculation() -> None:
     truth, predicted = np.array([[0.0], [1.0], [2.0]]), np.array([[0.5], [1.0], [1.0]])
     metrics = parameter_metrics((LINEAR,), truth, predicted)["mass"]
     assert metrics.r2 == pytest.approx(1 - 1.25 / 2.0)

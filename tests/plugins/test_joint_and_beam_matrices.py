@@ -93,7 +93,7 @@ def two_sided(*springs):
     ids=["tube", "bar"],
 )
 @pytest.mark.parametrize("elements", [1, 3])
-def test_every_entry_of_a_beam(section, mass, stiffness, elements):
+def test_every_matrix_entry_of_a_beam_is_that_of_the_formulas(section, mass, stiffness, elements):
     whole = {**section, "length": elements * section["length"], "elements": elements}
     made = component("substructure", "timoshenko_beam", material=MATERIAL, sections=[whole]).matrices()
     M, K = chained(mass, elements), chained(stiffness, elements)
@@ -109,7 +109,7 @@ COLLET = [0.04, 0.02, 0.05, 0.11, 3e8, 2e4, 300.0, 2.0, 7e8, 5e5, 700.0, 5.0]
 
 
 @pytest.mark.parametrize("elements", [1, 2])
-def test_every_entry_of_the_collet(elements):
+def test_every_matrix_entry_of_the_collet_is_that_of_the_formulas(elements):
     """Tool nodes at DOFs 0 to 5, holder nodes at 6 to 11, then the collet's own: c1 at 12, and so on to c5."""
     actual = matrices_of("collet", COLLET, material=MATERIAL, segment=0.02 * elements, elements_per_segment=elements)
     c1, c2, c3, c4, c5 = (12 + 2 * elements * node for node in range(5))
@@ -134,7 +134,7 @@ def test_every_entry_of_the_collet(elements):
         np.testing.assert_allclose(actual[name], expected, rtol=1e-11, atol=rounding, err_msg=name)
 
 
-def test_every_entry_of_the_bolted_lap():
+def test_every_matrix_entry_of_the_bolted_lap_is_that_of_the_formulas():
     """Three nodes; half of the bolt on the middle node of each side; (20 kN / 5 kN)^0.5 doubles the stiffness."""
     actual = matrices_of(
         "bolted",
@@ -151,7 +151,7 @@ def test_every_entry_of_the_bolted_lap():
     )
 
 
-def test_every_entry_of_the_bolted_lap_of_an_even_number_of_nodes():
+def test_every_matrix_entry_of_a_bolted_lap_of_an_even_number_of_nodes_is_that_of_the_formulas():
     """Two nodes: a quarter of the bolt on each; without a preload the stiffness is the parameter."""
     actual = matrices_of("bolted", [1e8, 1e4, 30.0, 0.2, 0.4], nodes=2, bolt_mass=True)
     expect(
@@ -164,7 +164,7 @@ def test_every_entry_of_the_bolted_lap_of_an_even_number_of_nodes():
     expect(bare, K=actual["K"], C=actual["C"])
 
 
-def test_every_entry_of_the_interference_fit():
+def test_every_matrix_entry_of_the_interference_fit_is_that_of_the_formulas():
     """40 mm over three nodes stand for 10, 20 and 10 mm; with g = 1/2 the ends have 1/2 and 3/2 of the stiffness."""
     options = {"length": 0.04, "nodes": 3}
     even = matrices_of("interference_fit", [1e9, 1e6, 1e4, 10.0], **options)
@@ -174,7 +174,7 @@ def test_every_entry_of_the_interference_fit():
     expect(linear, K=two_sided(5e6, 5e3, 2e7, 2e4, 1.5e7, 1.5e4), C=damping)
 
 
-def test_every_entry_of_bearing_and_spring_damper():
+def test_every_matrix_entry_of_bearing_and_spring_damper_is_that_of_the_formulas():
     """The inertia of the bearing's ring goes with the shaft, the first side."""
     bearing = matrices_of("bearing", [1e8, 1e5, 40.0, 0.3, 0.2, 5e-4])
     expect(bearing, M=np.diag([0.2, 5e-4, 0, 0]), K=two_sided(1e8, 1e5), C=two_sided(40, 0.3))
@@ -187,7 +187,7 @@ def test_every_entry_of_bearing_and_spring_damper():
     expect(turning, K=two_sided(0, 1e3, 0, 1e3), C=two_sided(0, 0.5, 0, 0.5))
 
 
-def test_every_entry_of_lumped_masses():
+def test_every_matrix_entry_of_lumped_masses_is_that_of_the_formulas():
     masses = [{"mass": 0.2, "inertia": 1e-4}, {"position": 0.01, "mass": 3.0}]
     made = component("substructure", "lumped", masses=masses).matrices()
     expect({name: getattr(made, name) for name in "MKCD"}, M=np.diag([0.2, 1e-4, 3.0, 0.0]))

@@ -112,7 +112,7 @@ def test_membership_strengths_by_their_definition():
 
 
 @pytest.mark.parametrize(("neighbours", "components", "fewest"), [(7, 3, 9), (3, 6, 8)])
-def test_the_fewest_samples_of_umap(neighbours, components, fewest):
+def test_umap_is_fitted_to_the_fewest_samples_and_refuses_fewer(neighbours, components, fewest):
     recipe = UMAP(UMAP.Config(n_components=components, n_neighbors=neighbours, n_epochs=5, metric="euclidean"))
     assert recipe.fit(random_rows(fewest, 12), seed=0).transform(random_rows(2, 12)).shape == (2, components)
     with pytest.raises(dovetail.DovetailError, match=f"{fewest - 1} samples are too few"):
@@ -220,7 +220,7 @@ def test_wrong_inputs_of_a_network_are_errors_with_its_name():
         fitted.predict(random_rows(5, 3))
 
 
-def test_the_smallest_training_set_of_the_perceptron():
+def test_the_perceptron_can_be_trained_on_three_samples():
     """Three samples: one to validate with, two to train on, whatever the fraction."""
     for fraction in (0.01, 0.99):
         recipe = MLP(MLP.Config(hidden=(4, 4), max_epochs=2, validation_fraction=fraction))

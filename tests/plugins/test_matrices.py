@@ -43,7 +43,7 @@ def test_inner_dofs_may_be_tied_by_a_multiplier_without_stiffness_of_its_own(tmp
     np.testing.assert_allclose(found, load(tmp_path, whole, at=("node 1", "node 8")).frf(), rtol=1e-9)
 
 
-def test_few_nodes_by_their_names_and_the_rest_inside(tmp_path):
+def test_nodes_without_positions_are_addressed_by_name_and_the_others_are_inner(tmp_path):
     """Without positions, nodes are addressed by name; DOFs of all others are inner ones."""
     columns = {name: values for name, values in table().items() if name != "positions"}
     part = write(tmp_path, "npz", columns=columns) | {"nodes": ["n9", "n1"]}
@@ -65,7 +65,7 @@ def test_an_option_of_a_part_without_rotations_can_be_identified(tmp_path):
     np.testing.assert_allclose(found, known.frf(), rtol=1e-9)
 
 
-def test_units_of_the_file_and_another_plane(tmp_path):
+def test_files_in_other_units_and_of_another_plane_are_converted(tmp_path):
     """Millimetres, tonnes and N/mm; bending in the plane where the rotation has the opposite sense."""
     turn = np.tile([1.0, -1e3], 9)  # 1 rad at 1 m is 1000 mm; the file's rotation is the negative one
     given = beam().matrices()
@@ -86,13 +86,13 @@ def test_units_of_the_file_and_another_plane(tmp_path):
     np.testing.assert_allclose(found, expected, rtol=1e-7)
 
 
-def test_a_loss_factor_in_place_of_a_matrix(tmp_path):
+def test_a_loss_factor_takes_the_place_of_a_damping_matrix(tmp_path):
     part = write(tmp_path, "npz", matrices={"C": np.zeros((18, 18)), "D": None})
     found = load(tmp_path, part | {"loss_factor": 0.004})
     np.testing.assert_allclose(found.frf(), truth(tmp_path).frf(), rtol=1e-7)
 
 
-def test_some_rows_of_a_large_matrix(tmp_path):
+def test_a_table_may_name_some_rows_of_a_large_matrix(tmp_path):
     """A table of the few DOFs that matter, with their rows counted from 1."""
     part = write(tmp_path, "mtx")
     (tmp_path / "dofs.csv").write_text("row,node,direction,position\n1,a,x,0\n2,a,rz,0\n17,b,x,0.16\n18,b,rz,0.16\n")
@@ -212,7 +212,7 @@ def test_python_objects_are_never_loaded(tmp_path):
         load(tmp_path, part)
 
 
-def test_parts_of_a_sparse_matrix_that_do_not_fit(tmp_path):
+def test_parts_of_a_sparse_matrix_that_do_not_fit_are_refused(tmp_path):
     part = write(tmp_path, "sparse npz")
     archive = dict(np.load(tmp_path / "part.npz"))
     archive["K_indices"] = archive["K_indices"] + 9

@@ -275,7 +275,7 @@ def test_displacements_between_several_points_from_an_archive(tmp_path):
     np.testing.assert_allclose(found.frf(), on_pins(beam(), list(PLACES.values())).frf(), rtol=1e-5)
 
 
-def test_some_rows_of_a_receptance(tmp_path):
+def test_a_table_may_name_some_rows_of_a_receptance(tmp_path):
     """Two of three points, the third of which is neither struck nor held."""
     file, places = tmp_path / "part.npz", ["tip", "end"]
     table = {"nodes": places, "directions": ["x"] * 2, "rows": [1, 3]}

@@ -59,7 +59,7 @@ def test_sections_stand_one_behind_the_other():
     assert not whole.C.any()
 
 
-def test_a_taper_of_both_diameters_by_hand():
+def test_a_taper_of_both_diameters_equals_the_steps_calculated_by_hand():
     """Two elements: a quarter and three quarters of the way from 40 and 20 mm to 32 and 8 mm."""
     tapered = beam({"length": 0.1, "outer": 0.04, "outer_end": 0.032, "inner": 0.02, "inner_end": 0.008, "elements": 2})
     steps = beam({"length": 0.05, "outer": 0.038, "inner": 0.017}, {"length": 0.05, "outer": 0.034, "inner": 0.011})

@@ -178,7 +178,7 @@ class TestUMAP:
         assert kept_neighbours(*places) > 0.5
 
     @pytest.mark.slow  # umap-learn's own transform takes 15 s to be compiled
-    def test_both_are_so_as_well_as_with_umap_learns_own(self, ours, training, test_rows):
+    def test_umap_keeps_stiffness_and_neighbours_as_well_as_umap_learn(self, ours, training, test_rows):
         umap = pytest.importorskip("umap")
         theirs = umap.UMAP(n_components=5, metric="euclidean", random_state=0, n_jobs=1).fit(training)
         our_places = training, test_rows, ours.transform(training), ours.transform
@@ -257,7 +257,7 @@ class TestNeighbours:
         indices, _ = Neighbours(np.concatenate([near, near + 1.0])).nearest(near[22:], 15)
         np.testing.assert_array_equal(indices, [np.arange(22, 7, -1)])
 
-    def test_their_strengths_are_umap_learns(self, training, test_rows):
+    def test_strengths_of_neighbours_equal_those_of_umap_learn(self, training, test_rows):
         umap_ = pytest.importorskip("umap.umap_")
         distances = np.sort(cdist(test_rows, training), axis=1)[:, :15]
         sigma, rho = umap_.smooth_knn_dist(distances.astype(np.float32), 15.0, local_connectivity=0.0)

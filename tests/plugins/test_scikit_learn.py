@@ -51,7 +51,7 @@ def test_a_regressor_is_scikit_learn_s_own(features, targets):
 
 
 @pytest.mark.parametrize("name", ["KernelRidge", "SVR", "BayesianRidge", "MLPRegressor", "Ridge"])
-def test_regressors_of_one_or_several_targets(features, targets, name):
+def test_regressors_of_one_or_several_targets_are_fitted_and_restored(features, targets, name):
     fitted = regressor(name).fit(features, targets, seed=0)
     assert fitted.predict(features[:4]).shape == (4, 2)
     again = regressor(name).restore(fitted.state())

@@ -120,7 +120,7 @@ def test_an_invalid_matrix_is_refused_with_the_entry_at_fault(values, fault):
     assert fault in str(caught.value)
 
 
-def test_compressed_rows_and_columns_in_an_archive():
+def test_matrices_of_compressed_rows_or_columns_are_read_from_an_archive():
     K = sp.csc_array(np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, 0.0], [0.0, 0.0, 5.0]]))
     archive = {"K_data": K.data, "K_indices": K.indices, "K_indptr": K.indptr, "M": np.eye(3)}
     np.testing.assert_array_equal(matrix_in(archive, "K", "part.npz").toarray(), K.toarray())

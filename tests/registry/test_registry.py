@@ -267,7 +267,7 @@ def test_a_broken_plugin_file_is_an_error_with_line_and_reason(tmp_path, code, w
     assert problem_of(error).startswith(message)
 
 
-def test_a_missing_plugin_file(tmp_path):
+def test_a_missing_plugin_file_is_an_error(tmp_path):
     with pytest.raises(PluginError) as error:
         Registry().load_file(tmp_path / "none.py")
     assert problem_of(error) == "there is no such plugin file."

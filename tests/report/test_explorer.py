@@ -176,7 +176,7 @@ def test_an_assembly_without_parameters_is_refused(assemblies: Path, tmp_path: P
         Explorer(dovetail.load(tmp_path / "known.yaml"))
 
 
-def test_the_page_and_its_answers(server: PageServer) -> None:
+def test_the_server_answers_with_the_page_and_its_values(server: PageServer) -> None:
     token = f"/{server.token}/"
     status, page, headers = ask(server, token)
     assert (status, headers["Content-Type"]) == (200, "text/html; charset=utf-8")

@@ -185,7 +185,7 @@ def test_a_truth_of_some_parameters_leaves_the_others_open(result: Identificatio
     assert after(text, "equivalent outer diameter of the collet")[2:4] == ["\N{EN DASH}"] * 2
 
 
-def test_modes_without_peaks_and_without_numbers(result: Identification, tmp_path: Path) -> None:
+def test_modes_without_peaks_or_without_numbers_are_listed(result: Identification, tmp_path: Path) -> None:
     modes = (Mode(float("nan"), None, None), Mode(1352.0, 1352.4, None), Mode(6540.0, None, None))
     page = written(replace(result, modes=modes), tmp_path, TrueValues(natural_frequencies=(1330.0, 6600.0, 8240.0)))
     assert "1352.0" in page.text
@@ -193,7 +193,7 @@ def test_modes_without_peaks_and_without_numbers(result: Identification, tmp_pat
     assert "Natural frequencies" not in written(replace(result, modes=()), tmp_path).text
 
 
-def test_a_measurement_without_phase(amplitude_only: Identification, tmp_path: Path) -> None:
+def test_a_measurement_without_phase_is_called_amplitude_only(amplitude_only: Identification, tmp_path: Path) -> None:
     page = written(amplitude_only, tmp_path)
     assert "amplitude only" in page.text
     assert "by their amplitudes alone" in page.text

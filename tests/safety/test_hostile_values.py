@@ -70,7 +70,7 @@ FIELDS = ("frequency", "values", "coherence", "variance", "averages", "quantity"
 
 
 @pytest.mark.parametrize("field", FIELDS)
-def test_arrays_of_an_archive(field, frf, tmp_path):
+def test_hostile_arrays_of_an_archive_are_read_or_refused(field, frf, tmp_path):
     sound = {
         "frequency": frf.frequency,
         "values": frf.values,
@@ -104,7 +104,7 @@ CELLS = ("1e300", "-1e300", "1e155", "5e-324", "-1", "1" * 400, "nan", "inf", "1
 
 
 @pytest.mark.parametrize("column", [0, 1, 2])
-def test_cells_of_a_table(column, small, tmp_path):
+def test_hostile_cells_of_a_table_are_read_or_refused(column, small, tmp_path):
     for cell in CELLS:
         rows = [[f"{line:g}", "1e-3", "2e-3"] for line in AXIS]
         rows[4][column] = cell
@@ -115,7 +115,7 @@ def test_cells_of_a_table(column, small, tmp_path):
 
 
 @pytest.mark.parametrize("averages", ["0" * 40 + "5", "9" * 400, "000001000" + "9" * 900, "-3", "1e300", "nan", "1.5"])
-def test_numbers_of_averages(averages, tmp_path):
+def test_a_number_of_averages_that_is_not_a_whole_number_is_refused(averages, tmp_path):
     text = f"# quantity: accelerance\n# averages: {averages}\nfrequency_Hz,real,imag\n1,2,3\n2,3,4\n"
     file = written(tmp_path / "m.csv", text)
     if averages.endswith("5") and averages.startswith("0"):
@@ -150,7 +150,7 @@ def test_measurements_of_any_size_are_identified_or_refused(small, exponent):
 
 
 @SHARE
-def test_values_of_a_description(sdof, tmp_path, share):
+def test_hostile_values_of_a_description_are_read_or_refused(sdof, tmp_path, share):
     def use():
         assembly = dovetail.load(tmp_path / "a.yaml")
         frf = assembly.frf()
@@ -166,7 +166,7 @@ def test_values_of_a_description(sdof, tmp_path, share):
 
 
 @SHARE
-def test_values_of_a_result(small, result, tmp_path, share):
+def test_hostile_values_of_a_result_are_read_or_refused(small, result, tmp_path, share):
     def use():
         found = dovetail.load_result(tmp_path / "r.json")
         json.dumps(found.to_dict())
@@ -186,7 +186,7 @@ def test_values_of_a_result(small, result, tmp_path, share):
 
 
 @SHARE
-def test_values_of_a_dataset(small, tmp_path, share):
+def test_hostile_values_of_a_dataset_are_read_or_refused(small, tmp_path, share):
     data = dovetail.generate(small, tmp_path / "d.zarr").path
 
     def use():
@@ -209,7 +209,7 @@ def test_values_of_a_dataset(small, tmp_path, share):
 
 
 @SHARE
-def test_values_of_a_model(small, frf, tmp_path, share):
+def test_hostile_values_of_a_model_are_read_or_refused(small, frf, tmp_path, share):
     dovetail.train(small).save(tmp_path / "model")
     manifest = tmp_path / "model" / "manifest.json"
     sound = {name: value for name, value in json.loads(manifest.read_text()).items() if name != "sha256"}
@@ -226,14 +226,14 @@ def test_values_of_a_model(small, frf, tmp_path, share):
     assert outcomes["refused"] > 300 / share
 
 
-def test_values_of_a_truth(small, tmp_path):
+def test_hostile_values_of_a_truth_are_read_or_refused(small, tmp_path):
     truth = {"synthetic": True, "note": "n", "parameters": {"k": "3 MN/m", "c": 40}, "natural_frequencies_Hz": [275.0]}
     sweep(json.dumps(truth), lambda: dovetail.read_truth(tmp_path / "t.json", small.parameters), tmp_path / "t.json")
     truths = {"tests": {"a": {"parameters": {"k": 1e6}}}}
     sweep(json.dumps(truths), lambda: dovetail_bench.read_truths(tmp_path / "t.json"), tmp_path / "t.json")
 
 
-def test_values_of_a_file_of_cases(small, frf, tmp_path):
+def test_hostile_values_of_a_file_of_cases_are_read_or_refused(small, frf, tmp_path):
     (tmp_path / "a.yaml").write_text(small.description.text)
     dovetail.write_frf(frf, tmp_path / "m.csv")
     joint = {"assembly": "a.yaml", "measured": "m.csv"}
@@ -247,7 +247,7 @@ def test_values_of_a_file_of_cases(small, frf, tmp_path):
 
 
 @pytest.mark.parametrize("column", [0, 1, 2, 3])
-def test_cells_of_a_table_of_modes(column, small, tmp_path):
+def test_hostile_cells_of_a_table_of_modes_are_read_or_refused(column, small, tmp_path):
     for cell in (*CELLS, "1e-320", "1e-200"):
         row = ["275", "0.01", "0.1", "0.001"]
         row[column] = cell
@@ -261,7 +261,7 @@ def test_cells_of_a_table_of_modes(column, small, tmp_path):
 
 
 @pytest.mark.parametrize("field", ["M", "K", "nodes", "directions", "positions"])
-def test_arrays_of_an_imported_part(field, sdof, tmp_path):
+def test_hostile_arrays_of_an_imported_part_are_read_or_refused(field, sdof, tmp_path):
     springs = 1e5 * np.array([[1.0, -1.0], [-1.0, 1.0]])
     sound = {"M": np.eye(2), "K": springs, "nodes": np.array(["1", "2"]), "directions": np.array(["x", "x"])}
     sound["positions"] = np.array([0.0, 0.1])

@@ -42,7 +42,7 @@ SAID = {
 
 @pytest.mark.parametrize("method", ["refined", "multistart", "posterior"])
 @pytest.mark.parametrize("change", SAID, ids=lambda change: change.__name__)
-def test_an_frf_that_no_structure_has(sdof, change, method):
+def test_an_frf_that_no_structure_has_is_refused(sdof, change, method):
     with pytest.raises(MeasurementError, match=SAID[change]):
         dovetail.identify(sdof, measured(sdof, change), method)
 
@@ -62,13 +62,13 @@ def test_an_frf_without_noise_has_its_answer(sdof):
 
 
 @pytest.mark.parametrize("mass", [1e300, 1e4, -1.0, np.nan])
-def test_an_accelerometer_that_no_one_carries(sdof, mass):
+def test_an_accelerometer_of_an_impossible_mass_is_refused(sdof, mass):
     with pytest.raises(MeasurementError, match=r"the accelerometer's mass is .* kg"):
         dovetail.remove_accelerometer_mass(measured(sdof, lambda values: None), mass)
 
 
 @pytest.mark.parametrize("samples", [10**20, 10**11, 10**8])
-def test_more_samples_than_a_dataset_has(sdof, tmp_path, samples):
+def test_more_samples_than_a_dataset_may_have_are_refused(sdof, tmp_path, samples):
     with pytest.raises(DatasetError, match="at most 31,250,000"):
         dovetail.generate(sdof, tmp_path / "d.zarr", samples=samples)
     assert list(tmp_path.iterdir()) == []

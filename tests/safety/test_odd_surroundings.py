@@ -37,7 +37,7 @@ def dovetail_command(folder: Path, *words: object, **environment: str) -> subpro
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".uff", ".npz"])
-def test_names_that_are_not_utf_8_and_half_characters(suffix: str, tmp_path: Path) -> None:
+def test_files_whose_names_are_not_utf_8_are_read_and_written(suffix: str, tmp_path: Path) -> None:
     source, target = tmp_path / f"m\udcffx{suffix}", tmp_path / f"again\udc80{suffix}"
     dovetail.write_frf(FRF, source)
     read = dovetail.read_frf(source)
@@ -93,7 +93,7 @@ def part(**options: str) -> None:
 
 @pytest.mark.parametrize("name", INPUTS)
 @pytest.mark.parametrize("kind", ["pipe", "device"])
-def test_a_pipe_or_a_device_as_an_input(name: str, kind: str, tmp_path: Path) -> None:
+def test_a_pipe_or_a_device_as_an_input_is_refused_at_once(name: str, kind: str, tmp_path: Path) -> None:
     path = tmp_path / "input"
     os.mkfifo(path) if kind == "pipe" else os.symlink("/dev/zero", path)
     start = processor_time()
@@ -102,7 +102,9 @@ def test_a_pipe_or_a_device_as_an_input(name: str, kind: str, tmp_path: Path) ->
     assert processor_time() - start < 5
 
 
-def test_a_file_of_thousands_of_sets(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_of_a_file_of_thousands_of_sets_only_headers_and_one_set_are_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Each header is read once, and the data of one set; nothing is read of what stands around it."""
     sizes: list[int] = []
 

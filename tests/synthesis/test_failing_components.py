@@ -200,7 +200,7 @@ def assembly(model: str, fails: str = "", part: str = "lumped", more: type | Non
     return Assembly(read_description(description, registry))
 
 
-def test_a_sound_one_works():
+def test_sound_components_give_frfs_and_derivatives():
     assert np.isfinite(assembly("frail").frf_jacobian()[1]).all()
     assert np.isfinite(assembly("dependent").frf()).all()
 
@@ -245,12 +245,12 @@ def test_a_failing_joint_is_named(model, fails, said):
         ("few", r"joint 'spring' \(dependent\) returns 0 derivatives of its dynamic stiffness, not one for each of "),
     ],
 )
-def test_failing_derivatives_of_a_dynamic_stiffness(fails, said):
+def test_a_joint_whose_derivatives_fail_is_named(fails, said):
     with pytest.raises(PluginError, match=said):
         assembly("dependent", fails).frf_jacobian()
 
 
-def test_a_failing_substructure():
+def test_a_failing_substructure_is_named():
     broken = assembly("frail", part="hollow")
     said = rf"^{HERE}:\d+\n  substructure 'mass' \(hollow\) failed: OSError: no such mesh"
     for compute in (broken.frf, broken.natural_frequencies):
@@ -258,7 +258,7 @@ def test_a_failing_substructure():
             compute()
 
 
-def test_a_substructure_that_takes_other_arguments():
+def test_a_substructure_that_takes_other_arguments_is_named():
     said = rf"^{HERE}\n  substructure 'mass' \(table\) failed: TypeError: Table.receptance\(\) takes 2 positional"
     with pytest.raises(PluginError, match=said):
         assembly("frail", part="table").frf()

@@ -269,7 +269,7 @@ def test_100_random_interfaces_have_the_frfs_of_a_dense_solution(tmp_path):
         check_random_interface(seed, tmp_path)
 
 
-def test_the_deformations_matter(part, tmp_path):
+def test_an_interface_that_deforms_has_other_frfs_than_a_rigid_one(part, tmp_path):
     """A rigid interface at the same four bolts has other FRFs."""
     found, rotation = on_a_body(part, part.section(tmp_path, "part"), BUSHING)
     expected = dense(part, rotation)

@@ -83,7 +83,7 @@ def test_a_joint_of_matrices_offers_the_same_derivatives():
     np.testing.assert_allclose(derivatives[1][0], 1j * omega * stiffness, atol=1e-6)
 
 
-def test_both_kinds_of_joints_in_one_assembly_and_a_choice_of_parameters():
+def test_both_kinds_of_joints_in_one_assembly_have_derivatives_by_chosen_parameters():
     graph, points = chain(spring(), Viscoelastic())
     theta = {"j0": np.array([[2e6, 30.0]] * 3), "j1": THETA}
     whole = Engine(graph, FREQUENCY, points, theta)

@@ -116,7 +116,7 @@ def test_an_imported_solid_is_nearly_the_beam_of_its_section(tmp_path):
 
 
 @pytest.mark.slow
-def test_five_thousand_dofs(tmp_path):
+def test_a_solid_of_five_thousand_dofs_has_the_frf_of_the_direct_solve(tmp_path):
     size = write_solid(tmp_path, 50, 5)
     assert size > 5000
     for tolerance, step, lines in ((1e-9, 2, slice(None, None, 75)), (0.0, 150, slice(None))):

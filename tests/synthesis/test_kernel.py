@@ -62,7 +62,7 @@ def test_elimination_leaves_the_schur_complement(size, kept):
 
 
 @pytest.mark.parametrize("lines", [1, WIDTH - 1, WIDTH, WIDTH + 1, 3 * WIDTH, 3 * WIDTH + 5])
-def test_any_number_of_lines(sdof, lines):
+def test_frfs_of_any_number_of_lines_are_computed(sdof, lines):
     description = json.loads(sdof.description.text)
     description["frequency"] = {"start": 10, "stop": 10 + 7 * (lines - 1) + 1e-3, "lines": lines} if lines > 1 else None
     theta = [2.5e6, 40.0]

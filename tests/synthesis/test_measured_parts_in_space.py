@@ -398,7 +398,7 @@ def test_a_reversed_drive_point_is_refused(tmp_path):
         joined(measured(tmp_path, change=lambda H: -H), ("foot", "head"))
 
 
-def test_positions_in_millimetres(tmp_path):
+def test_positions_may_be_in_millimetres(tmp_path):
     found = joined(measured(tmp_path, unit_of_length="1 mm"), ("foot", "head"))
     assert difference(found.frf(), joined(BAR, (0.0, LENGTH)).frf()) < 1e-6
 

@@ -27,7 +27,7 @@ from support.undamped_modes import elastic_frequencies
 
 
 @pytest.mark.parametrize("count", [12, pytest.param(100, marks=pytest.mark.slow)])
-def test_random_assemblies_against_the_dense_solve(count):
+def test_random_assemblies_equal_the_dense_solve(count):
     """In a process of its own, since Hypothesis draws constants of whatever modules are loaded: always the same.
 
     Poles, which take most of the time, are those of one in six assemblies if few are drawn.
@@ -54,7 +54,7 @@ def hold(count):
 
 
 @pytest.mark.slow
-def test_the_poles_of_three_hundred_random_assemblies():
+def test_the_poles_of_three_hundred_random_assemblies_equal_the_dense_ones():
     tally, failing = Tally(), []
 
     @seed(300)
@@ -74,7 +74,7 @@ def test_the_poles_of_three_hundred_random_assemblies():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("part", range(20))
-def test_two_thousand_random_assemblies_against_the_dense_solve(part):
+def test_two_thousand_random_assemblies_equal_the_dense_solve(part):
     """Twenty times a hundred others; all of a hundred are compared before one of them fails."""
     tally, failing = Tally(), []
 
@@ -99,7 +99,7 @@ def test_two_thousand_random_assemblies_against_the_dense_solve(part):
     check_shares(tally)
 
 
-def test_a_part_without_any_mass_of_its_own_on_a_bearing():
+def test_a_part_without_mass_on_a_bearing_moves_with_the_mass_of_the_ring():
     """Its condensed stiffness has no entry at all; x moves against the spring alone, with the mass of the ring."""
     assembly = dovetail.load(
         {

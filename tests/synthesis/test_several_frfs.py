@@ -117,7 +117,7 @@ def hold_slope(
     tally.hold(f"derivative {column}", computed, slope * factor, moved * abs(factor), size * abs(factor))
 
 
-def test_several_frfs_of_random_assemblies_against_the_dense_solve():
+def test_several_frfs_of_random_assemblies_equal_the_dense_solve():
     tally = Tally()
 
     @FEW
@@ -133,7 +133,7 @@ def test_several_frfs_of_random_assemblies_against_the_dense_solve():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("part", range(5))
-def test_several_frfs_of_five_hundred_random_assemblies_against_the_dense_solve(part):
+def test_several_frfs_of_five_hundred_random_assemblies_equal_the_dense_solve(part):
     """Five times a hundred others; all of a hundred are compared before one of them fails."""
     tally, failing = Tally(), []
 
@@ -167,7 +167,7 @@ def two_masses(s: np.ndarray, omega: np.ndarray = OMEGA) -> np.ndarray:
     return np.array([[own, s], [s, own]]) / (own**2 - s**2)
 
 
-def test_transfer_frfs_over_a_joint_that_depends_on_frequency_and_their_slopes(kernel):
+def test_transfer_frfs_over_a_joint_that_depends_on_frequency_equal_the_closed_form(kernel):
     graph, _ = chain(Viscoelastic())
     theta = np.array([[1e6, 1e3, 0.5], [3e6, 5e2, 0.3]])
     pairs = [(1, 0), (0, 0), (0, 1), (1, 0)]

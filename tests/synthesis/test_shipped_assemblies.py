@@ -42,7 +42,7 @@ def test_a_hundred_random_vectors_equal_the_direct_solve(file):
 
 
 @pytest.mark.slow
-def test_a_hundred_random_vectors_of_the_reference_assembly_at_every_line(collet):
+def test_a_hundred_random_vectors_of_the_reference_assembly_equal_the_direct_solve_at_every_line(collet):
     assert worst_error(collet, 100, 1) < 1e-8
 
 

@@ -75,7 +75,7 @@ def test_transfer_receptance_equals_the_direct_solve(collet, torque_20):
     assert relative(found, truth) < 1e-8
 
 
-def test_natural_frequencies_at_both_torques(collet, torque_20, torque_100):
+def test_natural_frequencies_at_both_torques_are_those_of_the_publication(collet, torque_20, torque_100):
     """Those of the publication are without the joint's dampers."""
     for torque, expected in ((torque_20, [1319.0, 6446.0, 8133.0]), (torque_100, [1339.0, 6734.0, 8311.0])):
         undamped = torque.copy()

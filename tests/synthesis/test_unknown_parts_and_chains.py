@@ -83,7 +83,7 @@ def test_an_unknown_option_gives_the_frf_of_a_description_with_its_value(option)
     assert difference(jacobian[:, 0], by_differences(assembly, theta[1], 0)) < 1e-6
 
 
-def test_all_of_them_and_a_joint_and_a_tip_mass_at_once():
+def test_many_unknown_options_a_joint_and_a_mass_have_frf_and_derivatives_at_once():
     unknown = copy.deepcopy(PLAIN)
     for option, ends in RANGES.items():
         unknown = with_option(unknown, f"substructures.arm.{option}", {"range": list(ends)})
@@ -224,7 +224,7 @@ def test_a_window_changes_no_natural_frequency_and_adds_none(window):
     assert [mode["frequency"] for mode in shapes] == pytest.approx(expected[:2], rel=1e-4)
 
 
-def test_known_values_of_a_chain_and_a_sign():
+def test_known_values_of_a_chain_and_a_sign_change_the_frf():
     known = {"gain": 1.1, "delay": "10 us", "sign": -1}
     response = {**PLAIN["response"], "calibration": known}
     assembly = dovetail.load({**PLAIN, "response": response})
@@ -245,7 +245,7 @@ def test_a_transfer_frf_is_the_receptance_between_its_points(force):
     assert difference(assembly.receptance(None, [there], [output])[:, 0, 0], expected) < 1e-9
 
 
-def test_responses_with_a_chain_of_their_own_and_in_common():
+def test_responses_may_have_chains_of_their_own_and_tied_ones():
     responses = [
         {"at": "arm", "position": "node n8", "name": "near", "calibration": {"gain": {"about": 1, "sd": "5 %"}}},
         {
@@ -305,7 +305,7 @@ def test_sensors_shared_by_all_responses_are_present_together():
     assert second.description.fingerprint != given.at(1).description.fingerprint
 
 
-def test_a_window_a_gain_and_a_delay_for_all_responses():
+def test_a_shared_chain_equals_the_same_chain_at_each_response():
     shared = in_common({"window": {"range": ["0 1/s", "40 1/s"]}, "gain": {"value": 1.1}, "delay": "10 us", "sign": -1})
     own = {"window": {"range": ["0 1/s", "40 1/s"]}, "gain": 1.1, "delay": "10 us", "sign": -1}
     responses = json.loads(shared.description.text)["responses"]
@@ -334,7 +334,7 @@ def test_a_window_a_gain_and_a_delay_for_all_responses():
         ({"mass": "-3 g"}, "mass must be 0 or more"),
     ],
 )
-def test_faults_of_what_responses_share(chain, fault):
+def test_a_faulty_shared_chain_is_refused(chain, fault):
     with pytest.raises(dovetail.DescriptionError, match=fault):
         in_common(chain)
 

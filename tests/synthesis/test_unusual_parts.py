@@ -28,7 +28,7 @@ def spring(one: str, other: str, at: Any = 0, **parameters: Any) -> dict[str, An
 
 
 @pytest.mark.parametrize("damper_at_the_mass", [True, False])
-def test_poles_of_a_damper_in_series_with_a_spring(damper_at_the_mass):
+def test_a_damper_in_series_with_a_spring_has_the_poles_of_its_polynomial(damper_at_the_mass):
     """m s^2 + k0 + 1 / (1 / k1 + 1 / (c s)) = 0, whichever of the two is at the mass."""
     first, second = ({"k": 0.0, "c": 1000.0}, {"k": 3e6, "c": 0.0})[:: 1 if damper_at_the_mass else -1]
     assembly = load(
@@ -62,7 +62,7 @@ def test_the_receptance_of_a_part_has_what_only_dampers_reach():
 
 
 @pytest.mark.parametrize("first", [160.0, 230.0])
-def test_an_unknown_option_of_a_part_of_few_modes(first):
+def test_a_part_of_few_modes_may_have_an_unknown_option(first):
     """Its receptance between all eight DOFs has rank three; between the two in use it is of full rank."""
     assembly = load(
         {
