@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import importlib.util
+import re
 import sys
 import traceback
 from collections.abc import Iterable, Iterator
@@ -17,6 +18,10 @@ from dovetail.plain_text import terminal_text
 _LEAST_SIMILAR = 0.4
 """Ratio of common letters above which a spelling is suggested."""
 _LONGEST_WORD = 100
+_MISSING_ARGUMENTS = re.compile(
+    r"(?P<name>\w+)\.__init__\(\) missing \d+ required (?:positional|keyword-only) arguments?: (?P<arguments>.+)"
+)
+"""Python's message on an object made without an argument that it needs, such as ``JointPort("a")``."""
 
 
 @dataclass(frozen=True)
@@ -270,8 +275,10 @@ def contained(source: str, problem: str = "", *passing: type[Exception]) -> Iter
 
 def reason_of(error: BaseException) -> str:
     """Return an error as one sentence."""
+    if isinstance(error, TypeError) and (match := _MISSING_ARGUMENTS.fullmatch(str(error))):
+        return f"{match['name']}(...) is called without {match['arguments']}."
     if not isinstance(error, DovetailError):
-        return f"{type(error).__name__}: {error}"
+        return f"{type(error).__name__}: {error}".removesuffix(": ")
     fault = error.faults[0]
     accepted = f" Accepted: {fault.accepted}." if fault.accepted else ""
     return f"{fault.where}: {fault.problem}{accepted}".removeprefix(": ")

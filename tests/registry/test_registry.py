@@ -255,6 +255,12 @@ def test_a_component_for_this_and_other_interface_versions_comes_in(monkeypatch)
         ("x = 1\nimport not_there\n", ":2", "ModuleNotFoundError: No module named 'not_there'"),
         ("x = 1\n\ndef broken(:\n", ":3", "SyntaxError"),
         ("raise SystemExit(3)\n", ":1", "SystemExit: 3"),
+        ("import dovetail\n\ndovetail.JointPort('a')\n", ":3", "JointPort(...) is called without 'nodes'."),
+        (
+            "import dovetail\ndovetail.Parameter('k', 'N/m')\n",
+            ":2",
+            "Parameter(...) is called without 'lower' and 'upper'.",
+        ),
         ("x = 1\n", "", "it has no hook 'dovetail_components' marked with @dovetail.hookimpl."),
     ],
 )

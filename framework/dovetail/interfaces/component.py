@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, ValidationInfo, field_validator
 
-from dovetail.errors import DovetailError, Fault, PluginError
+from dovetail.errors import DovetailError, Fault, PluginError, reason_of
 from dovetail.units import refuse_marks
 
 Kind = Literal["substructure", "joint", "reducer", "regressor", "reader", "matrix_reader", "method", "law"]
@@ -175,7 +175,7 @@ def plugin_errors(component: object, label: str) -> Iterator[None]:
         where = _failing_line(component, error.__traceback__) or _refusing_file(component, error)
         if not where:
             raise
-        problem = f"{label} failed: {type(error).__name__}: {error}".rstrip(": ")
+        problem = f"{label} failed: {reason_of(error)}"
         raise PluginError(Fault(where, problem, remedy="The fault is in the code of the model.")) from error
 
 
