@@ -264,10 +264,15 @@ def test_one_frf_among_other_sets_is_taken(tmp_path: Path) -> None:
     assert frf.coherence is None
 
 
-def test_a_coherence_of_other_frequencies_stays_out(tmp_path: Path) -> None:
+def test_a_coherence_of_the_same_points_that_is_not_used_is_reported(tmp_path: Path) -> None:
     other = {**SEVERAL[3], "x": FREQUENCY + 1}
-    assert read_frf(file_of(tmp_path, SEVERAL[1], other)).coherence is None
-    assert read_frf(file_of(tmp_path, SEVERAL[1], SEVERAL[3], SEVERAL[3])).coherence is None
+    with pytest.warns(UserWarning, match="set 2: this coherence is not used: its frequencies are not those of set 1"):
+        assert read_frf(file_of(tmp_path, SEVERAL[1], other)).coherence is None
+    with pytest.warns(UserWarning, match="this coherence is not used: 2 sets are of the points of set 1"):
+        assert read_frf(file_of(tmp_path, SEVERAL[1], SEVERAL[3], SEVERAL[3])).coherence is None
+    shorter = {**SEVERAL[3], "x": FREQUENCY[:-1], "data": SEVERAL[3]["data"][:-1]}
+    with pytest.warns(UserWarning, match="its frequencies are not those of set 1"):
+        assert read_frf(file_of(tmp_path, SEVERAL[1], shorter)).coherence is None
 
 
 def test_a_long_listing_is_cut(tmp_path: Path) -> None:

@@ -116,6 +116,12 @@ class GivenDof(NamedTuple):
         """Return whether both are certainly different nodes."""
         return bool(self.node and other.node) and not self.same_node(other)
 
+    def other_direction(self, other: GivenDof) -> bool:
+        """Return whether both are certainly along different axes, or along one in opposite senses."""
+        if not (self.is_certain and other.is_certain) or {"", "r"} & {self.axis, other.axis}:
+            return False
+        return self.axis != other.axis or are_opposite(self.text, other.text)
+
     def is_other_part(self, used: ModelDof) -> bool:
         """Return whether it names only other parts than the one at which the FRF is used."""
         return bool(self.named and used.part and used.part not in self.named)

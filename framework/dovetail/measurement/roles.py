@@ -217,12 +217,17 @@ def _faults_alone(role: Role, ends: Sequence[_End], distinct: bool) -> Iterator[
         if dof.axis and used.axis and dof.named and dof.axis != used.axis:
             problem = f"{its} is along {dof.axis}, and it is used along {used.direction} at {used.place}."
             yield _fault(role, problem, "Correct the 'direction' in the description, or give another FRF.")
-    for one, other in combinations(ends, 2):
-        if one.noun == other.noun and one.dof.other_node(other.dof):
-            problem = f"its file gives two points for its {one.noun}: {one.dof.text[:60]} and {other.dof.text[:60]}."
+    for first, second in sorted(combinations(ends, 2), key=lambda pair: pair[0].noun != pair[1].noun):
+        if first.noun == second.noun and first.dof.other_node(second.dof):
+            problem = (
+                f"its file gives two points for its {first.noun}: {first.dof.text[:60]} and {second.dof.text[:60]}."
+            )
             yield _fault(role, problem, "Correct the file.")
-        if {one.noun, other.noun} == {"response", "force"}:
-            yield from _faults_of_pair(role, one.dof, other.dof, distinct)
+        elif first.noun == second.noun and first.dof.other_direction(second.dof):
+            texts = f"{first.dof.text[:60]} and {second.dof.text[:60]}"
+            yield _fault(role, f"its file gives two directions for its {first.noun}: {texts}.", "Correct the file.")
+        if {first.noun, second.noun} == {"response", "force"}:
+            yield from _faults_of_pair(role, first.dof, second.dof, distinct)
 
 
 def _faults_of_pair(role: Role, response: GivenDof, force: GivenDof, distinct: bool) -> Iterator[Fault]:

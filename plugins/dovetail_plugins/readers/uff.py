@@ -9,6 +9,7 @@ empty file.
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -128,8 +129,8 @@ def _frf(content: bytes, sets: Sequence[UffSet], uff_set: UffSet) -> RecordedFrf
         values,
         coherence=_matching_data(content, uff_set, coherences, frequency),
         averages=_averages(uff_set),
-        response=_id_line_value(uff_set, "response") or uff_set.response,
-        force=_id_line_value(uff_set, "force") or uff_set.force,
+        response=(not fields["rsp_node"] and _id_line_value(uff_set, "response")) or uff_set.response,
+        force=(not fields["ref_node"] and _id_line_value(uff_set, "force")) or uff_set.force,
         note=uff_set.label("id1"),
         variance=_matching_data(content, uff_set, variances, frequency),
         statements=statements,
@@ -164,10 +165,20 @@ def _signal(content: bytes, sets: Sequence[UffSet], uff_set: UffSet) -> Recorded
 def _matching_data(content: bytes, chosen: UffSet, candidates: Sequence[UffSet], frequency: Array) -> Array | None:
     """Return the real data for the points and frequencies of the chosen set, if exactly one set has them."""
     matching = [candidate for candidate in candidates if candidate.points == chosen.points]
-    if len(matching) != 1:
+    if not matching:
         return None
     axis, data = read_data(content, matching[0])
-    return None if np.iscomplexobj(data) or not _is_same_axis(axis, frequency) else data
+    problem = ""
+    if len(matching) > 1:
+        problem = f"{len(matching)} sets are of the points of set {chosen.number}"
+    elif np.iscomplexobj(data):
+        problem = "its numbers are complex"
+    elif not _is_same_axis(axis, frequency):
+        problem = f"its frequencies are not those of set {chosen.number}"
+    if problem:
+        name = "coherence" if matching[0].function == COHERENCE else "variance"
+        warnings.warn(f"{matching[0].where}: this {name} is not used: {problem}.", stacklevel=2)
+    return None if problem else data
 
 
 def _is_same_axis(axis: Array, frequency: Array) -> bool:

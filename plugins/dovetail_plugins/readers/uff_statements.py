@@ -10,8 +10,9 @@ from dovetail import Fault, MeasurementError, Statement, read_unit
 from dovetail_plugins.readers.uff_sets import FORCE, ORDINATE, UNKNOWN, UffSet
 
 _SI_SYSTEM = 1
-_OWN_LINE = re.compile(r"\s*(averages|response|force)\s*[:=]", re.IGNORECASE)
-"""Keys of id lines that the reader uses."""
+_OWN_LINE = re.compile(r"\s*(response|force)\s*[:=]", re.IGNORECASE)
+"""Keys of id lines that the reader uses if the header gives no node."""
+_NODES = {"response": "rsp_node", "force": "ref_node"}
 _TIME_TYPES = (*UNKNOWN, 17)
 _COUNTS = ("sample", "samples", "point", "points", "index", "n", "#")
 """Units of an abscissa that counts samples, so that the rate is not given."""
@@ -21,7 +22,8 @@ def id_lines(uff_set: UffSet) -> Iterator[Statement]:
     """Yield the id lines of a set that the reader does not use."""
     for number in range(1, 6):
         text = uff_set.label(f"id{number}")
-        if text and not (number > 1 and _OWN_LINE.match(text)):
+        own = _OWN_LINE.match(text) if number > 1 else None
+        if text and not (own and not uff_set.fields[_NODES[own[1].lower()]]):
             yield Statement("text", text, f"{uff_set.where}, id line {number}")
 
 
