@@ -57,6 +57,10 @@ def test_without_a_unit_it_has_to_be_given(tmp_path: Path, refused) -> None:
         ("1 2 3 Freq Hz Magnitude m/N Phase deg\n", "a.frf:1\n  the labels 'Freq Hz Magnitude m/N Phase deg' contain"),
         ("1 2 3 m/N mm/N\n", "a.frf:1\n  the file contradicts itself: 'm/N' and 'mm/N'."),
         ("1 2 3 m/kg\n", "a.frf:1\n  the unit 'm/kg' is not understood."),
+        (
+            "1 2 3 Freq Hz H1 Real m/N H2 Imag m/N\n2 1 1\n",
+            "a.frf:1\n  the labels 'Freq Hz H1 Real m/N H2 Imag m/N' name h1",
+        ),
         ("1 2 3 m/N\n3 1 1\n2 1 1\n", "a.frf:3\n  the frequency 2 Hz comes after 3 Hz."),
         ("1 2 3 m/N\n1 1 1\n", "a.frf:2\n  the frequency 1 Hz is repeated."),
         ("1 2 3 m/N\n2 nan 1\n", "a.frf:2\n  the value is (nan+1j), which is not finite."),

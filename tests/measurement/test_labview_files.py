@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -55,6 +56,8 @@ VARIANTS = {
     "separator comma": (HEADER.replace("Separator\tTab", "Separator\tComma") + SEGMENT).replace("\t", ","),
     "kHz": (HEADER + SEGMENT)
     .replace("\tHz\tHz", "\tkHz\tkHz")
+    .replace("X0\t10.0\t10.0", "X0\t0.01\t0.01")
+    .replace("Delta_X\t2.5\t2.5", "Delta_X\t0.0025\t0.0025")
     .replace("\n10.0\t", "\n0.01\t")
     .replace("\n12.5\t", "\n0.0125\t")
     .replace("\n15.0\t", "\n0.015\t"),
@@ -71,7 +74,7 @@ def test_amplitude_phase_and_coherence(tmp_path: Path) -> None:
     text = (HEADER + SEGMENT).replace("FRF (Real)\tFRF (Imag)\tComment", "FRF (Magnitude)\tFRF (Phase)\tCoherence")
     text = text.replace("m/s^2/N\tm/s^2/N\t", "g/N\tdeg\t")
     text = text.partition("10.0\t1.5")[0] + "10\t2\t90\t0.5\n20\t1\t180\t1\n"
-    text = text.replace("Channels\t2", "Channels\t3")
+    text = text.replace("Channels\t2", "Channels\t3").replace("Samples\t3\t3", "Samples\t2\t2")
     (tmp_path / "a.lvm").write_text(text)
     frf = read_frf(tmp_path / "a.lvm")
     np.testing.assert_allclose(frf.values, [2j * 9.80665, -9.80665], atol=1e-14)
@@ -101,6 +104,12 @@ def test_one_of_several_segments_and_columns_by_their_names(tmp_path: Path, refu
 
 TIME = (HEADER + SEGMENT).replace("\tFrequency\tFrequency", "\tTime\tTime")
 FAULTS = {
+    HEADER + SEGMENT.replace("Samples\t3\t3", "Samples\t3\t4"): (
+        "a.lvm: segment 1\n  the header announces 4 samples, and there are 3 rows.\n  The file is truncated"
+    ),
+    HEADER + SEGMENT.replace("Delta_X\t2.5\t2.5", "Delta_X\t4\t4"): (
+        "a.lvm: segment 1  Delta_X\n  the file gives a step of 4 Hz, and the lines are 2.5 Hz apart."
+    ),
     "hello\n": "a.lvm\n  this is not a LabVIEW measurement file",
     HEADER: "a.lvm\n  the LabVIEW file is damaged: ",
     HEADER + SEGMENT.partition("10.0\t1.5")[0]: "a.lvm: segment 1\n  there is no line of numbers.",
@@ -121,6 +130,16 @@ FAULTS = {
 @pytest.mark.parametrize("text", FAULTS, ids=range(len(FAULTS)))
 def test_faulty_input_is_refused_with_its_message(refused, text: str) -> None:
     assert refused("a.lvm", text).startswith(FAULTS[text])
+
+
+def test_a_start_behind_the_first_row_gives_a_warning(tmp_path: Path) -> None:
+    (tmp_path / "a.lvm").write_text(HEADER + SEGMENT.replace("X0\t10.0", "X0\t20.0"))
+    with pytest.warns(UserWarning, match="X0: the file gives a start at 20 Hz, and the frequencies begin at 10 Hz"):
+        check(read_frf(tmp_path / "a.lvm"))
+    (tmp_path / "b.lvm").write_text((HEADER + SEGMENT).replace("X0\t10.0", "X0\t0.0").replace("X\t2.5", "X\t1.0"))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UserWarning)
+        check(read_frf(tmp_path / "b.lvm"))  # as LabVIEW writes them of signals without a start and a step
 
 
 def test_dofs_choose_nothing_and_the_package_is_named(refused, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -52,6 +52,13 @@ FILLING = word_set(
     " die der das sind ist mit von alle type kind deg degree degrees rad radians info note notes comment"
     " comments remark remarks description title name header meta metadata text between prefix"
 )
+_PARTS = {
+    **dict.fromkeys(("real", "re", "realteil"), "real"),
+    **dict.fromkeys(("imag", "im", "imaginary", "imagin\u00e4rteil"), "imag"),
+    **dict.fromkeys(("amplitude", "magnitude", "mag", "modulus", "betrag"), "amplitude"),
+    **dict.fromkeys(("phase", "angle"), "phase"),
+}
+_BETWEEN_PARTS = word_set("and und part parts db deg degree degrees rad radians frequency freq hz coherence linear log")
 _LARGER = word_set("large larger big bigger high higher size factor multiplied divided")
 NEGATION = re.compile(r"\b(?:no|not|none|off|false|nein|without|never)\b")
 _CLAUSE = re.compile(r"[;\n]|,(?!\d)|\.\s")
@@ -94,6 +101,19 @@ def find_scale(key: str, text: str) -> str:
             is_power = _POWER.search(clause) is not None
             return "power" if is_power else "dB" if words & {"db", "decibel", "decibels", "dezibel"} else "log"
     return ""
+
+
+def parts_in(text: str) -> list[str]:
+    """Return the parts of complex values that a text lists, as in ``Real/Imag`` and ``magnitude (dB), phase``.
+
+    Returns
+    -------
+    list of str
+        Of ``real``, ``imag``, ``amplitude`` and ``phase``; empty for a text with other words.
+    """
+    words = re.findall(r"[^\W\d_]+", text.lower())
+    known = all(word in _PARTS or word in _BETWEEN_PARTS for word in words)
+    return list(dict.fromkeys(_PARTS[word] for word in words if word in _PARTS)) if known else []
 
 
 def reference_of_decibels(key: str, text: str) -> float:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 from dovetail.errors import Fault, MeasurementError
 from dovetail.interfaces import About, Statement
 from dovetail.measurement.acting_numbers import find_acting_number
-from dovetail.measurement.changed_values import find_scale, reference_of_decibels
+from dovetail.measurement.changed_values import find_scale, parts_in, reference_of_decibels
 from dovetail.measurement.frf_units import frequency_factor, read_unit
 from dovetail.measurement.other_quantities import find_other_quantity, names_rotation, warn_of_exponential_window
 from dovetail.measurement.point_statements import PointStatement, point_statements, points_of_label
@@ -29,6 +29,7 @@ from dovetail.measurement.text_pairs import (
     UNIT_WORDS,
     VALUE_WORDS,
     Pair,
+    axis_setting,
     pairs_of,
 )
 
@@ -54,6 +55,12 @@ _PHASE_WORDS = word_set("phase angle time coherence coh variance tip temperature
 _QUANTITY_WORDS = word_set("quantity function type format measurement kind grösse größe ordinate y ylabel")
 _AVERAGES = word_set("averages average avg avgs navg nave averagings mittelungen")
 _COUNTED = _AVERAGES | word_set("number of no num n nr count anzahl der linear spectral frf fft")
+_FORMS = word_set("format form data values representation columns complex")
+_WHOLE_VALUES = word_set("values value data real imag imaginary complex frf frfs werte")
+"""Words of the values themselves."""
+_SHOWN_ON = word_set("axis axes scale scaling plot display shown ordinate")
+"""Words of how values are shown."""
+_ESTIMATOR = re.compile(r"\bestimat(?:or|ion)\W+(H[12v])\b", re.IGNORECASE)
 _REMARKS = word_set("note notes comment comments remark remarks description title name file filename path")
 _GENERIC = word_set(
     "frf frequency response function functions h of the a real imag part magnitude amplitude per over transfer"
@@ -83,14 +90,19 @@ class FieldClaim(NamedTuple):
     Parameters
     ----------
     part : str
-        ``phase``, ``coherence``, ``variance``, ``amplitude`` (its scale), ``db`` (what it is over), ``rotation``, or
-        ``averages`` (their number).
+        ``phase``, ``coherence``, ``variance``, ``amplitude`` or ``values`` (their scale), ``db`` (what it is over),
+        ``rotation``, ``averages`` (their number), ``estimator`` (H1, H2 or Hv), ``parts`` (of the values, as in
+        ``amplitude phase``), or a setting of the frequencies with its numbers in Hz: ``step``, ``start``, ``end``,
+        ``range``, ``rate``, ``lines``.
     text, where : str
+    key : str
+        Under which a setting of the frequencies stands.
     """
 
     part: str
     text: str
     where: str
+    key: str = ""
 
 
 @dataclass(frozen=True)
@@ -165,6 +177,8 @@ def _read_pair(free_text: FreeText, pair: Pair, where: str) -> None:
     key, value, is_sentence = pair
     words = words_of(key)
     is_label = bool(set(words) & _LABEL_WORDS and set(words) & (AXIS_WORDS | VALUE_WORDS))
+    if match := _ESTIMATOR.search(f"{key}: {value}"):
+        free_text.claims.append(FieldClaim("estimator", match[1].capitalize(), where))
     if claim := _field_claim(words, key, value, where):
         free_text.claims.append(claim)
         return
@@ -205,8 +219,15 @@ def _field_claim(words: Sequence[str], key: str, value: str, where: str) -> Fiel
         return FieldClaim("averages", text, where)
     if (reference := reference_of_decibels(key, value)) != 1.0:
         return FieldClaim("db", f"{reference:g}", where)
-    scale = find_scale(key, value)
-    return FieldClaim("amplitude", scale, where) if scale else None
+    if scale := find_scale(key, value):
+        about = set(words_of(f"{key} {value}"))
+        is_whole = about & _WHOLE_VALUES and not about & _SHOWN_ON
+        return FieldClaim("values" if is_whole else "amplitude", scale, where)
+    if (setting := axis_setting(key, value)) is not None:
+        return FieldClaim(setting[0], " ".join(f"{number:.10g}" for number in setting[1]), where, key or value)
+    if named & _FORMS and len(parts := parts_in(value)) > 1:
+        return FieldClaim("parts", " ".join(parts), where)
+    return None
 
 
 def _is_upside_down(named: set[str], value: str) -> bool:

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from dovetail.measurement.frf_units import read_unit
+from dovetail.measurement.frf_units import frequency_factor, read_unit
 from dovetail.measurement.quantity_words import read_label, word_set, words_of
 
 UNIT_WORDS = word_set(
@@ -56,6 +56,26 @@ _UNIT_IS = re.compile(
 )
 _NEXT_KEY = re.compile(r"[,;]\s+(?=[^\W\d_][^:=,;]{0,40}[:=]\s*\S)")
 _CELL = re.compile(r"[\t;]|,(?!\d)")
+_OF_AXIS = word_set("frequency frequencies freq f frequenz spectral fft")
+_COUNTS = word_set("lines nlines linien nfreq nf")
+_AXIS_SETTINGS = {
+    "step": word_set("df delta step spacing increment resolution auflösung schritt fstep"),
+    "start": word_set("start begin lower min minimum fmin fstart"),
+    "end": word_set("stop end upper max maximum highest last nyquist fmax fend fstop"),
+    "range": word_set("range band"),
+    "rate": word_set("fs samplerate samplingrate abtastrate sampling sample scan"),
+}
+"""Words of settings that the frequencies of a file must not contradict."""
+_WITH_SETTINGS = _OF_AXIS | word_set("of the in line hz k khz number no num n nr anzahl count rate")
+_OWN_SETTINGS = word_set("df fmin fmax fstart fstop fend fstep fs samplerate samplingrate abtastrate rate")
+"""Settings that need no word for a frequency."""
+_FREQUENCIES = re.compile(
+    r"(?P<first>\d[\d.]*(?:[eE][-+]?\d+)?)(?:\s*(?P<unit_of_first>[kM]?Hz)?\s*(?:-|\u2013|to|bis|\.{2,3}|\u2026)\s*"
+    r"(?P<second>\d[\d.]*(?:[eE][-+]?\d+)?))?\s*[\[(]?(?P<unit>[kM]?Hz)?[\])]?",
+    re.IGNORECASE,
+)
+_SMALLEST_RATE = 1000.0
+"""A sampling rate below this without a unit may be in kHz."""
 _MOST = 200
 """Entries of a text in JSON that are read."""
 
@@ -159,6 +179,35 @@ def _is_subject(text: str) -> bool:
 
 def _is_unit(text: str) -> bool:
     return text.lower() in ANGLES or text.lower() in _OTHER_UNITS or read_unit(text) is not None
+
+
+def axis_setting(key: str, text: str) -> tuple[str, tuple[float, ...]] | None:
+    """Return what a key and its numbers say of the frequencies, in Hz; None if they say nothing of them.
+
+    Returns
+    -------
+    (str, tuple of float) or None
+        ``step``, ``start``, ``end``, ``range`` (two numbers), ``rate`` (of sampling) or ``lines`` (their number).
+    """
+    words, match = set(words_of(key)), _FREQUENCIES.fullmatch(text.strip(" ."))
+    if match is None or any(match[part] and match[part].count(".") > 1 for part in ("first", "second")):
+        return None
+    numbers = [float(match[part].rstrip(".")) for part in ("first", "second") if match[part]]
+    in_key = re.search(r"[kM]?Hz(?![a-z])", key, re.IGNORECASE)
+    unit = match["unit"] or (in_key[0] if in_key else None)
+    if words == {"n", "freq"} or (words & _COUNTS and words <= _COUNTS | _WITH_SETTINGS):
+        is_count = unit is None and len(numbers) == 1 and numbers[0].is_integer()
+        return ("lines", (numbers[0],)) if is_count else None
+    kind = next((kind for kind, names in _AXIS_SETTINGS.items() if words & names), "")
+    if not kind or not words <= _AXIS_SETTINGS[kind] | _WITH_SETTINGS:
+        return None
+    if unit is None and (not words & (_OF_AXIS | _OWN_SETTINGS) or (kind == "rate" and numbers[0] < _SMALLEST_RATE)):
+        return None
+    units = [match["unit_of_first"] or unit, unit][-len(numbers) :]
+    found = tuple(number * (frequency_factor(one or "Hz") or 1.0) for number, one in zip(numbers, units, strict=True))
+    if (kind == "range") != (len(found) == 2):
+        return ("end", found) if kind == "range" else None
+    return kind, found
 
 
 def json_entries(name: str, text: str) -> list[tuple[str, str]] | None:

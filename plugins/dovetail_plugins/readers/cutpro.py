@@ -152,6 +152,10 @@ def _read_labels(where: str, labels: str) -> tuple[str, list[Statement]]:
     """
     if match := _NOT_READ.search(labels):
         raise MeasurementError(Fault(where, f"the labels '{labels[:60]}' contain '{match[0]}'.", _ACCEPTED))
+    estimators = {word.lower() for word in re.findall(r"\bH[12v]\b", labels, re.IGNORECASE)}
+    if len(estimators) > 1:
+        problem = f"the labels '{labels[:60]}' name {' and '.join(sorted(estimators))}, which are not one FRF."
+        raise MeasurementError(Fault(where, problem, _ACCEPTED))
     part_order: list[str] = []
     statements: list[Statement] = []
     for word in labels.split():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -95,11 +95,19 @@ def _segment(path: Path, parsed: dict[Any, Any], number: int) -> RecordedChannel
     channels = table.T[kind == "One" :][: len(names)]
     if not names or len(channels) < len(names):
         raise MeasurementError(Fault(where, f"there are {len(channels)} columns for {len(names)} channels."))
+    counts = _numbers(map(str, fields.get("Samples", ())))
+    announced = max((int(number) for number in counts if math.isfinite(number)), default=0)
+    if len(table) < announced:
+        problem = f"the header announces {announced} samples, and there are {len(table)} rows."
+        raise MeasurementError(Fault(where, problem, remedy="The file is truncated or damaged: export it again."))
     axis = table[:, 0] if kind == "One" else _even_axis(where, fields, len(table))
     units = [str(label).strip() for label in fields.get("Y_Unit_Label", ())][: len(names)]
     header = _header(parsed) | _header(fields)
     dimension = (next(iter(fields.get("X_Dimension", ())), "") or _TIME).strip().lower()
     common, channel_statements = _statements(where, header, len(names))
+    axis_unit = next(iter(fields.get("X_Unit_Label", ())), "").strip()
+    if kind == "One" and dimension != _TIME:
+        common += _axis_statements(where, header, axis_unit)
     return RecordedChannels(
         where=where,
         axis=axis,
@@ -107,7 +115,7 @@ def _segment(path: Path, parsed: dict[Any, Any], number: int) -> RecordedChannel
         names=names,
         units=(*units, *[""] * (len(names) - len(units))),
         dimension=dimension,
-        axis_unit=next(iter(fields.get("X_Unit_Label", ())), "").strip(),
+        axis_unit=axis_unit,
         statements=common,
         channel_statements=channel_statements,
         steps=_steps(where, header, len(names)) if dimension == _TIME else (),
@@ -142,6 +150,16 @@ def _statements(
     return common, channel_statements
 
 
+def _axis_statements(where: str, header: Mapping[str, Sequence[str]], unit: str) -> list[Statement]:
+    """Return start and step of the frequencies in the header, which may differ from the column of frequencies."""
+    statements = []
+    for entry, key, unstated in (("X0", "frequency start", 0.0), ("Delta_X", "frequency step", 1.0)):
+        value = next(_numbers(header.get(entry, ())), unstated)
+        if value != unstated:  # these are written of signals without a start and a step
+            statements.append(Statement("text", f"{value:g} {unit}".strip(), f"{where}  {entry}", key))
+    return statements
+
+
 def _steps(where: str, header: Mapping[str, Sequence[str]], count: int) -> list[tuple[float, str]]:
     """Return the steps of the abscissa that the header states.
 
@@ -160,7 +178,7 @@ def _steps(where: str, header: Mapping[str, Sequence[str]], count: int) -> list[
     return [(value, f"{where}, Delta_X") for value in values if value != 1.0]  # 1 is written of signals without a step
 
 
-def _numbers(cells: Sequence[str]) -> Iterator[float]:
+def _numbers(cells: Iterable[str]) -> Iterator[float]:
     for cell in cells:
         try:
             yield float(cell.replace(",", "."))

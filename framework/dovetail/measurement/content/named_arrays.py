@@ -66,8 +66,8 @@ def read_recording(archive: RecordedArrays, options: ReadOptions) -> Recording:
     free_text = read_unused(archive, names, options.skip)
     meaning, mentions = meaning_of_file(_statements(archive, names), free_text)
     averages = _read_averages(archive, names)
-    check_parts(names, free_text.claims, meaning.unit, where, averages)
     scale = check_axis(meaning, mentions, _SAY_UNIT)
+    check_parts(names, free_text.claims, meaning.unit, where, averages, fields["frequency"] * scale)
     check_other_axes(archive, names, fields["frequency"], scale, options.skip)
     points = [*free_text.points, *points_of_columns(archive, names, _chosen(options))]
     return Recording(

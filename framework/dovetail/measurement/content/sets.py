@@ -74,18 +74,20 @@ def _recording_of(path: Path, frf: RecordedFrf, where: str, reader: FrfReader, o
     read = read_statements(statements, options.skip)
     meaning, mentioned = meaning_of_file((), read)
     _check_kind(frf, meaning, where)
-    parts = {"values" if np.iscomplexobj(frf.values) else "amplitude": "", "coherence": "", "variance": ""}
-    claims = [*read.claims, *([] if np.iscomplexobj(frf.values) else _claims_of_labels(read.statements))]
-    parts = {name: "" for name in parts if getattr(frf, name, True) is not None}
-    check_parts(parts, claims, meaning.unit, where, frf.averages)
+    has_phase = np.iscomplexobj(frf.values)
+    claims = [*read.claims, *([] if has_phase else _claims_of_labels(read.statements))]
     fields, mentions = _fields(frf, meaning, mentioned, where)
+    scale = check_axis(meaning, mentions, "Export the frequencies in Hz.")
+    frequency = np.asarray(frf.frequency, dtype=np.float64) * scale
+    present = [name for name in ("coherence", "variance") if getattr(frf, name) is not None]
+    names = dict.fromkeys(["values" if has_phase else "amplitude", *present], "")
+    check_parts(names, claims, meaning.unit, where, frf.averages, frequency)
     recording = Recording(
         where=where,
         label=path.name,
-        frequency=np.asarray(frf.frequency, dtype=np.float64)
-        * check_axis(meaning, mentions, "Export the frequencies in Hz."),
+        frequency=frequency,
         values=np.asarray(frf.values),
-        has_phase=np.iscomplexobj(frf.values),
+        has_phase=has_phase,
         coherence=None if frf.coherence is None else np.asarray(frf.coherence, dtype=np.float64),
         variance=None if frf.variance is None else np.asarray(frf.variance, dtype=np.float64),
         locate=frf.locate or partial(_line_of_data, where),

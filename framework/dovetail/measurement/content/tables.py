@@ -208,9 +208,9 @@ def recording_of(
     names = {field: header.names[column] for field, column in header.columns.items()}
     meaning, mentions = meaning_of_file(header.statements, free_text)
     claims, averages = [*header.claims, *free_text.claims], _averages(header.comments)
-    if claims or {"coherence", "variance"} & set(names):
-        check_parts(names, claims, meaning.unit, str(path), averages)
     fields["frequency"] = fields["frequency"] * check_axis(meaning, mentions, SAY_COLUMNS)
+    if claims or {"coherence", "variance"} & set(names):
+        check_parts(names, claims, meaning.unit, str(path), averages, fields["frequency"])
     values, has_phase = combine_values(fields, locate)
     return Recording(
         where=str(path),

@@ -20,7 +20,7 @@ from dovetail.measurement.frf_units import read_unit
 from dovetail.measurement.named_points import DOF
 from dovetail.measurement.point_statements import LISTS, End, PointStatement, end_of_key
 from dovetail.measurement.quantity_words import words_of
-from dovetail.measurement.text_pairs import UNIT_WORDS
+from dovetail.measurement.text_pairs import UNIT_WORDS, axis_setting
 
 _FRF_WORDS = frozenset(word for field in (*VALUE_FIELDS, "frequency") for word in FIELD_NAMES[field])
 _FACTOR = re.compile(r"(.*)unit_transformation[./]factor")
@@ -90,6 +90,8 @@ def read_unused(archive: RecordedArrays, fields: Mapping[str, str], skip: tuple[
             texts.append((_key(name, fields), str(value.ravel()[0]), f"{archive.path}  {name}"))
         elif value.dtype.kind in "fiuc":
             _check_numbers(archive, name, value, is_near_values=not _branch(name, values_name))
+            if value.size == 1 and axis_setting(key := _key(name, fields), text := f"{value.real.ravel()[0]:.17g}"):
+                texts.append((key, text, f"{archive.path}  {name}"))
             if "db" in fields and value.size == 1 and _is_reference(name) and value.ravel()[0] != 1:
                 raise _acts(archive, name, f" = {value.ravel()[0]:.6g}")
     return _with_factors(archive, read_texts(texts, skip), factors)
