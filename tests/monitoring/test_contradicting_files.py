@@ -20,6 +20,7 @@ import dovetail
 from dovetail import DovetailError
 from dovetail.monitoring import DUPLICATE, PREDICTED, REFERENCE, SET_ASIDE, Watch, WatchOptions
 from dovetail.monitoring.dates import date_remarks
+from dovetail.monitoring.reference import Reference
 from support.mass_on_mount import mass_on_mount
 
 OPTIONS = WatchOptions(reference=12)
@@ -82,6 +83,36 @@ def prepared(place, lines=""):
         write(place / "files" / f"2026-01-{day + 1:02d} torque=20.csv", measurement(day), lines)
     assert [record["status"] for record in look(place)] == [REFERENCE] * 12 + [PREDICTED]
     return place
+
+
+def content(series):
+    """All by which the fits of two series may differ, as text."""
+    tests = [
+        (
+            test.name,
+            test.assembly.description.text,
+            test.covariates,
+            [(file.name, file.read_bytes(), options) for file, options in test.measured],
+        )
+        for test in series.tests
+    ]
+    return repr((tests, series.covariates, series.roles, series.other_parameters, series.seed))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_fit_of_each_series():
+    """Fit a series once: cases differ in the file that arrives, and the fit is nearly all that a look costs."""
+    fitted, fit = {}, Reference.of
+
+    def of(series, **options):
+        key = content(series)
+        if key not in fitted:
+            fitted[key] = fit(series, **options)
+        return replace(fitted[key], series=series)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Reference, "of", staticmethod(of))
+        yield
 
 
 @pytest.fixture(scope="module")
