@@ -111,14 +111,6 @@ def test_membership_strengths_by_their_definition():
     assert far[0].tolist() == pytest.approx([1.0, 1.0, 1.0, np.exp(-1.0 / (1e-3 * 0.25))], abs=1e-12)
 
 
-@pytest.mark.parametrize(("neighbours", "components", "fewest"), [(7, 3, 9), (3, 6, 8)])
-def test_umap_is_fitted_to_the_fewest_samples_and_refuses_fewer(neighbours, components, fewest):
-    recipe = UMAP(UMAP.Config(n_components=components, n_neighbors=neighbours, n_epochs=5, metric="euclidean"))
-    assert recipe.fit(random_rows(fewest, 12), seed=0).transform(random_rows(2, 12)).shape == (2, components)
-    with pytest.raises(dovetail.DovetailError, match=f"{fewest - 1} samples are too few"):
-        recipe.fit(random_rows(fewest - 1, 12), seed=0)
-
-
 def test_umap_places_a_row_at_the_weighted_mean_of_its_neighbours():
     """Four stored rows on a line, two neighbours: both strengths are 1, since the second alone adds up to log2(2)."""
     state = {

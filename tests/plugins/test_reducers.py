@@ -221,6 +221,14 @@ class TestUMAP:
         ):
             UMAP().fit(training[:101], seed=0)
 
+    @pytest.mark.parametrize(("neighbours", "components", "fewest"), [(7, 3, 9), (3, 6, 8)])
+    def test_it_is_fitted_to_the_fewest_samples_and_refuses_fewer(self, neighbours, components, fewest):
+        rows = np.random.default_rng(0).standard_normal((fewest, 12)).astype(np.float32)
+        recipe = UMAP(UMAP.Config(n_components=components, n_neighbors=neighbours, n_epochs=5, metric="euclidean"))
+        assert recipe.fit(rows, seed=0).transform(rows[:2]).shape == (2, components)
+        with pytest.raises(dovetail.DovetailError, match=f"{fewest - 1} samples are too few"):
+            recipe.fit(rows[1:], seed=0)
+
     def test_rows_that_are_all_the_same_are_refused(self, training):
         with pytest.raises(dovetail.DovetailError, match="all training rows are the same"):
             RECIPES["umap"].fit(np.repeat(training[:1], 50, axis=0), seed=0)
