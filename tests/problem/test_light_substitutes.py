@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 import scipy
 
+from dovetail import dataset
 from dovetail.frf.resonance_peaks import prominent_peaks
 from dovetail.inference.fitting.whiteness import log_improbability
-from dovetail.problem.definition import halton, latin_hypercube
+from dovetail.space_filling import halton, latin_hypercube
 
 
 def curves(count):
@@ -38,6 +39,11 @@ def test_a_latin_hypercube_is_that_of_scipy():
     cube = scipy.stats.qmc.LatinHypercube(5, rng=random)
     for count in (64, 17):
         np.testing.assert_array_equal(latin_hypercube(count, 5, ours), cube.random(count))
+
+
+def test_samples_of_a_dataset_are_those_of_scipy(collet):
+    cube = scipy.stats.qmc.LatinHypercube(len(collet.parameters), rng=np.random.default_rng([5, 1]))
+    np.testing.assert_array_equal(dataset.latin_hypercube(collet, 40, (5, 1)), collet.from_unit(cube.random(40)))
 
 
 @pytest.mark.parametrize("size", [1, 4, 23])

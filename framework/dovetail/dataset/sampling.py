@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail import space_filling
 from dovetail.assembly import Assembly
 from dovetail.dataset.metadata import LARGEST_ARRAY
 from dovetail.errors import DatasetError, Fault
@@ -31,11 +32,9 @@ def latin_hypercube(assembly: Assembly, samples: int, seed: int | Sequence[int])
     DatasetError
         There are more samples than a dataset may have.
     """
-    from scipy.stats import qmc
-
     check_sample_count(assembly, samples)
-    sampler = qmc.LatinHypercube(d=len(assembly.parameters), rng=np.random.default_rng(seed))
-    return assembly.from_unit(sampler.random(samples))
+    random = np.random.default_rng(seed).spawn(1)[0]
+    return assembly.from_unit(space_filling.latin_hypercube(samples, len(assembly.parameters), random))
 
 
 def check_sample_count(assembly: Assembly, samples: int) -> None:
