@@ -5,8 +5,8 @@ import pytest
 
 from dovetail.inference.fitting.searches import different, evolved
 from dovetail.interfaces import TimeLimit
+from dovetail.problem.definition import latin_hypercube
 from dovetail.problem.least_squares import Minima
-from dovetail.space_filling import latin_hypercube
 
 
 def rastrigin(points: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ import scipy
 from dovetail import dataset
 from dovetail.frf.resonance_peaks import prominent_peaks
 from dovetail.inference.fitting.whiteness import log_improbability
-from dovetail.space_filling import halton, latin_hypercube
+from dovetail.problem.definition import halton, latin_hypercube
 
 
 def curves(count):

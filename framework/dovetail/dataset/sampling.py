@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail import space_filling
 from dovetail.assembly import Assembly
 from dovetail.dataset.metadata import LARGEST_ARRAY
 from dovetail.errors import DatasetError, Fault
@@ -32,9 +31,11 @@ def latin_hypercube(assembly: Assembly, samples: int, seed: int | Sequence[int])
     DatasetError
         There are more samples than a dataset may have.
     """
+    from dovetail.problem.definition import latin_hypercube as random_points
+
     check_sample_count(assembly, samples)
     random = np.random.default_rng(seed).spawn(1)[0]
-    return assembly.from_unit(space_filling.latin_hypercube(samples, len(assembly.parameters), random))
+    return assembly.from_unit(random_points(samples, len(assembly.parameters), random))
 
 
 def check_sample_count(assembly: Assembly, samples: int) -> None:

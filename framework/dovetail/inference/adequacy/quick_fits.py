@@ -17,10 +17,10 @@ from dovetail.inference.fitting import Fit
 from dovetail.inference.fitting.search_lines import SearchLines, lines_represented
 from dovetail.inference.posterior.likelihood import MarginalisedResiduals
 from dovetail.problem import Problem
+from dovetail.problem.definition import latin_hypercube
 from dovetail.problem.least_squares import SumOfSquares, minimise
 from dovetail.problem.observations import Observations
 from dovetail.problem.residuals import Residual
-from dovetail.space_filling import latin_hypercube
 
 
 @dataclass(frozen=True)

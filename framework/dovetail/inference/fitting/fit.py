@@ -14,11 +14,10 @@ from dovetail.errors import Fault, ParameterError, listing
 from dovetail.inference.fitting.whiteness import NOISE_ALARM, has_size_of_noise, is_white, log_improbability
 from dovetail.interfaces import Estimate, Progress, silent
 from dovetail.problem import Problem
-from dovetail.problem.definition import bounds_reached
+from dovetail.problem.definition import bounds_reached, latin_hypercube
 from dovetail.problem.least_squares import Minima, minimise
 from dovetail.problem.observations import Observations
 from dovetail.problem.random_error import ASSUMED_NOISE, FOURTH_DIFFERENCE
-from dovetail.space_filling import latin_hypercube
 
 Objective: TypeAlias = Literal["frf", "weighted"]
 """Residuals that are minimised: differences of the FRFs as they are, or over their random error."""

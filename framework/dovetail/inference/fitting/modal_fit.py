@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from dovetail.inference.fitting.fit import UNFINISHED, Fit, count_agreeing, fit_at
 from dovetail.inference.fitting.searches import different_points
 from dovetail.interfaces import Progress, silent
-from dovetail.problem.definition import fractions_within
+from dovetail.problem.definition import fractions_within, latin_hypercube
 from dovetail.problem.least_squares import Minima, minimise
 from dovetail.problem.modal_observations import SETTINGS, ModalProblem
-from dovetail.space_filling import latin_hypercube
 
 
 @dataclass(frozen=True)

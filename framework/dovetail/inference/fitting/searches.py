@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 
 from dovetail.frf.resonance_peaks import prominent_peaks
 from dovetail.interfaces import NO_LIMIT, TimeLimit
+from dovetail.problem.definition import latin_hypercube
 from dovetail.problem.least_squares import Linearisation, Minima, SumOfSquares
 from dovetail.problem.residuals import FrfResiduals
-from dovetail.space_filling import latin_hypercube
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from dovetail.inference.posterior.model_error import TYPICAL, ModelError
 from dovetail.inference.posterior.unknown_chain import UnknownChain
 from dovetail.interfaces import Progress, silent
 from dovetail.problem import Problem
-from dovetail.space_filling import halton
+from dovetail.problem.definition import halton
 
 
 @dataclass(frozen=True)

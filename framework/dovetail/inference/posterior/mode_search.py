@@ -28,9 +28,9 @@ from dovetail.inference.posterior.likelihood import (
 from dovetail.inference.posterior.model_error import ModelError
 from dovetail.interfaces import Progress, silent
 from dovetail.problem import Problem
+from dovetail.problem.definition import latin_hypercube
 from dovetail.problem.least_squares import Linearisation, Minima, SumOfSquares, minimise
 from dovetail.problem.residuals import FrfResiduals
-from dovetail.space_filling import latin_hypercube
 
 
 @dataclass(frozen=True)
