@@ -5,9 +5,10 @@ import os
 import pytest
 
 from dovetail import DovetailError
-from dovetail.monitoring.arrivals import Folder, covariates_of
+from dovetail.monitoring.arrivals import Folder
 from dovetail.monitoring.dates import date_of
 from dovetail.series.description import Covariate
+from dovetail.series.measured_files import covariates_of
 
 TORQUE = {"torque": Covariate("torque", "N m"), "temperature": Covariate("temperature", "K")}
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 
 import h5py
 import numpy as np
@@ -32,7 +33,7 @@ MODEL = {
 }
 OTHER = [
     "torque: 40 N m", "Torque = 40 N m", "torque [N m]: 40", "TORQUE: 0.04 kN m", "torque\t40", "torque: 2.0 N m",
-    "Torque (kN m): 0.04", "torque,40",
+    "Torque (kN m): 0.04", "torque,40", "torque_Nm: 40", "torque 40 N m",
 ]  # fmt: skip
 SAME = [
     "torque: 20 N m", "torque [kN m]: 0.02", "torque: 20.0", "torque: see notebook", "torque wrench: 3", "load: 40 N",
@@ -46,7 +47,7 @@ def load(folder, suffix, **measured):
         "assembly": "mass.yaml",
         "covariates": {"torque": "N m"},
         "tests": {
-            "low": {"measured": {"file": f"low.{suffix}", **measured}, "at": {"torque": "20 N m"}},
+            "low": {"measured": {"file": f"low.{suffix}"} | measured, "at": {"torque": "20 N m"}},
             "high": {"measured": {"file": "high.csv"}, "at": {"torque": 60}},
         },
         "parameters": {"k": {"law": "linear", "over": "torque"}},
@@ -59,7 +60,7 @@ def load(folder, suffix, **measured):
 @pytest.fixture
 def values(tmp_path):
     values = 1.0 / (2e5 - (2 * np.pi * FREQUENCY) ** 2 + 40j * np.pi * FREQUENCY)
-    dovetail.write_frf(dovetail.Frf(FREQUENCY, values, "receptance"), tmp_path / "high.csv")
+    dovetail.write_frf(dovetail.Frf(FREQUENCY, 1.1 * values, "receptance"), tmp_path / "high.csv")
     return values
 
 
@@ -80,6 +81,61 @@ def test_another_value_in_a_comment_is_refused(tmp_path, values, line):
 def test_the_same_value_or_another_quantity_is_accepted(tmp_path, values, line):
     write(tmp_path, values, line)
     load(tmp_path, "csv")
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("Tightening torque: 40 N m", "it gives 'tightening_torque: 40 N m', and torque is 20 N m"),
+        ("torque: 29.5 ft-lb", "'torque: 29.5 ft-lb' is not understood as a quantity in N m"),
+    ],
+)
+def test_what_may_be_another_value_gives_a_warning(tmp_path, values, line, said):
+    write(tmp_path, values, line)
+    with pytest.warns(UserWarning, match=said):
+        load(tmp_path, "csv")
+
+
+def load_named(folder, name):
+    (folder / "low.csv").rename(folder / name)
+    return load(folder, "csv", file=name)
+
+
+def test_the_name_of_a_file_is_compared_too(tmp_path, values):
+    write(tmp_path, values, "no covariate")
+    with pytest.raises(
+        dovetail.DovetailError, match=r"its name\n  torque is '40 N m' here, and 20 N m in the test 'low'"
+    ):
+        load_named(tmp_path, "run torque=40 N m.csv")
+    load(tmp_path, "csv", file="run torque=40 N m.csv", names={"skip": "torque"})
+
+
+@pytest.mark.parametrize(("name", "warns"), [("torque_40.csv", True), ("torque_20.csv", False), ("run_40.csv", False)])
+def test_a_number_behind_a_covariate_in_a_name_gives_a_warning(tmp_path, values, name, warns):
+    write(tmp_path, values, "no covariate")
+    if warns:
+        with pytest.warns(UserWarning, match="its name has 'torque 40', and torque is 20 N m in the test 'low'"):
+            load_named(tmp_path, name)
+    else:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", UserWarning)
+            load_named(tmp_path, name)
+
+
+def test_another_value_in_an_attribute_of_a_dataset_is_refused(tmp_path, values):
+    with h5py.File(tmp_path / "low.h5", "w") as file:
+        file["frequency"], file["receptance"] = FREQUENCY, values
+        file["receptance"].attrs["torque"] = "40 N m"
+    with pytest.raises(dovetail.DovetailError, match="torque is '40 N m' here, and 20 N m in the test 'low'"):
+        load(tmp_path, "h5")
+
+
+@pytest.mark.parametrize("suffix", ["npz", "csv", "uff"])
+def test_a_copy_of_the_measurement_of_another_test_is_refused(tmp_path, values, suffix):
+    frf = dovetail.Frf(FREQUENCY, 1.1 * values, "receptance")
+    dovetail.write_frf(frf.to("accelerance"), tmp_path / f"low.{suffix}")
+    with pytest.raises(dovetail.DovetailError, match="the test 'high' has the same values as 'low'"):
+        load(tmp_path, suffix)
 
 
 @pytest.mark.parametrize("suffix", ["npz", "mat", "h5", "uff"])

@@ -8,23 +8,18 @@ from __future__ import annotations
 
 import hashlib
 import os
-import re
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from dovetail.atomic_files import read_bounded
-from dovetail.errors import DovetailError, Fault, FileError, UnitError
+from dovetail.errors import DovetailError, Fault, FileError
 from dovetail.monitoring.dates import date_of
 from dovetail.monitoring.response_names import ResponseNames
-from dovetail.series.description import Covariate
-from dovetail.units import to_si
 
 _UNFINISHED = (".part", ".partial", ".tmp", ".temp", ".crdownload", ".lock", ".swp", "~")
 """Ends of the names of files that other programs are writing."""
-_FEWEST_LETTERS = 3
-"""Letters of a covariate's name from which a number behind it, without an equals sign, may be its value."""
 _OLD = 60.0
 """Age in seconds from which a file counts as complete when it is seen for the first time, if that is asked for."""
 
@@ -189,42 +184,3 @@ def _version(path: Path) -> Version | None:
     except OSError:
         return None
     return Version(status.st_size, status.st_mtime_ns)
-
-
-def covariates_of(name: str, covariates: Mapping[str, Covariate]) -> dict[str, float]:
-    """Return the covariates in a file's name, such as ``torque=40`` or ``torque=40 N m``, SI.
-
-    Raises
-    ------
-    FileError
-        A value is not a quantity of the covariate's dimension, there are two values, or the sign '=' is missing.
-    """
-    values = dict[str, float]()
-    stem = Path(name).stem if re.search(r"\.[A-Za-z]\w*$", name) else name
-    for covariate in covariates.values():
-        accepted = f"'{covariate.name}=' and a number, or a quantity in {covariate.unit}"
-        for text in _values_of(stem, covariate.name):
-            try:
-                value = to_si(text, covariate.unit)
-            except UnitError as error:
-                raise FileError(Fault(name, error.faults[0].problem, accepted)) from None
-            if values.setdefault(covariate.name, value) != value:
-                problem = f"its name gives two values of {covariate.name}: {values[covariate.name]:g} and {value:g}."
-                raise FileError(Fault(name, problem, "one value"))
-        if covariate.name not in values and (match := _without_sign(stem, covariate.name)):
-            problem = f"its name has '{match}', which may be a value of {covariate.name}."
-            raise FileError(Fault(name, problem, accepted))
-    return values
-
-
-def _values_of(stem: str, covariate: str) -> Iterator[str]:
-    """Yield the texts behind the equals signs of a covariate, up to the next covariate or mark."""
-    pattern = rf"(?<![^\W_]){re.escape(covariate)}\s*=\s*(.*?)(?=$|[;)\]]|,(?!\d)|_(?!\d{{3}}(?!\d))|\s\w+\s*=)"
-    yield from (match[1].strip() for match in re.finditer(pattern, stem, re.IGNORECASE))
-
-
-def _without_sign(stem: str, covariate: str) -> str:
-    """Return the name of a covariate with a number behind it, as in ``torque 40``; empty if there is none."""
-    pattern = rf"(?<![^\W_]){re.escape(covariate)}[\s_:-]*\d[\d.]*(?![\w.]*\s*=)"
-    match = re.search(pattern, stem, re.IGNORECASE) if len(covariate) >= _FEWEST_LETTERS else None
-    return match[0] if match else ""

@@ -11,7 +11,7 @@ from typing import Any
 
 from dovetail.errors import DovetailError, Fault, FileError, ParameterError, as_dovetail_error, reason_of
 from dovetail.interfaces import Progress, silent
-from dovetail.monitoring.arrivals import Arrival, Folder, Version, covariates_of
+from dovetail.monitoring.arrivals import Arrival, Folder, Version
 from dovetail.monitoring.dates import date_remarks
 from dovetail.monitoring.journal import Journal
 from dovetail.monitoring.records import DUPLICATE, MEASURED, SET_ASIDE, measured_record, record_of
@@ -21,7 +21,7 @@ from dovetail.monitoring.tracker import Step, Tracker, WatchOptions
 from dovetail.parallel import one_blas_thread
 from dovetail.registry import PluginPaths
 from dovetail.series import SeriesDescription, read_series
-from dovetail.series.measured_files import agreed_covariates
+from dovetail.series.measured_files import agreed_covariates, covariates_of
 
 _LONGEST_WAIT = 30.0
 """Seconds for which a single look waits for files that are still being written."""

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.errors import MeasurementError
+from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf
 from dovetail.identification.measured_lines import MeasuredLines, batch_contradictions
 from dovetail.identification.one_measurement import lines_to_fit
@@ -21,6 +22,9 @@ from dovetail.problem import Problem
 from dovetail.problem.least_squares import SumOfSquares
 from dovetail.series.description import SeriesDescription, SeriesTest
 from dovetail.series.measured_files import read_test
+
+_ROUNDING = 1e-5
+"""Relative difference of equal values in files of six digits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,12 +95,41 @@ def fit_tests(
     """
     fitted = []
     measured = [read_test(test.name, test.measured, test.covariates, series.covariates) for test in series.tests]
+    _check_own_values(series.tests, measured)
     _check_same_points(series.tests, measured)
     for number, (test, frfs) in enumerate(zip(series.tests, measured, strict=True)):
         progress("tests", number, len(series.tests))
         fitted.append(fit_test(test, frfs, series.seed if seed is None else seed, model_error))
     progress("tests", len(series.tests), len(series.tests))
     return tuple(fitted)
+
+
+def _check_own_values(tests: Sequence[SeriesTest], measured: Sequence[Sequence[Frf]]) -> None:
+    """Raise a MeasurementError if two tests have the same values, as those of a copied or converted file.
+
+    Raises
+    ------
+    MeasurementError
+    """
+    for (first, frfs), (second, others) in combinations(zip(tests, measured, strict=True), 2):
+        for frf, other in product(frfs, others):
+            if _are_same(frf, other):
+                problem = f"the test '{second.name}' has the same values as '{first.name}' ({frf.label})."
+                remedy = "Give each test its own: a measurement that is used twice makes the intervals too narrow."
+                raise MeasurementError(Fault(other.label, problem, remedy=remedy))
+
+
+def _kind(frf: Frf) -> tuple[bool, bool | None, bool]:
+    return frf.rotation, frf.by_moment, frf.has_phase
+
+
+def _are_same(first: Frf, second: Frf) -> bool:
+    """Return whether two FRFs are the same but for their unit, quantity and rounding."""
+    if first.frequency.shape != second.frequency.shape or _kind(first) != _kind(second):
+        return False
+    values, others = (frf.to("receptance").values for frf in (first, second))
+    same_axis = np.allclose(first.frequency, second.frequency, rtol=_ROUNDING, atol=0.0)
+    return same_axis and bool(np.all(np.abs(values - others) <= _ROUNDING * np.abs(values)))
 
 
 def _check_same_points(tests: Sequence[SeriesTest], measured: Sequence[Sequence[Frf]]) -> None:
