@@ -19,7 +19,7 @@ import pytest
 import dovetail
 from dovetail import DovetailError
 from dovetail.monitoring import DUPLICATE, PREDICTED, REFERENCE, SET_ASIDE, Watch, WatchOptions
-from dovetail.monitoring.dates import date_remarks
+from dovetail.monitoring.dates import date_of, date_remarks
 from dovetail.monitoring.reference import Reference
 from support.mass_on_mount import mass_on_mount
 
@@ -237,12 +237,24 @@ def remarks(folder, name, line=""):
 
 @pytest.mark.parametrize(
     "line",
-    ["date: 2026-03-01", "Date: 01.03.2026 08:00", "test date: 1 Mar 2026", "DATE = 20260301", "Recorded: 3/1/2026"],
-)
+    ["date: 2026-03-01", "Date: 01.03.2026 08:00", "test date: 1 Mar 2026", "DATE = 20260301", "Recorded: 3/1/2026",
+     "Date/Time: 2026/03/01 08:00", "timestamp: 2026-03-01T08:00", "Datum: 1.3.2026", "2026-03-01 08:00",
+     "01-MAR-26 08:00:00"],
+)  # fmt: skip
 def test_a_file_whose_date_differs_from_its_name_is_remarked(tmp_path, line):
     (remark,) = remarks(tmp_path, "2026-01-14.csv", line)
     assert remark.startswith("Its name says 2026-01-14, and '")
     assert not remarks(tmp_path, "2026-03-01T0800.csv", line)
+
+
+@pytest.mark.parametrize("name", ["2026-01-14 2026-03-01.csv", "2026-01-14_to_2026-03-01.csv"])
+def test_a_name_with_two_dates_is_remarked_and_its_first_day_counts(tmp_path, name):
+    assert remarks(tmp_path, name) == ["Its name has two dates, 2026-01-14 and 2026-03-01; the first counts."]
+    assert date_of(name, 0) == "2026-01-14T00:00:00"
+
+
+def test_the_number_of_a_sensor_is_no_second_date(tmp_path):
+    assert not remarks(tmp_path, "2026-01-14 SN20200101.csv")
 
 
 @pytest.mark.parametrize("line", ["date: see log", "date: 2026-01-15", "calibration date: 2020-01-01"])

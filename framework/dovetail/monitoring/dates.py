@@ -13,20 +13,24 @@ from dovetail.measurement.named_values import named_values
 
 _DATE = re.compile(
     r"(?<!\d)(?P<year>\d{4})(?:(?P<mark>[-_.])(?P<month>\d\d?)(?P=mark)(?P<day>\d\d?)|(?P<mm>\d\d)(?P<dd>\d\d))"
-    r"(?:[T_ -]?(?P<hour>\d\d)[:h.-]?(?P<minute>\d\d)(?:[:m.-]?(?P<second>\d\d))?)?(?!\d)"
+    r"(?:[T_ -]?(?!(?:19|20)\d\d[-_.]?\d\d)(?P<hour>\d\d)[:h.-]?(?P<minute>\d\d)(?:[:m.-]?(?P<second>\d\d))?)?(?!\d)"
 )
 _PARTS = ("year", "year"), ("month", "mm"), ("day", "dd")
 _NUMBERS = re.compile(r"(?<!\d)(\d\d?)[-_./](\d\d?)[-_./]((?:19|20)\d\d)(?!\d)")
 """Day and month, in either order, and year."""
+_YEAR_FIRST = re.compile(r"(?<!\d)(\d{4})/(\d\d?)/(\d\d?)(?!\d)")
 _MONTHS = "jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"
 _WITH_NAME = re.compile(
     rf"(?<!\d)(\d\d?)[-_. ]*({'|'.join(_MONTHS)})[a-z]*[-_., ]*((?:19|20)?\d\d)(?!\d)", re.IGNORECASE
 )
 _NO_SUCH_DATE = re.compile(r"(?<!\d)(?:19|20)\d\d[-_.]\d\d?[-_.]\d\d?(?!\d)")
 _KEY = re.compile(
-    r"(?:(?:test|measurement|measuring|acquisition|recording)_)?(?:date|day)|(?:measured|recorded)(?:_on)?"
+    r"(?:(?:test|measurement|measuring|acquisition|recording|start)_)?(?:date|day|datum|time|timestamp)(?:_(?:and_)?time)?"
+    r"|(?:measured|recorded|acquired)(?:_(?:on|at))?|date_of_(?:the_)?(?:test|measurement)"
 )
 """Keys under which files give the day of a measurement."""
+_BARE = re.compile(r"\d[\d\s:.,/-]*|\d{1,2}[-. ][a-z]{3,9}[-. ,]+\d{2,4}[\d\s:.-]*", re.IGNORECASE)
+"""A line that is a date and perhaps a time, as the third id line of a universal file often is."""
 _SAME = timedelta(days=1)
 """Difference of two dates that may be that of time zones, or a night."""
 
@@ -57,15 +61,26 @@ def date_remarks(name: str, file: Path, content: Recorded) -> Iterator[str]:
         if any(pattern.search(name) for pattern in (_NUMBERS, _WITH_NAME, _NO_SUCH_DATE)):
             yield "Its name has no date such as 2026-03-01; that of its last change counts."
         return
+    if others := [day for day in _days_in(name) if abs(day - named.date()) > _SAME]:
+        yield f"Its name has two dates, {named.date().isoformat()} and {others[0].isoformat()}; the first counts."
     for key, text, where in named_values(file, content):
-        days = _days(text) if _KEY.fullmatch(key) else []
+        line = f"{key.replace('_', '-')}:{text}" if key[:1].isdigit() else text  # a colon is that of a time
+        is_bare = (not key or line != text) and _BARE.fullmatch(line) is not None
+        days = _days(line) if is_bare or _KEY.fullmatch(key) else []
         if days and all(abs(day - named.date()) > _SAME for day in days):
-            yield f"Its name says {named.date().isoformat()}, and '{key}: {text[:40]}' is at {where}; the name counts."
+            shown = line if is_bare else f"{key}: {text}"
+            yield f"Its name says {named.date().isoformat()}, and '{shown[:40]}' is at {where}; the name counts."
+
+
+def _days_in(name: str) -> list[date]:
+    """Return the days in a file's name, in their order, without numbers behind a letter, such as those of a sensor."""
+    found = (named_date(match[0]) for match in _DATE.finditer(name) if not name[: match.start()][-1:].isalpha())
+    return [moment.date() for moment in found if moment is not None]
 
 
 def _days(text: str) -> list[date]:
     """Return the days that a text may mean; none if it is not a date."""
-    if (found := named_date(text)) is not None:
+    if (found := named_date(_YEAR_FIRST.sub(r"\1-\2-\3", text))) is not None:
         return [found.date()]
     if match := _WITH_NAME.search(text):
         year, month = int(match[3]), 1 + _MONTHS.index(match[2].lower())

@@ -141,8 +141,8 @@ def _statements(
     for key, cells in header.items():
         if key in _READ:
             continue
-        if len(cells) <= 1:
-            common += [Statement("text", cell, f"{where}  {key}", key) for cell in cells if cell.strip()]
+        if len(set(cells)) <= 1:
+            common += [Statement("text", cell, f"{where}  {key}", key) for cell in cells[:1] if cell.strip()]
             continue
         for channel, cell in enumerate(cells[:count]):
             if cell.strip():
