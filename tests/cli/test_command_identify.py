@@ -529,5 +529,6 @@ def test_the_report_shows_the_command_line_that_made_it(run, bench, tmp_path):
 def test_one_line_is_not_judged_and_that_is_no_misfit(run, assemblies, tmp_path):
     (tmp_path / "one.csv").write_text("# unit: m/s^2/N\nfrequency_Hz,real,imag\n100,-0.649,0.0404\n")
     result = run("identify", assemblies / "sdof.yaml", tmp_path / "one.csv", "-o", tmp_path / "out", code=0)
-    assert "no more values than there are unknowns: the fit cannot be judged" in result.output
-    assert "not trustworthy" not in result.output
+    said = " ".join(result.output.split())
+    assert "no more values than there are unknowns: the fit cannot be judged" in said
+    assert "not trustworthy" not in said
