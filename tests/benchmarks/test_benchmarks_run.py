@@ -33,7 +33,7 @@ def cells(printed: str) -> list[list[str]]:
     ("options", "measured"), [(["--no-first"], 9), pytest.param([], 11, marks=pytest.mark.slow)], ids=["", "first"]
 )
 def test_the_synthesis_benchmark_prints_each_route_and_what_is_aimed_at(tmp_path, options, measured):
-    printed = start("synthesis.py", "--samples", 4, "--rounds", 1, "--written", 64, "-o", tmp_path, *options)
+    printed = run("synthesis.py", "--samples", 4, "--rounds", 1, "--written", 64, "-o", tmp_path, *options)
     table = cells(printed)
     routes = [row for row in table if row[0].startswith(("literal", "engine, "))]
     assert len(routes) in (5, 9)

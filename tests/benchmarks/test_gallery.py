@@ -116,7 +116,7 @@ def test_the_predicted_points_of_the_collet_are_those_of_the_hammer():
 
 def test_the_page_of_the_collet_is_made_from_five_files(tmp_path, monkeypatch):
     five = gallery_collet.column(range(5))
-    lines = five.on(np.arange(600.0, 3201.0, 4.0))
+    lines = five.on(np.arange(600.0, 3201.0, 20.0))
     values = lines.frfs(lines.from_unit(np.full(len(five.parameters), 0.6)))
     for name, frf in zip(gallery_collet.FILES, values, strict=True):
         np.savetxt(tmp_path / name, np.column_stack([lines.frequency, frf.real, frf.imag]), delimiter="\t", fmt="%.6e")

@@ -15,6 +15,7 @@ from types import SimpleNamespace
 import pytest
 from typer.testing import CliRunner, Result
 
+import dovetail
 from dovetail.cli.app import app
 from support.waiting import PATIENCE
 
@@ -53,6 +54,28 @@ def _no_layout_of_figures() -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(ConstrainedLayoutEngine, "execute", lambda self, figure: None)
+        yield
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _warnings_of_one_description_are_found_once() -> Iterator[None]:
+    """Find what looks wrong in a description once in a module: most tests load the same few."""
+    from dovetail import assembly as package
+
+    found, find = {}, package.find_warnings
+
+    def find_once(assembly: dovetail.Assembly) -> tuple[str, ...]:
+        parts = assembly.description.substructures.values()
+        if any(part.name in ("matrices", "measured") for part in parts):  # whose files may change
+            return find(assembly)
+        models = [*parts, *(joint.connection.model for joint in assembly.description.joints.values())]
+        key = assembly.description.text, *map(type, models)
+        if key not in found:
+            found[key] = find(assembly)
+        return found[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(package, "find_warnings", find_once)
         yield
 
 

@@ -273,3 +273,12 @@ def broken() -> Callable[[dict[str, str]], str]:
         return text
 
     return broken_text
+
+
+@pytest.fixture
+def warnings_without_frfs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Find no warnings that take FRFs or natural frequencies, and most of the time: they have tests of their own."""
+    from dovetail.assembly import description_warnings
+
+    for name in ("_rounding_warnings", "_band_warnings"):
+        monkeypatch.setattr(description_warnings, name, lambda assembly: ())

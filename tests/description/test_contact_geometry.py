@@ -7,6 +7,8 @@ import pytest
 
 import dovetail
 
+pytestmark = pytest.mark.usefixtures("warnings_without_frfs")
+
 STEEL = {"young": 210e9, "density": 7850.0}
 RECTANGLE, ROUND = {"height": 0.006, "width": 0.02}, {"outer": 0.02}
 LAYER = {"nodes": 3}

@@ -12,6 +12,8 @@ from dovetail.description import description_schema
 from dovetail.errors import DescriptionError
 from dovetail.registry import components
 
+pytestmark = pytest.mark.usefixtures("warnings_without_frfs")
+
 STEEL = {"young": "200 GPa", "density": "7850 kg/m^3"}
 PLUGIN = '''
 """Joints of a stranger: one with elements of its own, one without declarations, and one whose ports do not face."""
@@ -19,6 +21,7 @@ PLUGIN = '''
 import numpy as np
 
 from dovetail import JointModel, JointPort, Parameter, StructuralMatrices, hookimpl
+
 
 K = (Parameter("k", "N/m", 1e6, 1e9, "log", "stiffness, per node"),)
 
