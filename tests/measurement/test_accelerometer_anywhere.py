@@ -59,7 +59,9 @@ def bare() -> dovetail.Assembly:
     ids=["drive point", "at the response", "at the force", "at a third point", "drive point, elsewhere"],
 )
 @pytest.mark.parametrize("quantity", ["receptance", "accelerance"])
-def test_compensated_equals_bare(bare, response: float, force: float, sensor: float, quantity: str) -> None:
+def test_frfs_corrected_for_the_accelerometer_are_those_of_the_bare_structure(
+    bare, response: float, force: float, sensor: float, quantity: str
+) -> None:
     pairs = [(response, force), (sensor, sensor), (response, sensor), (sensor, force)]
     without, *of_bare = (frf.to(quantity) for frf in frfs(bare, *pairs))
     loaded, *with_it = (frf.to(quantity) for frf in frfs(beam(sensor), *pairs))

@@ -27,27 +27,27 @@ def read(tmp_path: Path, text: str | bytes, **arguments: str):
     return read_frf(path, **arguments)
 
 
-def test_real_and_imaginary_part(tmp_path: Path) -> None:
+def test_real_and_imaginary_part_are_read(tmp_path: Path) -> None:
     frf = read(tmp_path, RECTANGULAR + "10,1,-2\n20,3,4e-3\n")
     np.testing.assert_array_equal(frf.frequency, [10, 20])
     np.testing.assert_array_equal(frf.values, [1 - 2j, 3 + 0.004j])
     assert (frf.quantity, frf.has_phase, frf.coherence) == ("mobility", True, None)
 
 
-def test_amplitude_and_phase(tmp_path: Path) -> None:
+def test_amplitude_and_phase_are_read(tmp_path: Path) -> None:
     frf = read(tmp_path, "frequency_Hz,amplitude,phase_deg\n10,2,90\n20,3,-180\n", quantity="receptance")
     np.testing.assert_allclose(frf.values, [2j, -3], atol=1e-15)
     assert frf.has_phase
 
 
-def test_amplitude_alone_with_coherence(tmp_path: Path) -> None:
+def test_an_amplitude_alone_with_coherence_is_read(tmp_path: Path) -> None:
     frf = read(tmp_path, "frequency_Hz,amplitude,coherence\n10,2,0.5\n20,3,1.00001\n", quantity="receptance")
     np.testing.assert_array_equal(frf.values, [2, 3])
     np.testing.assert_array_equal(frf.coherence, [0.5, 1.0])
     assert not frf.has_phase
 
 
-def test_dialects_of_the_same_file(tmp_path: Path) -> None:
+def test_quotes_spaces_and_comments_of_other_programs_are_read(tmp_path: Path) -> None:
     text = (
         '\ufeff# from the bench\n#quantity = Mobility\n\n"Frequency_Hz", Real ,imag\r\n 10 , 1,-2\r\n\r\n20,3,4\r\n\r\n'
     )
@@ -132,7 +132,7 @@ def test_faulty_input_is_refused_with_its_message(refused, text: str, message: s
     assert refused("a.csv", text) == message
 
 
-def test_a_coherence_a_little_above_one(tmp_path: Path, refused) -> None:
+def test_a_coherence_a_little_above_one_is_taken_as_one_with_a_warning(tmp_path: Path, refused) -> None:
     text = "# quantity: mobility\nf,amplitude,coherence\n0,1,9\n1,1,1.00005\n2,1,1.04\n3,1,0.5\n4,1,1.05\n"
     message = r"a\.csv: the coherence is above 1 at 2 of 4 lines, by up to 0\.05; it is taken as 1 there\.$"
     with pytest.warns(UserWarning, match=message) as caught:
@@ -150,18 +150,18 @@ def test_a_file_that_is_not_text_is_refused(refused) -> None:
     assert refused("a.csv", b"ab\xff\x00" * 1000) == expected
 
 
-def test_a_file_that_ends_within_a_line(refused) -> None:
+def test_a_file_that_ends_within_a_line_is_refused(refused) -> None:
     message = "a.csv:4\n  the line has 2 columns, the header 3.\n  Accepted: frequency_Hz,real,imag"
     assert refused("a.csv", RECTANGULAR + "1,2.5,3.5\n2,2.") == message
 
 
-def test_too_many_lines(refused) -> None:
+def test_a_file_of_too_many_lines_is_refused(refused) -> None:
     assert refused("a.csv", "\n" * (MOST_LINES + 20_000)) == (
         "a.csv\n  the file has too many lines.\n  Accepted: at most 1,000,000 lines"
     )
 
 
-def test_an_index_is_for_uff(refused) -> None:
+def test_an_index_is_refused_for_a_csv_file(refused) -> None:
     message = "a.csv\n  `index=1` chooses one of several FRFs; a .csv file holds one FRF."
     assert refused("a.csv", RECTANGULAR, index=1) == message
 

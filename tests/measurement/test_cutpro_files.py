@@ -17,7 +17,7 @@ ROWS = (
 )
 
 
-def test_every_number_and_the_unit(tmp_path: Path) -> None:
+def test_every_number_and_the_unit_are_read(tmp_path: Path) -> None:
     (tmp_path / "a.frf").write_text(ROWS, newline="")
     frf = read_frf(tmp_path / "a.frf")
     np.testing.assert_array_equal(frf.frequency, [0.5, 1.0, 1.5])

@@ -180,7 +180,7 @@ def test_damaged_files_are_refused_by_every_reader(form: str, tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("form", ["csv", "tsv", "cutpro"])
-def test_a_text_that_ends_within_a_row(form: str, tmp_path: Path) -> None:
+def test_a_text_that_ends_within_a_row_is_refused(form: str, tmp_path: Path) -> None:
     name, write = WRITERS[form]
     write(tmp_path / name, FREQUENCY, VALUES, UNIT)
     last = tmp_path.joinpath(name).read_text().rstrip("\n")

@@ -132,7 +132,7 @@ def test_the_force_window_takes_noise_away() -> None:
         frf_from_signals(*records, BENCH.rate, force_window=0.005)
 
 
-def test_the_exponential_window_and_its_damping() -> None:
+def test_the_damping_of_an_exponential_window_is_removed() -> None:
     """A mode that rings beyond the record: H(i omega + decay) is found, and its damping comes back."""
     natural, loss = 700.0, 0.0035
     omega = 2 * np.pi * natural

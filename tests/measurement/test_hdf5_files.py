@@ -23,7 +23,7 @@ def saved(path: Path, **datasets: object) -> h5py.File:
     return file
 
 
-def test_groups_and_attributes(tmp_path: Path) -> None:
+def test_datasets_in_groups_and_units_in_attributes_are_read(tmp_path: Path) -> None:
     with saved(tmp_path / "a.h5", **{"test/freq": FREQUENCY / 1e3, "test/frf": VALUES}) as file:
         file["test/freq"].attrs["unit"] = "kHz"
         file["test/frf"].attrs["units"] = "um/N"
@@ -36,7 +36,7 @@ def test_groups_and_attributes(tmp_path: Path) -> None:
     assert (frf.quantity, frf.averages, frf.note, frf.coherence[0]) == ("receptance", 8, "shaker", 0.5)
 
 
-def test_names_compressed_blocks_and_radians_per_second(tmp_path: Path) -> None:
+def test_named_and_compressed_datasets_and_radians_per_second_are_read(tmp_path: Path) -> None:
     with saved(tmp_path / "a.hdf5", x=2 * np.pi * FREQUENCY, a=np.eye(3), quantity="mobility") as file:
         file["x"].attrs["unit"] = "rad/s"
         file.create_dataset("y", data=np.stack([VALUES, 2 * VALUES]), compression="gzip", chunks=(1, 3))
@@ -90,14 +90,14 @@ def test_faulty_input_is_refused_with_its_message(tmp_path: Path, datasets: dict
     assert fault_of(tmp_path / "a.h5").startswith(message)
 
 
-def test_a_dataset_that_would_fill_the_memory(tmp_path: Path) -> None:
+def test_a_dataset_that_would_fill_the_memory_is_refused(tmp_path: Path) -> None:
     with saved(tmp_path / "a.h5", mobility=VALUES) as file:
         file.create_dataset("f", (10**12,), "<f8", chunks=(1000,), compression="gzip")
     assert (tmp_path / "a.h5").stat().st_size < 20_000
     assert fault_of(tmp_path / "a.h5") == "a.h5\n  'f' unpacks to 8000000 MB.\n  Accepted: at most 40 MB"
 
 
-def test_groups_without_end(tmp_path: Path) -> None:
+def test_groups_without_end_are_refused(tmp_path: Path) -> None:
     with saved(tmp_path / "a.h5") as file:
         file["group/loop"] = file.create_group("other")
         file["other/back"] = file["group"]

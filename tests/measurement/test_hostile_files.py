@@ -42,7 +42,7 @@ def read_or_refuse(path: Path, content: bytes, **arguments: object) -> None:
 @pytest.mark.parametrize("suffix", SUFFIXES)
 @given(content=st.binary(min_size=1, max_size=3000))
 @FUZZ
-def test_random_bytes(tmp_path: Path, suffix: str, content: bytes) -> None:
+def test_random_bytes_are_read_or_refused(tmp_path: Path, suffix: str, content: bytes) -> None:
     read_or_refuse(tmp_path / f"a{suffix}", content)
 
 
@@ -59,7 +59,7 @@ PIECES = [
 
 @given(pieces=st.lists(st.sampled_from(PIECES) | st.binary(max_size=90), max_size=40))
 @FUZZ
-def test_pieces_of_universal_files(tmp_path: Path, pieces: list[bytes]) -> None:
+def test_random_pieces_of_universal_files_are_read_or_refused(tmp_path: Path, pieces: list[bytes]) -> None:
     read_or_refuse(tmp_path / "a.uff", b"".join(pieces) or b"\n")
 
 
@@ -73,7 +73,7 @@ CELLS = st.sampled_from(["1", "2.5", "-3", "nan", "inf", "1e999", "", "x", '"', 
     rows=st.lists(st.lists(CELLS, min_size=1, max_size=4), max_size=5),
 )
 @FUZZ
-def test_random_tables(tmp_path: Path, header: str, rows: list[list[str]]) -> None:
+def test_random_tables_are_read_or_refused(tmp_path: Path, header: str, rows: list[list[str]]) -> None:
     read_or_refuse(tmp_path / "a.csv", "\n".join([header, *map(",".join, rows)]).encode())
 
 
@@ -113,14 +113,16 @@ FORMS = ["a.csv", "b.csv", "a.tsv", "a.txt", "a.lvm", "a.npy", "a.frf", "a.npz",
 @pytest.mark.parametrize("name", FORMS)
 @given(data=st.data())
 @FUZZ
-def test_damaged_files(tmp_path: Path, intact: dict[str, bytes], name: str, data: st.DataObject) -> None:
+def test_damaged_files_are_read_or_refused(
+    tmp_path: Path, intact: dict[str, bytes], name: str, data: st.DataObject
+) -> None:
     damage_and_read(tmp_path, intact, name, data)
 
 
 @pytest.mark.parametrize("name", ["a.h5", "a.mat", "b.mat"])
 @given(data=st.data())
 @settings(FUZZ, max_examples=10)  # each starts a process
-def test_damaged_files_that_another_process_reads(
+def test_damaged_files_that_another_process_reads_are_read_or_refused(
     tmp_path: Path, intact: dict[str, bytes], name: str, data: st.DataObject
 ) -> None:
     damage_and_read(tmp_path, intact, name, data)
@@ -161,7 +163,7 @@ def test_missing_and_empty_files_and_directories_are_refused(tmp_path: Path, suf
         read_frf(tmp_path / f"c{suffix}")
 
 
-def test_a_name_that_no_system_takes(tmp_path: Path) -> None:
+def test_a_file_name_that_no_system_accepts_is_refused(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="the file cannot be read: "):
         read_frf(tmp_path / "a\0.csv")
     with pytest.raises(FileError, match="the file cannot be read: File name too long"):

@@ -61,7 +61,7 @@ def test_a_table_without_a_header_is_read_by_its_columns(tmp_path: Path, separat
 @pytest.mark.parametrize(("separator", "mark"), DIALECTS)
 @pytest.mark.parametrize("above", ["", PROTOCOL, "# quantity: accelerance\n"])
 @pytest.mark.parametrize("units", [False, True])
-def test_lines_above_a_header(tmp_path: Path, separator: str, mark: str, above: str, units: bool) -> None:
+def test_lines_above_a_header_are_skipped(tmp_path: Path, separator: str, mark: str, above: str, units: bool) -> None:
     header = separator.join(("Frequency", "Real", "Imag.")) + "\n"
     below = separator.join(("Hz", "m/s^2/N", "m/s^2/N")) + "\n" if units else ""
     check(read(tmp_path, above + header + below + rows(separator, mark)))
@@ -79,7 +79,7 @@ def test_lines_above_a_header(tmp_path: Path, separator: str, mark: str, above: 
         "Frequency_Hz;H1 Amplitude;H1 phase_deg",
     ],
 )
-def test_amplitude_and_phase_by_their_names(tmp_path: Path, header: str, encoding: str) -> None:
+def test_amplitude_and_phase_are_found_by_their_names(tmp_path: Path, header: str, encoding: str) -> None:
     check(read(tmp_path, (header + "\n" + rows(";", ",", polar=True)).encode(encoding)))
 
 
@@ -92,12 +92,12 @@ def test_amplitude_and_phase_by_their_names(tmp_path: Path, header: str, encodin
         "Frequency [Hz]\tReal [(m/s^2)/N]\tImaginary [(m/s^2)/N]",
     ],
 )
-def test_real_and_imaginary_part_by_their_names(tmp_path: Path, header: str) -> None:
+def test_real_and_imaginary_part_are_found_by_their_names(tmp_path: Path, header: str) -> None:
     header = header.replace("Freq.", "Freq")
     check(read(tmp_path, f"{header}\n{rows(chr(9))}"))
 
 
-def test_a_phase_in_radians_and_an_amplitude_in_decibels(tmp_path: Path) -> None:
+def test_a_phase_in_radians_and_an_amplitude_in_decibels_are_converted(tmp_path: Path) -> None:
     text = "f;Magnitude [dB];Phase [rad]\n10;20;1,5707963267948966\n20;-6,020599913279624;0\n"
     np.testing.assert_allclose(read(tmp_path, text).values, [10j, 0.5], atol=1e-15)
     text = "f;Magnitude [dB re 1 um/N]\n10;20\n20;0\n"
@@ -108,7 +108,7 @@ def test_a_phase_in_radians_and_an_amplitude_in_decibels(tmp_path: Path) -> None
     np.testing.assert_allclose(frf.values, [-98.0665, 980.665])
 
 
-def test_columns_that_are_left_out_and_units_of_those_that_are_not(tmp_path: Path) -> None:
+def test_columns_may_be_skipped_and_others_given_units(tmp_path: Path) -> None:
     text = "Nr;Status;f;H;H;coh\n1;OK;0,01;1;2;0,5\n2;overload, bad;0,02;3;4;1\n"
     columns = ("skip", "skip", "frequency [kHz]", "real [um/N]", "imag [um/N]", "coherence")
     frf = read(tmp_path, text, columns=columns, quantity=None)
@@ -117,7 +117,7 @@ def test_columns_that_are_left_out_and_units_of_those_that_are_not(tmp_path: Pat
     np.testing.assert_array_equal(frf.coherence, [0.5, 1])
 
 
-def test_quoted_cells(tmp_path: Path) -> None:
+def test_quoted_cells_are_read(tmp_path: Path) -> None:
     text = '"Frequency","Real","Imag"\n"10,0","1,5","-2"\n"12,5","3","0,25"\n"15","0","-4,125"\n'
     check(read(tmp_path, text))
 
@@ -153,7 +153,7 @@ def test_a_missing_quantity_or_unit_is_asked_for(refused, text: str) -> None:
     assert refused("a.txt", text).startswith(FAULTS[text])
 
 
-def test_a_motion_does_not_say_over_what(tmp_path: Path, refused) -> None:
+def test_a_motion_without_its_excitation_has_to_be_confirmed(tmp_path: Path, refused) -> None:
     text = "f;Acceleration Re;Acceleration Im\n1;2;3\n"
     assert "perhaps accelerance: it does not say over what" in refused("a.txt", text)
     assert read(tmp_path, text).quantity == "accelerance"
@@ -180,11 +180,11 @@ def test_a_motion_does_not_say_over_what(tmp_path: Path, refused) -> None:
         (("real", "imag", "skip"), "the argument columns\n  the header 'real,imag,skip' is not understood."),
     ],
 )
-def test_columns_that_do_not_fit(refused, columns: tuple[str, ...], message: str) -> None:
+def test_columns_that_do_not_fit_are_refused(refused, columns: tuple[str, ...], message: str) -> None:
     assert refused("a.txt", "by hand\n1,2,3\n2,3,4\n", columns=columns, quantity="mobility").startswith(message)
 
 
-def test_columns_are_for_tables_and_named_once(refused) -> None:
+def test_columns_are_refused_for_other_files_and_if_named_twice(refused) -> None:
     assert "columns=frequency,real is for tables" in refused("a.frf", b"1 2 3\n2 3 4\n", columns=("frequency", "real"))
     message = "the argument names\n  the argument columns names the columns already."
     assert refused("a.csv", "1,2\n", columns=("frequency", "real"), names={"real": "x"}) == message

@@ -70,7 +70,7 @@ def test_an_frf_is_read_from_every_variant(tmp_path: Path, variant: str) -> None
     check(read_frf(tmp_path / "a.lvm"))
 
 
-def test_amplitude_phase_and_coherence(tmp_path: Path) -> None:
+def test_amplitude_phase_and_coherence_are_read(tmp_path: Path) -> None:
     text = (HEADER + SEGMENT).replace("FRF (Real)\tFRF (Imag)\tComment", "FRF (Magnitude)\tFRF (Phase)\tCoherence")
     text = text.replace("m/s^2/N\tm/s^2/N\t", "g/N\tdeg\t")
     text = text.partition("10.0\t1.5")[0] + "10\t2\t90\t0.5\n20\t1\t180\t1\n"
@@ -81,7 +81,7 @@ def test_amplitude_phase_and_coherence(tmp_path: Path) -> None:
     np.testing.assert_array_equal(frf.coherence, [0.5, 1])
 
 
-def test_one_of_several_segments_and_columns_by_their_names(tmp_path: Path, refused) -> None:
+def test_one_of_several_segments_and_named_columns_are_chosen(tmp_path: Path, refused) -> None:
     twice = HEADER + SEGMENT.replace("3.0", "7.0") + "\n" + SEGMENT
     assert refused("a.lvm", twice) == (
         "a.lvm\n  the file holds 2 segments; choose one:\n    1: FRF (Real), FRF (Imag)\n"
@@ -142,7 +142,9 @@ def test_a_start_behind_the_first_row_gives_a_warning(tmp_path: Path) -> None:
         check(read_frf(tmp_path / "b.lvm"))  # as LabVIEW writes them of signals without a start and a step
 
 
-def test_dofs_choose_nothing_and_the_package_is_named(refused, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_dofs_are_refused_and_a_missing_package_is_named(
+    refused, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     assert refused("a.lvm", HEADER + SEGMENT, response="1").startswith("a.lvm\n  DOFs choose no FRF of this file.")
     monkeypatch.setitem(sys.modules, "lvm_read", None)
     with pytest.raises(Exception, match=r'pip install "dovetail-frf\[lvm\]"'):

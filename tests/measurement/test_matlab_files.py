@@ -29,7 +29,7 @@ def saved(path: Path, **variables: object) -> Path:
 
 @pytest.mark.parametrize("compressed", [False, True])
 @pytest.mark.parametrize("oned", ["row", "column"])
-def test_version_5(tmp_path: Path, compressed: bool, oned: str) -> None:
+def test_a_workspace_of_version_5_is_read(tmp_path: Path, compressed: bool, oned: str) -> None:
     coherence = np.linspace(0.5, 1, 7)
     variables = {"f": FREQUENCY, "H": VALUES, "coh": coherence, "unit": "mm/s^2/N", "n_avg": 10.0}
     savemat(tmp_path / "a.mat", variables, do_compression=compressed, oned_as=oned)
@@ -41,14 +41,14 @@ def test_version_5(tmp_path: Path, compressed: bool, oned: str) -> None:
 
 
 @pytest.mark.parametrize("unit", ["m/N", "m/(N m)", "rad/N", "rad/(N m)"])
-def test_motions_and_excitations(tmp_path: Path, unit: str) -> None:
+def test_units_of_every_motion_and_excitation_are_read(tmp_path: Path, unit: str) -> None:
     path = saved(tmp_path / "frf.mat", frequency=FREQUENCY, values=VALUES, unit=unit)
     frf = read_frf(path)
     assert frf.unit == unit
 
 
 @pytest.mark.usefixtures("unguarded")
-def test_a_struct_and_integers(tmp_path: Path) -> None:
+def test_structs_and_integers_are_read(tmp_path: Path) -> None:
     inner = {"freq": FREQUENCY.astype(np.int16) * 4, "compliance": VALUES, "comment": "hit", "axes": [1, 2]}
     frf = read_frf(saved(tmp_path / "a.mat", test={"frf": inner, "date": "today"}))
     np.testing.assert_array_equal(frf.frequency, FREQUENCY.astype(np.int16) * 4)
@@ -57,7 +57,7 @@ def test_a_struct_and_integers(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("unguarded")
-def test_names_amplitude_and_phase(tmp_path: Path) -> None:
+def test_named_arrays_of_amplitude_and_phase_are_read(tmp_path: Path) -> None:
     path = saved(tmp_path / "a.mat", X=FREQUENCY, A=np.abs(VALUES), P=np.angle(VALUES, deg=True), other=np.eye(3))
     names = {"frequency": "X", "amplitude": "A", "phase_deg": "P"}
     frf = read_frf(path, names=names, unit="um/N")
@@ -95,7 +95,7 @@ def test_one_of_several_columns_is_chosen(tmp_path: Path) -> None:
     assert fault_of(one, index=1) == "b.mat\n  `index=1` chooses one of several FRFs, and the file holds one."
 
 
-def test_version_7_3(tmp_path: Path) -> None:
+def test_a_workspace_of_version_7_3_is_read(tmp_path: Path) -> None:
     frfs = np.arange(1, 43).reshape(7, 2, 3) * (1 - 2j)
     path = matlab_7_3(
         tmp_path / "a.mat", **{"data/f": FREQUENCY[:, np.newaxis], "data/H": frfs, "data/unit": "g/N", "data/navg": 5.0}
@@ -171,7 +171,7 @@ def test_faulty_input_is_refused_with_its_message(tmp_path: Path, variables: dic
     assert fault_of(saved(tmp_path / "a.mat", **variables)).startswith(message)
 
 
-def test_versions_that_are_not_read(tmp_path: Path) -> None:
+def test_other_versions_are_refused(tmp_path: Path) -> None:
     savemat(tmp_path / "a.mat", {"f": FREQUENCY}, format="4")
     assert fault_of(tmp_path / "a.mat") == (
         "a.mat\n  this is not a MATLAB workspace of a version that can be read.\n"
@@ -222,7 +222,9 @@ PER_UNIT = {"Hz": 1.0, "kHz": 1e-3, "rad/s": 2 * np.pi, "rad/TimeUnit": 2 * np.p
 @pytest.mark.parametrize("unit", PER_UNIT)
 @pytest.mark.parametrize("key", ["FrequencyUnit", "Units"])
 @pytest.mark.parametrize("old_object", [False, True])
-def test_frequency_response_data(tmp_path: Path, unit: str, key: str, old_object: bool) -> None:
+def test_frequency_response_data_are_read_in_every_unit_of_frequency(
+    tmp_path: Path, unit: str, key: str, old_object: bool
+) -> None:
     fields = {"ResponseData": FRFS, "Frequency": FREQUENCY * PER_UNIT[unit], key: unit, "TimeUnit": "seconds"}
     value: object = fields
     if old_object:
@@ -238,7 +240,7 @@ def test_frequency_response_data(tmp_path: Path, unit: str, key: str, old_object
 
 
 @pytest.mark.usefixtures("unguarded")
-def test_frequency_response_data_with_units_and_without(tmp_path: Path) -> None:
+def test_frequency_response_data_are_read_with_units_and_asked_for_them(tmp_path: Path) -> None:
     fields = {"ResponseData": FRFS[:1, :1], "Frequency": FREQUENCY, "FrequencyUnit": "Hz"}
     units = {"OutputUnit": cell("g"), "InputUnit": cell("N")}
     frf = read_frf(saved(tmp_path / "a.mat", sys=fields | units))
@@ -258,7 +260,7 @@ def test_frequency_response_data_with_units_and_without(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("unguarded")
-def test_cells_and_frequency_response_data_of_version_7_3(tmp_path: Path) -> None:
+def test_cells_and_frequency_response_data_of_version_7_3_are_read(tmp_path: Path) -> None:
     fields = {"sys/ResponseData": FRFS, "sys/Frequency": FREQUENCY * 2 * np.pi, "sys/FrequencyUnit": "rad/TimeUnit"}
     path = matlab_7_3(tmp_path / "a.mat", **fields, **{"sys/TimeUnit": "seconds", "x": FREQUENCY, "y": VALUES})
     frf = read_frf(path, response="2", force="3", quantity="mobility")
@@ -288,7 +290,7 @@ def opaque(name: bytes, label: bytes) -> bytes:
 
 @pytest.mark.usefixtures("unguarded")
 @pytest.mark.parametrize("compressed", [False, True])
-def test_an_object_that_only_matlab_opens(tmp_path: Path, compressed: bool) -> None:
+def test_an_object_that_only_matlab_opens_is_refused_with_what_to_save(tmp_path: Path, compressed: bool) -> None:
     def added(label: bytes, **variables: object) -> str:
         path = saved(tmp_path / "a.mat", **variables)
         content = opaque(b"sys", label)
@@ -311,7 +313,7 @@ def element(code: int, data: bytes) -> bytes:
     return struct.pack("<2I", code, len(data)) + data + bytes(-len(data) % 8)
 
 
-def test_cells_so_deep_that_the_library_ends_the_process(tmp_path: Path) -> None:
+def test_cells_so_deep_that_the_library_would_crash_are_refused(tmp_path: Path) -> None:
     def matrix(kind: int, name: bytes, data: bytes) -> bytes:
         flags, shape = element(6, struct.pack("<2I", kind, 0)), element(5, struct.pack("<2i", 1, 1))
         return element(14, flags + shape + element(1, name) + data)
@@ -326,7 +328,7 @@ def test_cells_so_deep_that_the_library_ends_the_process(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("kind", [6, 14])
-def test_dimensions_that_are_a_lie(tmp_path: Path, kind: int) -> None:
+def test_dimensions_larger_than_the_data_are_refused(tmp_path: Path, kind: int) -> None:
     flags, shape = element(6, struct.pack("<2I", kind, 0)), element(5, struct.pack("<2i", 60000, 30000))
     matrix = element(14, flags + shape + element(1, b"f") + element(9, bytes(16)))
     (tmp_path / "a.mat").write_bytes(b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + matrix)

@@ -34,7 +34,7 @@ def test_a_table_of_natural_frequencies_is_read(tmp_path: Path, text: str) -> No
     assert modes.label == str(tmp_path / "a.csv")
 
 
-def test_frequencies_alone_and_in_radians(tmp_path: Path) -> None:
+def test_frequencies_alone_and_in_radians_are_read(tmp_path: Path) -> None:
     (tmp_path / "a.txt").write_text("Frequency [rad/s]  Mode\n628.3185307179587  1\n1000  2\n")
     modes = read_modal_parameters(tmp_path / "a.txt")
     np.testing.assert_allclose(modes.frequency, [100, 500 / np.pi], rtol=1e-15)
@@ -78,7 +78,7 @@ def test_a_file_that_is_not_a_table_is_refused(tmp_path: Path) -> None:
 
 @given(data=st.data())
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_damaged_tables(tmp_path: Path, data: st.DataObject) -> None:
+def test_damaged_tables_are_read_or_refused(tmp_path: Path, data: st.DataObject) -> None:
     content = damaged(data, data.draw(st.sampled_from(sorted(TABLES))).encode())
     path = tmp_path / "a.csv"
     path.write_bytes(content)

@@ -22,7 +22,7 @@ def saved(array: np.ndarray) -> bytes:
 
 
 @pytest.mark.parametrize("transposed", [False, True])
-def test_two_complex_columns(tmp_path: Path, transposed: bool) -> None:
+def test_two_complex_columns_are_read(tmp_path: Path, transposed: bool) -> None:
     array = np.column_stack([FREQUENCY, VALUES])
     np.save(tmp_path / "a.npy", array.T if transposed else array)
     frf = read_frf(tmp_path / "a.npy", unit="um/N")
@@ -39,7 +39,7 @@ def test_columns_are_found_by_their_names(tmp_path: Path) -> None:
     np.testing.assert_array_equal(frf.values, VALUES)
 
 
-def test_a_structured_array(tmp_path: Path) -> None:
+def test_a_structured_array_is_read(tmp_path: Path) -> None:
     array = np.zeros(3, dtype=[("f", "f8"), ("accelerance", "c16"), ("coh", "f4")])
     array["f"], array["accelerance"], array["coh"] = FREQUENCY, VALUES, [0.5, 0.75, 1]
     np.save(tmp_path / "a.npy", array)
@@ -90,7 +90,7 @@ def test_faulty_input_is_refused_with_its_message(refused, content: bytes, argum
     assert not Marker.opened
 
 
-def test_a_shape_that_is_a_lie(refused) -> None:
+def test_a_shape_larger_than_the_data_is_refused(refused) -> None:
     stream = io.BytesIO()
     np.lib.format.write_array_header_1_0(stream, {"descr": "<c16", "fortran_order": False, "shape": (900_000, 900_000)})
     assert refused("a.npy", stream.getvalue() + bytes(100)).startswith("a.npy\n  the array is truncated: ")

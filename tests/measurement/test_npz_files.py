@@ -29,7 +29,7 @@ def zipped(**members: bytes) -> bytes:
     return stream.getvalue()
 
 
-def test_arrays_of_other_types(tmp_path: Path) -> None:
+def test_arrays_of_other_types_are_read(tmp_path: Path) -> None:
     content = saved(
         frequency=np.array([0, 1, 2], dtype=np.int32),
         values=np.array([9, 1 + 2j, 3j], dtype=np.complex64),
@@ -144,7 +144,7 @@ def test_faulty_input_is_refused_with_its_message(refused, content: bytes, messa
     assert not Marker.opened
 
 
-def test_a_shape_that_is_a_lie(refused) -> None:
+def test_a_shape_larger_than_the_data_is_refused(refused) -> None:
     stream = io.BytesIO()
     header = {"descr": "<f8", "fortran_order": False, "shape": (900_000_000_000,)}
     np.lib.format.write_array_header_1_0(stream, header)
@@ -154,7 +154,7 @@ def test_a_shape_that_is_a_lie(refused) -> None:
     )
 
 
-def test_a_truncated_array(refused) -> None:
+def test_a_truncated_array_is_refused(refused) -> None:
     stream = io.BytesIO()
     np.save(stream, AXIS)
     message = refused("a.npz", zipped(frequency=stream.getvalue()[:-8], amplitude=b""))
@@ -169,7 +169,7 @@ def test_millions_of_members_are_not_listed(refused) -> None:
     assert refused("a.npz", stream.getvalue()) == "a.npz\n  the archive has more than 1000 entries."
 
 
-def test_amplitudes_in_decibels(tmp_path: Path) -> None:
+def test_amplitudes_in_decibels_are_converted(tmp_path: Path) -> None:
     content = saved(frequency=AXIS, db=np.full(3, -20.0), phase_deg=np.array([0.0, 90.0, 180.0]), quantity="receptance")
     (tmp_path / "a.npz").write_bytes(content)
     np.testing.assert_allclose(read_frf(tmp_path / "a.npz").values, [0.1, 0.1j, -0.1], atol=1e-12)

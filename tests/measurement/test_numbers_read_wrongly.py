@@ -23,7 +23,7 @@ def write(folder: Path, name: str, rows: list[list[str]], end: str = "\n") -> Pa
 
 @pytest.mark.parametrize("name", HEADER)
 @pytest.mark.parametrize("odd", ["1_0", "\uff11\uff12", "\u0663", "1\u00a02"])
-def test_numbers_that_no_analyser_writes(tmp_path: Path, name: str, odd: str) -> None:
+def test_numbers_that_no_analyser_writes_are_refused(tmp_path: Path, name: str, odd: str) -> None:
     for row in (1, 3):
         rows = [[str(number), "0.5", "2"] for number in range(1, 6)]
         rows[row][1] = odd
@@ -55,7 +55,7 @@ def test_odd_quantities_are_refused(odd: str) -> None:
         ("210e3 N/mm2", "Pa", 210e9),
     ],
 )
-def test_as_laboratories_write_units(text: str, unit: str, expected: float) -> None:
+def test_units_are_read_as_laboratories_write_them(text: str, unit: str, expected: float) -> None:
     assert to_si(text, unit) == pytest.approx(expected, rel=1e-12)
 
 
@@ -81,7 +81,7 @@ def test_a_refused_value_is_quoted_as_written(text: str, unit: str, said: str) -
 
 
 @pytest.mark.parametrize("name", HEADER)
-def test_a_last_number_cut_off(tmp_path: Path, name: str) -> None:
+def test_a_last_number_that_may_be_cut_off_is_refused(tmp_path: Path, name: str) -> None:
     values = np.random.default_rng(0).random((9, 2))
     rows = [[str(number + 1), repr(re), repr(im)] for number, (re, im) in enumerate(values.tolist())]
     whole = read_frf(write(tmp_path, name, rows, end=""), quantity="receptance")
@@ -99,7 +99,7 @@ def test_cutpro_rows_are_not_cut(tmp_path: Path) -> None:
         read_frf(tmp_path / "a.frf", quantity="receptance")
 
 
-def test_cutpro_with_decimal_commas(tmp_path: Path) -> None:
+def test_cutpro_files_with_decimal_commas_are_read(tmp_path: Path) -> None:
     (tmp_path / "a.frf").write_text("100,5 1,25 2,75 Freq Hz Real m/N Imag m/N\n101 1,5 3\n102,5\t-1,5E-3\t3\n")
     frf = read_frf(tmp_path / "a.frf")
     np.testing.assert_array_equal(frf.frequency, [100.5, 101, 102.5])

@@ -335,7 +335,7 @@ def test_directions_of_a_model_in_space_are_those_of_the_file_one_to_one(values,
         ("", None, None, None, None, None),
     ],
 )
-def test_what_a_text_names(text, part, node, axis, position, is_certain):
+def test_a_text_names_part_node_axis_and_position(text, part, node, axis, position, is_certain):
     dof = read_dof(text, {"tool": True, "tool_holder": True, "floor": False})
     if part is None:
         assert dof is None

@@ -78,7 +78,7 @@ MARKS = [(",", "."), (";", ","), ("\t", "."), (" ", "."), ("\t", ",")]
 
 @pytest.mark.parametrize("order", list(itertools.permutations(("frequency", "real", "imag"))))
 @pytest.mark.parametrize(("mark", "decimal"), MARKS)
-def test_columns_in_any_order_and_notation(tmp_path, order, mark, decimal):
+def test_columns_are_read_in_any_order_and_notation(tmp_path, order, mark, decimal):
     columns = {"frequency": FREQUENCY, "real": 1e6 * RECEPTANCE.real, "imag": 1e6 * RECEPTANCE.imag}
     rows = zip(*(columns[name] for name in order), strict=True)
     lines = [mark.join(f"{value:.9e}".replace(".", decimal) for value in row) for row in rows]
@@ -89,7 +89,7 @@ def test_columns_in_any_order_and_notation(tmp_path, order, mark, decimal):
 @pytest.mark.parametrize("axis", [("frequency", 1.0), ("frequency [kHz]", 1e-3), ("frequency [rad/s]", 2.0 * np.pi)])
 @pytest.mark.parametrize("size", ["amplitude", "db"])
 @pytest.mark.parametrize("angle", ["phase_deg", "phase_rad"])
-def test_units_of_columns(tmp_path, axis, size, angle):
+def test_amplitudes_and_phases_are_converted_from_the_units_of_their_columns(tmp_path, axis, size, angle):
     amplitude, phase = 1e6 * np.abs(RECEPTANCE), np.angle(RECEPTANCE)
     sizes = 20.0 * np.log10(amplitude) if size == "db" else amplitude
     angles = np.degrees(phase) if angle == "phase_deg" else phase
@@ -112,7 +112,7 @@ def written(path, suffix, values) -> None:
 @pytest.mark.usefixtures("unguarded")
 @pytest.mark.parametrize("suffix", ["npz", "mat", "h5"])
 @pytest.mark.parametrize("order", list(itertools.permutations(range(3))))
-def test_one_of_several_frfs_in_an_array_of_any_order(tmp_path, suffix, order):
+def test_one_of_several_frfs_is_chosen_from_an_array_of_any_order(tmp_path, suffix, order):
     path, factors = tmp_path / f"a.{suffix}", np.array([[1.0, 2.0], [3.0, 4.0]])
     written(path, suffix, np.transpose(factors * RECEPTANCE[:, np.newaxis, np.newaxis], order))
     is_turned = [axis for axis in order if axis] == [2, 1]

@@ -105,7 +105,7 @@ def test_a_remark_on_something_else_is_accepted(tmp_path: Path, form: str, name:
 
 
 @pytest.mark.parametrize("flag", ["is_dB", "isInverted", "is_conjugated", "has_swapped_channels"])
-def test_a_flag_of_one_is_set(tmp_path: Path, flag: str) -> None:
+def test_a_flag_of_one_counts_as_set(tmp_path: Path, flag: str) -> None:
     frequency = 10.0 + 2.5 * np.arange(VALUES.size)
     for value, sound in ((1, False), (0, True), (True, False), (1.0, False)):
         parts = {"amplitude": np.abs(VALUES), "phase_deg": np.degrees(np.angle(VALUES))}

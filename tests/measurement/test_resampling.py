@@ -32,16 +32,16 @@ def errors(modes: list, *, has_phase: bool = True) -> np.ndarray:
 
 
 @pytest.mark.parametrize("modes", SHARP.values(), ids=SHARP)
-def test_error_near_sharp_resonances(modes: list) -> None:
+def test_the_error_near_sharp_resonances_is_below_1e_7(modes: list) -> None:
     assert errors(modes).max() < 1e-7
 
 
 @pytest.mark.parametrize("modes", SHARP.values(), ids=SHARP)
-def test_error_of_an_amplitude_alone(modes: list) -> None:
+def test_the_error_of_an_amplitude_alone_is_below_1e_4(modes: list) -> None:
     assert errors(modes, has_phase=False).max() < 1e-4
 
 
-def test_error_between_two_modes_four_lines_apart() -> None:
+def test_the_error_between_two_modes_four_lines_apart_stays_between_them() -> None:
     error = errors([(1000.3, 0.003, 1.0), (1006.2, 0.003, 0.8), (5000, 0.003, 0.5)])
     assert 0.01 < error.max() < 0.07
     assert error[np.abs(GRID - 1003) > 20].max() < 1e-4
@@ -99,7 +99,7 @@ def test_few_lines_are_interpolated_by_a_straight_line(lines: int) -> None:
 
 
 @pytest.mark.parametrize("has_phase", [True, False])
-def test_lines_that_are_zero(has_phase: bool) -> None:
+def test_lines_that_are_zero_are_interpolated(has_phase: bool) -> None:
     frequency = np.arange(1.0, 10.0)
     values = np.where((frequency == 5) | (frequency == 6), 0.0, 1.0)
     resampled = on_grid(Frf(frequency, values, "mobility", has_phase=has_phase), np.linspace(1, 9, 33))

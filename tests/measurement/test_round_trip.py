@@ -161,7 +161,7 @@ def test_a_missing_folder_is_reported(tmp_path: Path, measured: Frf) -> None:
         write_frf(measured, tmp_path / "missing" / "a.csv")
 
 
-def test_binary_is_for_uff(tmp_path: Path, measured: Frf) -> None:
+def test_binary_is_refused_for_other_files_than_uff(tmp_path: Path, measured: Frf) -> None:
     with pytest.raises(MeasurementError, match=r"binary=True is for UFF files, not for \.csv"):
         write_frf(measured, tmp_path / "a.csv", binary=True)
 

@@ -140,7 +140,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_faults_of_universal_records(file, fault):
+def test_faulty_universal_records_are_refused(file, fault):
     options, message = FAULTS[fault]
     impact(file, **options)
     with pytest.raises(MeasurementError, match=message):
@@ -210,7 +210,7 @@ def test_each_segment_is_in_its_own_unit(tmp_path, unit):
         ([("N", "m/s^2"), ("N", "m/s^2")], (1.0, 2.0), "the sampling rate is 1024 Hz here, and 2048 Hz"),
     ],
 )
-def test_later_segments_that_differ(tmp_path, labels, steps, message):
+def test_later_segments_that_differ_are_read_or_refused(tmp_path, labels, steps, message):
     (tmp_path / "a.lvm").write_text(segments(*labels, steps=steps))
     if message is None:
         assert read_signals(tmp_path / "a.lvm").response.shape == (2, SAMPLES)
@@ -294,7 +294,7 @@ def test_numbered_columns_are_impacts_in_any_order(tmp_path):
     "columns", [("time", "force", "response"), ("time [ms]", "skip", "response [g]", "force [lbf]")]
 )
 @pytest.mark.parametrize("transposed", [False, True])
-def test_an_array_of_columns(tmp_path, columns, transposed):
+def test_an_array_of_columns_is_read(tmp_path, columns, transposed):
     scale = 1e3 if "ms" in columns[0] else 1.0
     by_name = {"time": scale * TIME, "force": FORCE, "response": RESPONSE, "skip": TIME}
     array = np.column_stack([by_name[name.split()[0]] for name in columns])
@@ -307,7 +307,7 @@ def test_an_array_of_columns(tmp_path, columns, transposed):
         read_signals(tmp_path / "a.npy")
 
 
-def test_arrays_of_several_impacts_by_their_numbers(tmp_path):
+def test_arrays_of_several_impacts_are_ordered_by_their_numbers(tmp_path):
     arrays = {"force1": FORCE, "response1": RESPONSE, "force2": 2 * FORCE, "response2": 2 * RESPONSE}
     np.savez(tmp_path / "a.npz", **arrays, rate=RATE)
     np.testing.assert_allclose(read_signals(tmp_path / "a.npz").response, [RESPONSE, 2 * RESPONSE])
@@ -330,7 +330,7 @@ def test_arrays_of_several_impacts_by_their_numbers(tmp_path):
         ({"dt": 1 / RATE, "unit": "counts"}, "'counts' is not the response"),
     ],
 )
-def test_attributes_of_hdf5_datasets(tmp_path, attributes, message):
+def test_attributes_of_hdf5_datasets_are_read(tmp_path, attributes, message):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["force"], file["response"] = FORCE, RESPONSE
         file["force"].attrs["dt"], file["force"].attrs["start"] = 1 / RATE, 0.0

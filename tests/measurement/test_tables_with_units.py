@@ -17,7 +17,7 @@ def read(tmp_path: Path, name: str, text: str, **arguments: object) -> Frf:
     return read_frf(tmp_path / name, **arguments)
 
 
-def test_tabs_and_units_in_the_header(tmp_path: Path) -> None:
+def test_tabs_and_units_in_the_header_are_read(tmp_path: Path) -> None:
     text = "Frequency [Hz]\tReal [um/N]\tImag [um/N]\tCoherence [-]\n10\t1\t-2\t0.5\n20\t3\t4E-003\t1\n"
     frf = read(tmp_path, "a.tsv", text)
     np.testing.assert_allclose(frf.values, [1e-6 - 2e-6j, 3e-6 + 4e-9j])
@@ -25,14 +25,14 @@ def test_tabs_and_units_in_the_header(tmp_path: Path) -> None:
     assert frf.quantity == "receptance"
 
 
-def test_a_row_of_units(tmp_path: Path) -> None:
+def test_a_row_of_units_is_read(tmp_path: Path) -> None:
     text = "Freq\tMagnitude\tPhase_deg\nHz\t(g/N)\tdeg\n10\t2\t90\n20\t1\t180\n"
     frf = read(tmp_path, "a.txt", text)
     np.testing.assert_allclose(frf.values, [2j * 9.80665, -9.80665], atol=1e-12)
     assert frf.quantity == "accelerance"
 
 
-def test_semicolons_and_decimal_commas(tmp_path: Path) -> None:
+def test_semicolons_and_decimal_commas_are_read(tmp_path: Path) -> None:
     text = 'Frequency (kHz);Magnitude ((mm/s)/N);Phase (rad)\n"1,5";"2,5";"3,141592653589793"\n2;1;0\n'
     frf = read(tmp_path, "a.csv", text)
     np.testing.assert_allclose(frf.frequency, [1500, 2000])
@@ -40,7 +40,7 @@ def test_semicolons_and_decimal_commas(tmp_path: Path) -> None:
     assert frf.quantity == "mobility"
 
 
-def test_what_pandas_writes_of_complex_numbers(tmp_path: Path) -> None:
+def test_complex_numbers_as_pandas_writes_them_are_read(tmp_path: Path) -> None:
     text = ",frequency,accelerance\n0,10.0,(1.5-2e-05j)\n1,20.0,(3+4j)\n2,30.0,-5j\n"
     frf = read(tmp_path, "a.csv", text)
     np.testing.assert_array_equal(frf.values, [1.5 - 2e-5j, 3 + 4j, -5j])
@@ -56,7 +56,7 @@ def test_a_column_of_real_values_is_not_an_frf(tmp_path: Path) -> None:
     np.testing.assert_array_equal(frf.amplitude, [1.5, 3.0, 5.0])
 
 
-def test_columns_by_their_names(tmp_path: Path) -> None:
+def test_columns_are_chosen_by_their_names(tmp_path: Path) -> None:
     text = "f;PSD;H1 Re;H1 Im;H2 Re;H2 Im\n1;9;1;2;3;4\n2;9;5;6;7;8\n"
     names = {"real": "H2 Re", "imag": "H2 Im"}
     frf = read(tmp_path, "a.csv", text, names=names, unit="m/s/lbf")
@@ -64,14 +64,14 @@ def test_columns_by_their_names(tmp_path: Path) -> None:
     assert frf.quantity == "mobility"
 
 
-def test_what_comments_say(tmp_path: Path) -> None:
+def test_units_averages_and_points_in_comments_are_read(tmp_path: Path) -> None:
     text = "% unit: mm/N\n# averages: 12\n# note: hit three\n#response: tool tip\n# force=nut\nf,re,im\n1,2,3\n2,3,4\n"
     frf = read(tmp_path, "a.csv", text)
     np.testing.assert_allclose(frf.values, [2e-3 + 3e-3j, 3e-3 + 4e-3j])
     assert (frf.averages, frf.note, frf.response, frf.force) == (12, "hit three", "tool tip", "nut")
 
 
-def test_a_unit_that_the_caller_gives(tmp_path: Path) -> None:
+def test_a_unit_that_the_caller_gives_is_used(tmp_path: Path) -> None:
     frf = read(tmp_path, "a.csv", "f,amplitude\n1,2\n2,3\n", unit="in/lbf")
     np.testing.assert_allclose(frf.values, np.array([2, 3]) * 0.0254 / 4.4482216152605)
     assert (frf.quantity, frf.has_phase) == ("receptance", False)
@@ -109,7 +109,7 @@ def test_faulty_input_is_refused_with_its_message(refused, text: str, message: s
     assert refused("a.csv", text).startswith(message)
 
 
-def test_an_argument_that_contradicts_the_file(refused) -> None:
+def test_an_argument_that_contradicts_the_file_is_refused(refused) -> None:
     text = "f,re [um/N],im [um/N]\n1,2,3\n"
     wrong = "a.csv\n  the file says that it holds {}, the argument says {}.\n"
     assert refused("a.csv", text, unit="mm/N").startswith(wrong.format("unit um/N", "mm/N"))
@@ -151,7 +151,7 @@ def test_a_phase_whose_name_and_unit_agree_is_read(tmp_path: Path, header: str) 
     np.testing.assert_allclose(frf.values, [1j, -1], atol=1e-12)
 
 
-def test_lines_without_a_number_between_header_and_rows(tmp_path: Path) -> None:
+def test_lines_without_a_number_between_header_and_rows_are_skipped(tmp_path: Path) -> None:
     """SignalCalc writes a blank line, a word and a row of units of its own there; it says none that is understood."""
     header = "Units: Ratio\n\nFrequency\t Real\t Imaginary\n\nUnits:\nHz\t(m/s\xb2)(N)\t \n"
     text = header + "0.0\t 1\t 0\n1e1\t 2\t -3\n2e1\t 4\t 5\n"

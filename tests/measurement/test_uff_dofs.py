@@ -43,7 +43,7 @@ def several(tmp_path: Path) -> Path:
         ("7", "1+z", 5),
     ],
 )
-def test_an_frf_by_its_dofs(several: Path, response: str | None, force: str | None, number: int) -> None:
+def test_an_frf_is_chosen_by_its_dofs(several: Path, response: str | None, force: str | None, number: int) -> None:
     frf = read_frf(several, response=response, force=force)
     np.testing.assert_allclose(frf.values, number * VALUES, rtol=1e-11)
 
@@ -83,13 +83,13 @@ def test_averages_variance_and_dofs_come_back(tmp_path: Path, measured: Frf, bin
     assert (frf.averages, frf.response, frf.force) == (10, "tool:5-y", "7+z")
 
 
-def test_averages_as_other_programs_say_them(tmp_path: Path) -> None:
+def test_averages_are_read_as_other_programs_write_them(tmp_path: Path) -> None:
     for line, averages in (("No. of Averages : 012", 12), ("averages=0", None), ("averaged 5", None)):
         path = write_sets(tmp_path / "a.uff", set_58(FREQUENCY, VALUES, id4=line))
         assert read_frf(path).averages == averages
 
 
-def test_a_rotation_per_moment(tmp_path: Path) -> None:
+def test_a_rotation_per_moment_is_read(tmp_path: Path) -> None:
     labels = {"ordinate_axis_units_lab": "mrad/s^2", "orddenom_axis_units_lab": "N m"}
     path = write_sets(tmp_path / "a.uff", set_58(FREQUENCY, VALUES, rsp_dir=6, ref_dir=6, **labels))
     frf = read_frf(path)
@@ -120,7 +120,7 @@ def test_dofs_that_are_not_known_are_not_invented(tmp_path: Path, measured: Frf)
             np.testing.assert_allclose(back.values, measured.values, rtol=1e-11)
 
 
-def test_a_rotation_per_force(tmp_path: Path) -> None:
+def test_a_rotation_per_force_is_read(tmp_path: Path) -> None:
     labels = {"ordinate_axis_units_lab": "mrad/s^2", "orddenom_axis_units_lab": "N"}
     frf = read_frf(write_sets(tmp_path / "a.uff", set_58(FREQUENCY, VALUES, rsp_dir=6, ref_dir=1, **labels)))
     np.testing.assert_allclose(frf.values, VALUES * 1e-3, rtol=1e-11)
@@ -134,7 +134,7 @@ def test_a_rotation_with_an_unknown_direction_of_the_force_is_refused(tmp_path: 
 
 
 @pytest.mark.parametrize("suffix", ["csv", "npz", "uff"])
-def test_dofs_that_the_caller_states(tmp_path: Path, measured: Frf, suffix: str) -> None:
+def test_dofs_that_the_caller_gives_are_used(tmp_path: Path, measured: Frf, suffix: str) -> None:
     write_frf(measured, tmp_path / f"a.{suffix}")
     for dofs, sign in ((("3+x", "1-x"), -1), (("3-y", "1-x"), 1), (("tool:3z", "1"), 1)):
         frf = read_frf(tmp_path / f"a.{suffix}", dofs=dofs)
@@ -146,7 +146,7 @@ def test_dofs_that_the_caller_states(tmp_path: Path, measured: Frf, suffix: str)
             np.testing.assert_allclose(frf.values, sign * measured.values, rtol=1e-11)
 
 
-def test_dofs_that_contradict_the_file_or_are_none(several: Path) -> None:
+def test_dofs_that_are_invalid_or_contradict_the_file_are_refused(several: Path) -> None:
     assert read_frf(several, index=3, dofs=("2-y", "1+x")).response == "2-y"
     assert fault_of(several, index=3, dofs=("2+y", "1+x")).endswith(
         "the file says that it holds the DOF 2-y, the argument says 2+y.\n"

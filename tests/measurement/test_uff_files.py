@@ -42,7 +42,7 @@ def test_double_precision_is_read_exactly(tmp_path: Path, is_complex: bool, bina
 
 @pytest.mark.parametrize("spacing", [0, 1], ids=["uneven", "even"])
 @pytest.mark.parametrize("is_complex", [True, False], ids=["complex", "real"])
-def test_single_precision_ascii(tmp_path: Path, is_complex: bool, spacing: int) -> None:
+def test_single_precision_ascii_is_read(tmp_path: Path, is_complex: bool, spacing: int) -> None:
     values = VALUES if is_complex else np.abs(VALUES)
     one = set_58(FREQUENCY, values, abscissa_spacing=spacing, ord_data_type=5 if is_complex else 2)
     frf = read_frf(file_of(tmp_path, one, force_double=False))
@@ -51,7 +51,7 @@ def test_single_precision_ascii(tmp_path: Path, is_complex: bool, spacing: int) 
 
 
 @pytest.mark.parametrize("order", ["<", ">"], ids=["little", "big"])
-def test_single_precision_binary_as_an_analyser_writes_it(tmp_path: Path, order: str) -> None:
+def test_single_precision_binary_as_an_analyser_writes_it_is_read(tmp_path: Path, order: str) -> None:
     path = file_of(tmp_path, set_58(FREQUENCY, VALUES, binary=1, abscissa_spacing=1))
     header = path.read_bytes()[: -(16 * VALUES.size + len("    -1\n"))].replace(b"\n", b"\r\n")
     header = header.replace(b"         6         7", b"         5         7")
@@ -74,7 +74,7 @@ def test_a_table_that_begins_with_minus_one_is_not_read_as_uff(tmp_path: Path) -
     np.testing.assert_array_equal(frf.values, [1 + 2j, 3 + 4j, 5 + 6j])
 
 
-def test_carriage_returns_padding_blank_lines_and_latin_labels(tmp_path: Path) -> None:
+def test_carriage_returns_padding_blank_lines_and_latin_labels_are_read(tmp_path: Path) -> None:
     one = set_58(FREQUENCY, VALUES, abscissa_spacing=1, id1="K~rper_", ordinate_axis_units_lab="m/s~")
     path = file_of(tmp_path, one)
     lines = path.read_bytes().replace(b"K~rper_", b"K\xf6rper\x85").replace(b"m/s~", b"m/s\xb2").split(b"\n")
@@ -133,7 +133,7 @@ H1
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "latin-1"])
-def test_general_data_with_the_unit_of_an_frf(tmp_path: Path, encoding: str) -> None:
+def test_general_data_with_the_unit_of_an_frf_are_read(tmp_path: Path, encoding: str) -> None:
     """The header of an analyser whose only word on the quantity is its unit."""
     path = tmp_path / "a.uff"
     path.write_bytes(AN_ANALYSER.encode(encoding))
@@ -157,7 +157,7 @@ def test_general_data_with_the_unit_of_an_frf(tmp_path: Path, encoding: str) -> 
         ({"ordinate_axis_units_lab": "um/s^2", "orddenom_axis_units_lab": "kN"}, 1e-9),
     ],
 )
-def test_unit_labels(tmp_path: Path, labels: dict, factor: float) -> None:
+def test_values_are_converted_from_the_unit_of_the_label(tmp_path: Path, labels: dict, factor: float) -> None:
     frf = read_frf(file_of(tmp_path, set_58(FREQUENCY, VALUES, **labels)))
     np.testing.assert_allclose(frf.values, factor * VALUES, rtol=1e-11)
 
@@ -212,7 +212,7 @@ def test_unit_labels(tmp_path: Path, labels: dict, factor: float) -> None:
         ),
     ],
 )
-def test_faults_of_a_set(tmp_path: Path, fields: dict, message: str) -> None:
+def test_a_faulty_set_is_refused(tmp_path: Path, fields: dict, message: str) -> None:
     path = file_of(tmp_path, {**set_58(FREQUENCY, VALUES), **fields})
     separator = ", " if message.startswith(("line", "unit", "data type")) else "\n  "
     assert fault_of(path) == f"a.uff: set 1{separator}{message}"
@@ -281,14 +281,14 @@ def test_a_long_listing_is_cut(tmp_path: Path) -> None:
     assert "\n    set 20: FRF, response 1 +x, reference 1 +x, 'hammer'\n    and 3 more\n" in message
 
 
-def test_a_file_without_an_frf(tmp_path: Path) -> None:
+def test_a_file_without_an_frf_is_refused_with_what_it_holds(tmp_path: Path) -> None:
     assert fault_of(file_of(tmp_path, SEVERAL[0], SEVERAL[3])) == (
         "a.uff\n  the file holds no FRF; it holds:"
         "\n    set 1: type 151\n    set 2: coherence, response 1 +x, reference 1 +x, 'trust'"
     )
 
 
-def test_the_unit_system_of_set_164(tmp_path: Path) -> None:
+def test_values_are_converted_from_the_units_of_set_164(tmp_path: Path) -> None:
     def units(code: int) -> dict:
         return {"type": 164, "units_code": code, "length": 1.0, "force": 1.0, "temp": 1.0, "temp_offset": 0.0}
 
@@ -306,7 +306,7 @@ def edited(path: Path, pattern: bytes, replacement: bytes) -> Path:
     return path
 
 
-def test_damaged_data(tmp_path: Path) -> None:
+def test_damaged_data_are_refused(tmp_path: Path) -> None:
     nan = edited(file_of(tmp_path), rb" 4.00000000000e\+00", b" " * 15 + b"nan")
     assert fault_of(nan) == "a.uff: set 1, line 16 of the file\n  'nan' is not a number."
     letters = edited(file_of(tmp_path), rb"-8.00000000000e\+00", b"-8.0000000000?e+00")
@@ -318,7 +318,7 @@ def test_damaged_data(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_binary_data_that_are_not_finite(tmp_path: Path, value: float) -> None:
+def test_binary_data_that_are_not_finite_are_refused(tmp_path: Path, value: float) -> None:
     path = file_of(tmp_path, set_58(FREQUENCY, VALUES, binary=1, abscissa_spacing=1))
     content = path.read_bytes()
     path.write_bytes(content.replace(struct.pack("<d", 5.5), struct.pack("<d", value)))
@@ -343,14 +343,14 @@ def test_the_announced_number_of_lines_must_be_there(tmp_path: Path) -> None:
     )
 
 
-def test_one_endless_line_of_data(tmp_path: Path) -> None:
+def test_one_endless_line_of_data_is_refused(tmp_path: Path) -> None:
     path = edited(file_of(tmp_path), rb"( 6 {9})7( {9}\d)", rb"\g<1>1\2")
     lines = path.read_bytes().split(b"\n")
     path.write_bytes(b"\n".join([*lines[:13], b"".join(lines[13:-2]), *lines[-2:]]))
     assert fault_of(path) == "a.uff: set 1\n  there are more data than the 1 lines that the header announces."
 
 
-def test_forms_that_are_not_read(tmp_path: Path) -> None:
+def test_other_forms_of_data_are_refused(tmp_path: Path) -> None:
     form = edited(file_of(tmp_path), rb" 6( {9}7)", rb" 3\1")
     assert fault_of(form) == (
         "a.uff: set 1\n  the data form 3 with spacing 0 is not known.\n  Accepted: forms 2, 4, 5, 6 with spacing 0 or 1"
