@@ -7,6 +7,9 @@ from pathlib import Path
 
 from dovetail.testing.kit import check_descriptions
 
+sys.path.insert(0, str(Path(__file__).parent))
+from line_length import wrapped
+
 PAGE = Path(__file__).with_name("conformance.md")
 TESTS = Path(__file__).parents[1] / "tests"
 HEADINGS = {"joint": "Joints", "substructure": "Substructures", "reducer": "Reducers", "regressor": "Regressors"}
@@ -24,10 +27,9 @@ Here you find what each check of the kit demands of a plugin, and a mistake that
 
 The page is made by `python docs/make_conformance.py` from the docstrings of the checks and from the broken plugins in
 `tests/support/broken_plugins`: {plugins} components with a single fault each, all of which the kit catches. Each check
-is listed with a plugin that only this check catches, and with the number of other plugins that it catches.
+is listed with a mistake that only this check catches, and with the number of other plugins that it catches too.
 """
-ROW = "| {check} | {text} | {alone} | {others} |\n"
-HEAD = ROW.format(check="check", text="what must hold", alone="a plugin that only it catches", others="others")
+ENTRY = "- **{check}**: {text} *Mistake:* {alone}{others}\n"
 
 
 def page() -> str:
@@ -38,25 +40,26 @@ def page() -> str:
     shared = {check for check, _ in set.intersection(*(set(checks.items()) for checks in kinds.values()))}
     alone = {check: model for kind in reversed(HEADINGS) for check, model in broken.BROKEN[kind].items()}
     any_kind = {check: said for check, said in kinds["joint"].items() if check in shared}
-    text += _table("Any component", any_kind, alone, [checks for _, checks in broken.FURTHER])
+    text += _section("Any component", any_kind, alone, [checks for _, checks in broken.FURTHER])
     for kind, heading in HEADINGS.items():
         checks = {check: said for check, said in kinds[kind].items() if check not in shared}
         others = [checks for model, checks in broken.FURTHER if model.kind == kind]
-        text += _table(heading, checks, alone | broken.BROKEN[kind], others)
-    return text
+        text += _section(heading, checks, alone | broken.BROKEN[kind], others)
+    return wrapped(text)
 
 
-def _table(heading: str, checks: dict[str, str], alone: dict, further: list) -> str:
-    rows = "".join(
-        ROW.format(
+def _section(heading: str, checks: dict[str, str], alone: dict, further: list) -> str:
+    entries = []
+    for check, said in checks.items():
+        others = sum(check in names for names in further)
+        entry = ENTRY.format(
             check=check.replace("_", " "),
             text=said,
             alone=inspect.getdoc(alone[check]).splitlines()[0],
-            others=sum(check in names for names in further) or "",
+            others=f" *({others} more)*" if others else "",
         )
-        for check, said in checks.items()
-    )
-    return f"\n## {heading}\n\n{HEAD}|---|---|---|---|\n{rows}"
+        entries.append(entry)
+    return f"\n## {heading}\n\n{''.join(entries)}"
 
 
 def _broken_plugins():

@@ -95,10 +95,23 @@ def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     return "".join("| " + " | ".join(_cell(cell) for cell in line) + " |\n" for line in lines)
 
 
+def entries(rows: Iterable[tuple[str, str, Sequence[str]]]) -> str:
+    """Return a list of names, what they mean, and facts such as units: lines of a list can be broken, rows cannot."""
+    text = ""
+    for name, meaning, facts in rows:
+        known = "; ".join(_plain(fact) for fact in facts if fact)
+        text += f"- {name}{f' ({known})' if known else ''}: {_plain(meaning)}\n"
+    return text
+
+
 def _cell(value: object) -> str:
     """Return a text that stays in its cell, with angles and bars as they are meant."""
-    text = str(value).replace("\n", " ").replace("|", "\\|").replace("``", "`")
-    return re.sub(r"<(?=\w)", "&lt;", text).strip()
+    return _plain(value).replace("|", "\\|")
+
+
+def _plain(value: object) -> str:
+    """Return a text in one line, with angles as they are meant."""
+    return re.sub(r"<(?=\w)", "&lt;", str(value).replace("\n", " ").replace("``", "`")).strip()
 
 
 def models(registry: Registry) -> str:
@@ -170,11 +183,11 @@ def _nodes(part: SubstructureModel) -> str:
 def _options(options: Sequence[Mapping[str, Any]]) -> str:
     if not options:
         return "No options.\n"
-    rows = [
-        (f"`{option['name']}`", option["description"], option["type"], option["unit"], _default(option["default"]))
-        for option in options
-    ]
-    return table(("option", "meaning", "value", "unit", "default"), rows)
+    rows = []
+    for option in options:
+        default = f"default {_default(option['default'])}" if option["default"] else ""
+        rows.append((f"`{option['name']}`", option["description"], (option["type"], option["unit"], default)))
+    return entries(rows)
 
 
 def _default(text: str) -> str:
@@ -200,8 +213,8 @@ def _arguments(command: Any) -> str:
             spelled = [*reversed(parameter.opts), *parameter.secondary_opts]
             value = "" if parameter.metavar is None else f" {parameter.metavar}"
             named = ", ".join(f"`{word}{value if word.startswith('--') else ''}`" for word in spelled)
-        rows.append((named, parameter.help or "", "yes" if parameter.required else ""))
-    return table(("argument or option", "meaning", "required"), rows)
+        rows.append((named, parameter.help or "", ("required" if parameter.required else "",)))
+    return entries(rows)
 
 
 def keys(registry: Registry) -> str:
@@ -212,11 +225,11 @@ def keys(registry: Registry) -> str:
         section = schema["$defs"][name]
         rows = list(_key_rows(section))
         said = " ".join(str(section.get("description", "")).partition("\n\n")[0].replace("``", "`").split())
-        text += f"\n## {heading}\n\n" + (f"{said}\n\n" if said else "") + table(("key", "meaning", "default"), rows)
+        text += f"\n## {heading}\n\n" + (f"{said}\n\n" if said else "") + entries(rows)
     return text
 
 
-def _key_rows(section: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
+def _key_rows(section: Mapping[str, Any]) -> Iterator[tuple[str, str, tuple[str]]]:
     for key, entry in section.get("properties", {}).items():
         default = entry.get("default")
         unit = entry.get("x-unit", "")
@@ -225,10 +238,10 @@ def _key_rows(section: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
         elif default in (None, [], {}):
             shown = ""
         elif unit and isinstance(default, (int, float)):
-            shown = format_quantity(default, unit)
+            shown = f"default {format_quantity(default, unit)}"
         else:
-            shown = f"`{_default(str(default))}`"
-        yield f"`{key}`", entry.get("description", ""), shown
+            shown = f"default `{_default(str(default))}`"
+        yield f"`{key}`", entry.get("description", ""), (shown,)
 
 
 def pages() -> dict[str, str]:

@@ -119,16 +119,9 @@ def long_lines(page: str) -> Iterator[str]:
             yield line
 
 
-WRITTEN_BY_PROGRAMS = {"conformance.md", "keys.md", "models.md", "options.md"}
-"""Their tables show sentences of the code in full."""
-
-
 def test_lines_are_shorter_than_120_characters():
     pages = (*site_pages(), ROOT / "README.md", ROOT / "CONTRIBUTING.md")
     texts = {page: page.read_text(encoding="utf-8") for page in pages}
-    for page in texts:
-        if page.name in WRITTEN_BY_PROGRAMS:
-            texts[page] = re.sub(r"^\|.*$", "", texts[page], flags=re.M)
     assert {page: lines for page, text in texts.items() if (lines := list(long_lines(text)))} == {}
 
 

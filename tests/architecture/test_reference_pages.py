@@ -57,7 +57,7 @@ def test_a_joint_is_listed_with_all_parameters_and_dofs(name):
     section = page("models.md").partition(f"### `{name}`\n")[2].partition("\n### ")[0]
     for parameter in joint.parameters:
         assert f"| `{parameter.name}` | {parameter.description} |" in section
-    table = section.partition("Local DOFs")[2].partition("\n\n| option")[0]
+    table = section.partition("Local DOFs")[2].partition("\n\n- ")[0]
     numbers = re.findall(r"^\| `[\w ]+` \| (\d+) \| (\d+) \|$", table, flags=re.M)
     assert [int(number) for row in numbers for number in row] == list(range(joint.size))
 
@@ -90,7 +90,7 @@ def test_every_key_of_a_description_is_listed():
     assert len(sections) >= 14
     listed = page("keys.md")
     for name, part in sections.items():
-        assert [key for key in part["properties"] if f"\n| `{key}` |" not in listed] == [], name
+        assert [key for key in part["properties"] if f"\n- `{key}`" not in listed] == [], name
     options = [
         key for name, part in schema["$defs"].items() if "+" not in name and "." in name for key in part["properties"]
     ]
@@ -113,4 +113,4 @@ def test_the_recipes_name_commands_and_options_that_are_there():
 def test_the_recipes_name_keys_that_are_there():
     keys = [key for row in re.findall(r"keys? (`[^|]+`)", page("do.md")) for key in re.findall(r"`(\w+)`", row)]
     assert len(keys) >= 5
-    assert [key for key in keys if f"\n| `{key}` |" not in page("keys.md")] == []
+    assert [key for key in keys if f"\n- `{key}`" not in page("keys.md")] == []

@@ -67,7 +67,7 @@ def test_the_page_of_checks_lists_every_one():
     text = (DOCS / "conformance.md").read_text(encoding="utf-8")
     for kind in KINDS:
         for name in check_names(kind):
-            assert f"| {name.replace('_', ' ')} | " in text
+            assert f"- **{name.replace('_', ' ')}**: " in text
 
 
 def test_the_joint_of_the_page_works_as_the_page_says(run, tmp_path):
