@@ -387,6 +387,18 @@ def test_a_model_that_does_not_show_which_resonance_is_which_does_not_fit(assemb
     assert 0.1 < adequacy.size.natural_frequency < 0.3
 
 
+@pytest.mark.parametrize(("factor", "is_reported"), [(1.0, False), (4.0, False), (400.0, True)])
+def test_a_given_variance_far_above_that_of_the_residuals_is_reported(sdof, factor, is_reported):
+    """As that of a file with standard deviations in place of variances."""
+    measured = noisy(sdof, sdof.frf(), 1e-3, 1)
+    error = np.abs(measured.values - np.ravel(sdof.frf()))
+    variance = np.full(measured.frequency.shape, factor * np.mean(error**2))
+    adequacy = dovetail.identify(sdof, replace(measured, variance=variance), "refined").adequacy
+    assert adequacy.word == "to the noise"
+    said = [reason for reason in adequacy.reasons if "The random error that the measurement gives is" in reason]
+    assert len(said) == is_reported
+
+
 def test_a_fit_with_as_many_values_as_unknowns_is_not_judged(sdof):
     """One complex value, and two unknowns that meet it."""
     line = sdof.on([220.0])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import struct
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -297,6 +298,19 @@ def test_values_are_converted_from_the_units_of_set_164(tmp_path: Path) -> None:
     assert fault_of(file_of(tmp_path, units(5), one)) == (
         "a.uff: set 1\n  the file is in the system of units '5'.\n  Export it in SI units.  Accepted: 1 (m, N)"
     )
+
+
+def test_a_text_of_set_164_that_contradicts_its_code_is_reported(tmp_path: Path) -> None:
+    units = b"    -1\n   164\n%10d%-20s%10d\n%25.17e%25.17e%25.17e\n%25.17e\n    -1\n"
+    path = file_of(tmp_path, set_58(FREQUENCY, VALUES))
+    content = path.read_bytes()
+    path.write_bytes(units % (1, b"BG: Inch (pound f)", 2, 1.0, 1.0, 1.0, 0.0) + content)
+    with pytest.warns(UserWarning, match=r"set 1: the units code is 1 \(m, N\), and its text is 'BG: Inch"):
+        read_frf(path)
+    path.write_bytes(units % (1, b"SI: Meter (newton)", 2, 1.0, 1.0, 1.0, 0.0) + content)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UserWarning)
+        read_frf(path)
 
 
 def edited(path: Path, pattern: bytes, replacement: bytes) -> Path:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Iterator, Sequence
 from typing import Literal
 
@@ -10,6 +11,8 @@ from dovetail import Fault, MeasurementError, Statement, read_unit
 from dovetail_plugins.readers.uff_sets import FORCE, ORDINATE, UNKNOWN, UffSet
 
 _SI_SYSTEM = 1
+_OTHER_SYSTEM = re.compile(r"\bmm\b|\bcm\b|milli|inch|\bin\b|foot|\bft\b|pound|kilogram f|user", re.IGNORECASE)
+"""Words in the description of the units that are not those of SI."""
 _OWN_LINE = re.compile(r"\s*(response|force)\s*[:=]", re.IGNORECASE)
 """Keys of id lines that the reader uses if the header gives no node."""
 _NODES = {"response": "rsp_node", "force": "ref_node"}
@@ -157,4 +160,7 @@ def check_unit_system(content: bytes, sets: Sequence[UffSet]) -> bool:
         if code != b"%d" % _SI_SYSTEM:
             problem = f"the file is in the system of units {code.decode('ascii', errors='replace')!r}."
             raise MeasurementError(Fault(uff_set.where, problem, "1 (m, N)", "Export it in SI units."))
+        words = records[0][10:30].decode("latin-1").strip()
+        if _OTHER_SYSTEM.search(words):
+            warnings.warn(f"{uff_set.where}: the units code is 1 (m, N), and its text is '{words}'.", stacklevel=2)
     return is_si

@@ -59,6 +59,9 @@ class Settings:
     few_agree: float = 0.2
     """Number of searches, and part of them that end in the same fit, for a warning about it. Chosen on measurements of
     random structures: the seeds 4242, 7001, 8123 and 20261127 of the benchmark of genuine measurements."""
+    many_values: int = 40
+    too_small: float = 0.1
+    """Degrees of freedom, and the chi-squared of each below which the given random error is reported as too large."""
     exceeds: float = 2.0
     """Ratio of the error that the measurement shows to the one allowed above which this is reported."""
 
@@ -302,6 +305,12 @@ def _remarks(problem: Problem, fit: Fit, in_intervals: ModelError | None) -> Ite
         yield (
             "So few lines do not show their random error: intervals allow for up to 10 % of the largest value. "
             "Give the variance of the measurement, or its coherence and averages."
+        )
+    if fit.variance_known and fit.degrees_of_freedom >= _SETTINGS.many_values and fit.chi_squared < _SETTINGS.too_small:
+        size = "much larger than" if fit.chi_squared <= 0 else f"{fit.chi_squared**-0.5:.2g} times"
+        yield (
+            f"The random error that the measurement gives is {size} that of the residuals, and intervals are as wide "
+            "as it says. Check its variance (the mean square of the error), or its coherence and averages."
         )
     compensating = _compensating_gain(problem, fit.theta) if target.residual_count(fit.used) > len(fit.theta) else []
     if compensating:
