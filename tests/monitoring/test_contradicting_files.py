@@ -274,6 +274,18 @@ def test_a_name_without_a_date_has_no_remark(tmp_path, name):
     assert not remarks(tmp_path, f"{name}.csv")
 
 
+# -- files that are misread -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("turned", [np.negative, np.conj], ids=["sign", "phase"])
+def test_a_file_with_another_sign_or_phase_is_set_aside(place, turned):
+    frf = measurement(14)
+    write(place / "files" / "2026-01-14 torque=20.csv", replace(frf, values=turned(frf.values)))
+    (record,) = look(place)
+    assert record["status"] == SET_ASIDE
+    assert "the structure delivers 100 % of the power where it is driven" in record["reason"]
+
+
 # -- states ------------------------------------------------------------------------------------------------------------
 
 

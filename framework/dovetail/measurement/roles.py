@@ -21,7 +21,7 @@ from dovetail.frf.resonance_peaks import noise_deviation
 from dovetail.measurement.named_points import GivenDof, ModelDof, axes_disagree, read_dof
 from dovetail.measurement.point_statements import GENERAL_NOUNS, points_of_note
 
-_MOST_DELIVERED = 0.95
+MOST_DELIVERED = 0.95
 """Share of the power at a drive point that is delivered above which a sign or a phase is certainly wrong: of 300 random
 structures with a reversed sign and 10 % noise it was 1, of genuine measurements with an unknown delay up to 0.8."""
 SUSPICIOUS = 0.25
@@ -323,7 +323,7 @@ def _check_passive(role: Role) -> None:
     """Refuse an FRF that cannot be that of a drive point, and warn if much power is delivered."""
     share = power_delivered(role.frf, turn=PHASE_ERROR)
     statement = f"as {role.use}, it delivers {100.0 * share:.0f} % of the power, which no passive structure does"
-    if share > _MOST_DELIVERED:
+    if share > MOST_DELIVERED:
         remedy = (
             "Check the sign, the phase and the points. A sensor that points the other way is given by the DOFs when "
             "the file is read or converted, as in `dofs=('1-x', '1+x')`."

@@ -20,11 +20,13 @@ from dovetail.identification.one_measurement import lines_to_fit
 from dovetail.inference.posterior.laplace import LaplaceApproximation
 from dovetail.inference.posterior.likelihood import normal_density, normal_from_unit
 from dovetail.interfaces import Parameter, Progress, silent
+from dovetail.measurement.roles import MOST_DELIVERED, PHASE_ERROR, SUSPICIOUS, power_delivered
 from dovetail.monitoring.equivalent import LawCurve
 from dovetail.monitoring.estimate import FileModel
 from dovetail.monitoring.kalman import RandomWalk
 from dovetail.monitoring.response_names import ResponseNames
 from dovetail.problem.observations import Observations
+from dovetail.problem.random_error import random_error_variance
 from dovetail.registry import PluginPaths, components
 from dovetail.series.description import SeriesDescription
 from dovetail.series.fitted_tests import FittedTest, fit_tests
@@ -166,8 +168,11 @@ class Reference:
         expected = _with_dofs(self.model.problem.measured, dofs)
         if faults := batch_contradictions(test.assembly.description, [expected, frfs]):
             raise MeasurementError(*faults.values())
-        for path, frf, known in zip(paths, lines.frfs, expected, strict=True):
+        responses = test.assembly.description.responses
+        for path, frf, known, response in zip(paths, lines.frfs, expected, responses, strict=True):
             _check_lines(path, frf, known)
+            if response.is_drive_point:
+                _check_power(path, frf, known)
         for path, file, (first, _) in zip(paths, read, test.measured, strict=True):
             if isinstance(file.content, str) and not _has_end(path) and _has_end(first):
                 problem = "its last line has no end, and that of the first test's file has."
@@ -220,6 +225,15 @@ def _check_lines(path: Path, frf: Frf, known: Frf) -> None:
     )
     accepted = f"{expected}, as the first test"
     raise MeasurementError(Fault(str(path), f"it has {has} within the band.", accepted, _INCOMPLETE))
+
+
+def _check_power(path: Path, frf: Frf, known: Frf) -> None:
+    """Refuse an FRF by which the structure delivers power where it is driven, unless it did so in the first test."""
+    now, before = (power_delivered(one, random_error_variance(one), turn=PHASE_ERROR) for one in (frf, known))
+    if now > MOST_DELIVERED and before < SUSPICIOUS:
+        problem = f"the structure delivers {100.0 * now:.0f} % of the power where it is driven, and took it up before"
+        remedy = "Correct the file; it is read again when it has changed."
+        raise MeasurementError(Fault(str(path), f"{problem}: a sign, a phase or a point is wrong.", remedy=remedy))
 
 
 def _has_end(path: Path) -> bool:

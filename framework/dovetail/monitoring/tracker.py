@@ -259,8 +259,17 @@ class Tracker:
     def _anew(self, state: State, predicted: Belief, observations: Observations, offset: Array) -> FileEstimate:
         """Return what the file that raised an alarm says by itself: the level from which the next is predicted.
 
-        Constant parameters keep their values unless the file contradicts them.
+        If the file before was another measurement, such as one in another unit, the search from its parameters may end
+        in a wrong minimum. Another search begins at the fit of the first test, and counts if its fit is clearly better.
         """
+        found = self._nearby(state, predicted, observations, offset)
+        first = Belief(self.reference.start, predicted.covariance)
+        other = self._nearby(state, first, observations, offset)
+        gain = found.measurement.squares - other.measurement.squares
+        return other if gain > scipy.stats.chi2.isf(_SETTINGS.contradicted, len(first.mean)) else found
+
+    def _nearby(self, state: State, predicted: Belief, observations: Observations, offset: Array) -> FileEstimate:
+        """Return what a file says near a prediction; constants keep their values unless it contradicts them."""
         constant = ~(self._model.is_free | (state.walk.step > 0.0))
         scale = state.walk.noise_scale
         fresh = estimate(self._model, observations, self._reopened(predicted, ~constant), offset, scale)
