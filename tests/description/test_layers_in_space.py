@@ -106,7 +106,7 @@ def test_a_collet_is_shorter_than_its_two_layers_by_the_node_that_both_meet():
     assert "20 mm away from where 'collet' has it, 20 mm further along" in problem_of(described)
 
 
-def test_a_joint_beside_a_collet_that_places_the_parts_alike_is_not_reported():
+def test_a_joint_that_places_the_parts_like_the_collet_next_to_it_is_not_reported():
     described = layered("collet", parts="timoshenko_beam")
     for part in described["substructures"].values():
         del part["place"]

@@ -68,7 +68,7 @@ def test_a_minimum_at_a_wall_is_that_of_another_optimiser():
     np.testing.assert_allclose(found.position, np.broadcast_to(other.x, (2, 2)), atol=1e-4)
 
 
-def rosenbrock_beside(problem, axis, value, other):
+def rosenbrock_with_one_axis_fixed(problem, axis, value, other):
     """Return residuals where one coordinate has a value and the other one is free."""
     return problem.residuals(np.insert(other, axis, value)[np.newaxis])[0]
 
@@ -79,7 +79,7 @@ def test_a_profile_is_the_least_sum_of_squares_over_the_other_coordinate():
     followed = profiles(problem, np.array([0.3, 0.4]), values, steps=30)
     for axis in (0, 1):
         for value, cost in zip(values.tolist(), followed.cost[axis], strict=True):
-            alone = partial(rosenbrock_beside, problem, axis, value)
+            alone = partial(rosenbrock_with_one_axis_fixed, problem, axis, value)
             ends = [2 * least_squares(alone, [start], bounds=(0, 1)).cost for start in (0.1, 0.4, 0.7, 1.0)]
             assert np.isclose(cost, ends, rtol=1e-3, atol=1e-3).any()
     assert (followed.position[0, :, 0] == values).all()

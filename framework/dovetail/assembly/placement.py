@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dovetail.assembly.model import Assembly
 from dovetail.description.changed_joint import axes_of
 from dovetail.description.checked import Description, JointEntry
-from dovetail.description.contact_geometry import contact_doubts, face_faults
+from dovetail.description.contact_geometry import contact_warnings, face_faults
 from dovetail.description.facing import facing_faults
 from dovetail.description.joint_sides import Side, declared_gap, has_positions, sides_of
 from dovetail.description.unknown_parts import UnknownPart
@@ -44,7 +44,7 @@ def placement_warnings(assembly: Assembly) -> Iterator[str]:
     for name, joint in description.joints.items():
         sides = sides_of(joint.connection, description.substructures, description.placements)
         yield from _without_positions(name, joint.connection.model, sides)
-        yield from (f"joints.{name}: {doubt}" for doubt in contact_doubts(joint.connection.model, sides))
+        yield from (f"joints.{name}: {warning}" for warning in contact_warnings(joint.connection.model, sides))
         for first, second in joint.connection.model.facing_ports:
             side, other = sides[first], sides[second]
             if side.in_space:  # their points were compared

@@ -37,7 +37,7 @@ def face_faults(model: JointModel, sides: Mapping[str, Side]) -> Iterator[str]:
             yield f"{_across_faces(side, other, spans[:, place])}: they overlap by {mm(overlap[place])}."
 
 
-def contact_doubts(model: JointModel, sides: Mapping[str, Side]) -> Iterator[str]:
+def contact_warnings(model: JointModel, sides: Mapping[str, Side]) -> Iterator[str]:
     """Yield what looks wrong with the cross-sections of the parts of a joint, a sentence or two each.
 
     Parameters
@@ -68,18 +68,18 @@ def _faces_apart(model: JointModel, side: Side, other: Side, spans: NDArray[np.f
     """Yield that the nodes do not lie on the faces, or that the faces lie next to each other."""
     upper = np.argmax(spans.sum(axis=2), axis=0)
     places = np.arange(spans.shape[1])
-    apart = np.maximum(np.abs(spans[upper, places, 0]), np.abs(spans[1 - upper, places, 1]))
-    place = int(np.argmax(apart - _allowed(spans)))
-    if apart[place] > _allowed(spans)[place]:
+    distance = np.maximum(np.abs(spans[upper, places, 0]), np.abs(spans[1 - upper, places, 1]))
+    place = int(np.argmax(distance - _allowed(spans)))
+    if distance[place] > _allowed(spans)[place]:
         yield (
             f"its nodes do not lie on the faces of the parts. {_across_faces(side, other, spans[:, place])}. The "
             f"contact of '{model.name}' acts at the nodes."
         )
     aside = np.cross(axes_of(model)[:, 0], _axis(side))
-    beside = [_spans(one, aside / (np.linalg.norm(aside) or 1.0)) for one in (side, other)]
-    if beside[0] is None or beside[1] is None or not _parallel(side, other):
+    first, second = (_spans(one, aside / (np.linalg.norm(aside) or 1.0)) for one in (side, other))
+    if first is None or second is None or not _parallel(side, other):
         return
-    gap = max(beside[0][:, 0].max() - beside[1][:, 1].min(), beside[1][:, 0].max() - beside[0][:, 1].min())
+    gap = max(first[:, 0].max() - second[:, 1].min(), second[:, 0].max() - first[:, 1].min())
     if gap >= 0.0:
         yield f"the faces of '{side.part}' and '{other.part}' do not meet: the parts lie next to each other."
 
