@@ -18,6 +18,7 @@ from dovetail.plain_text import terminal_text
 _LEAST_SIMILAR = 0.4
 """Ratio of common letters above which a spelling is suggested."""
 _LONGEST_WORD = 100
+"""Characters of a word for which a spelling is looked for: comparing takes their square."""
 _MISSING_ARGUMENTS = re.compile(
     r"(?P<name>\w+)\.__init__\(\) missing \d+ required (?:positional|keyword-only) arguments?: (?P<arguments>.+)"
 )

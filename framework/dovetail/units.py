@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 
 _LONGEST_TEXT = 100
+"""Characters of a text that is read as a number with a unit."""
 _WRITTEN_TOGETHER = ("newton_meter = N m = Nm", "newton_millimeter = N mm = Nmm", "newton_second = N s = Ns",
                      "newton_meter_second = N m s = Nms", "inch_per_second = inch / second = ips")  # fmt: skip
 """Units that laboratories write as one word; pint reads Nm as a measure of yarn."""

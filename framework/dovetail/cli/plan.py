@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from dovetail.design import MeasurementPlan, PlannedPoint, SeriesPlan
 
 _SHOWN = 8
+"""Points of a ranking that are printed, besides the described one."""
 _INTERVAL = 3.29
 """Width of a 90 % interval over the standard deviation."""
 

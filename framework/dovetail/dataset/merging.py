@@ -15,6 +15,7 @@ from dovetail.dataset.storage import ARRAYS
 from dovetail.errors import DatasetError, Fault, FileError, listing
 
 _MOST_LISTED = 8
+"""Missing blocks that a message lists."""
 
 
 def merge_datasets(shards: Sequence[str | os.PathLike[str]], path: str | os.PathLike[str]) -> Dataset:

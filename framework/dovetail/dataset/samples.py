@@ -17,6 +17,7 @@ from dovetail.errors import DatasetError, Fault
 from dovetail.plain_text import html_table
 
 FORMAT = 1
+"""Number of the format of a dataset; another one is refused."""
 
 _PROBES = 64
 """Number of FRFs that are computed again before a training; 0.1 s for the reference assembly."""

@@ -27,6 +27,7 @@ _HIDDEN = 0.01
 """A mode is hardly seen at a point whose amplitude there is this small a part of the largest of all points."""
 
 _MOST_MODES = 10
+"""Lowest modes of which nodes of vibration are named."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,6 +16,7 @@ Alternatives: TypeAlias = Sequence[Sequence[str]]
 """Groups of keys of a section, of which only one group may be used."""
 
 LONGEST_CHAIN = 16
+"""Files that extend one another."""
 _EXTENDS = "extends"
 FORMATS = {"dovetail": "an assembly", "dovetail_series": "a series of tests"}
 """Keys of which each document has one, or extends one that has, and what it describes."""

@@ -11,6 +11,7 @@ Path: TypeAlias = tuple[str | int, ...]
 """Keys and list indices from the root of the document."""
 
 _LONGEST_TEXT = 60
+"""Characters of a value that a message quotes."""
 
 
 @dataclass(frozen=True, order=True)

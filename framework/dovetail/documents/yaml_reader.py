@@ -27,6 +27,7 @@ DESCRIPTION = "a description (YAML); measured files come after it"
 LARGEST_TREE = 50_000
 """Number of values; those behind an alias are counted each time."""
 MOST_LEVELS = 32
+"""Of nesting, since reading is recursive."""
 LARGEST_WHOLE = 2**63 - 1
 
 UNPRINTABLE = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")

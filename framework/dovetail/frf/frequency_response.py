@@ -28,6 +28,7 @@ HIGHEST_FREQUENCY = 1e12
 LARGEST_VALUE = 1e100
 """In SI; the squares and products of values up to it are finite. The largest of an FRF must exceed its inverse."""
 MOST_AVERAGES = 1_000_000
+"""More than any test has; a larger number is another quantity."""
 _CORRECT = "Correct the unit or the columns, or remove these lines."
 
 

@@ -39,6 +39,7 @@ RESULT_FILE = "result.json"
 _LARGEST = 400_000_000
 """Bytes of the largest result that is read; that of a million lines has 140 million."""
 _MOST_FAULTS = 5
+"""Faults of a result that are listed."""
 _ACCEPTED = "the result.json of identify"
 _CONTRADICTION = "its values contradict each other, so this is not the result of an identification"
 

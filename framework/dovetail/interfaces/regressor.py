@@ -20,6 +20,7 @@ TrainingEpoch = Callable[[int], tuple[NDArray[np.float32], NDArray[np.float64]]]
 """From the index of an epoch to its features (n_samples, n_features) and targets (n_samples, n_targets)."""
 
 _EPOCHS_AT_ONCE = 4
+"""Epochs whose samples a regressor that knows no epochs gets together."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,6 +20,7 @@ from dovetail.monitoring.plain_arrays import from_plain, to_plain
 from dovetail.monitoring.tracker import State, state_from
 
 FORMAT = 3
+"""Number of the format of the state; another one is refused."""
 STATE, JOURNAL = "state.json", "files.jsonl"
 _ANEW = "Choose another folder; the files are then read again."
 _RESTORE = "Restore the file, or choose another folder."

@@ -17,6 +17,7 @@ from dovetail.problem.definition import bounds_reached, values_at
 LEVEL = 0.9
 """Probability of the intervals."""
 _QUANTILE = 1.6448536269514722
+"""Of the standard normal distribution at 95 %, so that `LEVEL` lies between its negative and it."""
 REFERENCE, PREDICTED, ALARM, SET_ASIDE, DUPLICATE = "reference", "as predicted", "alarm", "set aside", "duplicate"
 """What a file can be."""
 MEASURED = (REFERENCE, PREDICTED, ALARM)

@@ -17,6 +17,7 @@ MANIFEST = "manifest.json"
 _ACCEPTED = "a folder that 'dovetail train' wrote, or a description (YAML)"
 FORMAT: Final = "dovetail-model"
 VERSION: Final = 3
+"""Of the format; a model of a later one is refused."""
 
 TRAIN_AGAIN = "Train the model again, or get a fresh copy."
 

@@ -22,6 +22,7 @@ from dovetail.report.pages import as_data, chart_data, residual_over_noise, writ
 from dovetail.report.svg import page_figure
 
 _MOST_SHAPES = 10
+"""Lowest modes whose shapes are drawn."""
 _MOST_LINES, _ALL_LINES, _FEWEST_LINES = 3000, 6000, 300
 """Largest number of lines of an FRF in a chart, including peaks and dips, those of all charts, from which a page
 becomes slow to load, and the smallest number in a chart of many."""

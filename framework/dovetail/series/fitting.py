@@ -43,6 +43,7 @@ class Settings:
     tolerance: float = 1e-3
     """Decrease of the sum of squares in one step that ends a search."""
     steps: int = 100
+    """Most steps of a search."""
     margin: float = 1e-4
     """Distance of starts from the ends of the ranges."""
     scatter_rounds: int = 30

@@ -25,6 +25,7 @@ from dovetail.series.series_file import CandidateSection, SeriesFile, TestSectio
 from dovetail.units import to_fraction
 
 _WIDEST_SCATTER = 1.0
+"""Largest limit of a standard deviation, in parts of the range: more would be uniform over it."""
 
 
 class _Role(BaseModel):

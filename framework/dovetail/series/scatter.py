@@ -28,6 +28,7 @@ class Settings:
     points: int = 48
     """Draws in each round, for each standard deviation."""
     rounds: int = 3
+    """Rounds of draws, each about the mean and covariance of the one before."""
     freedom: float = 5.0
     """Degrees of freedom of the t distribution: its tails are heavier than those of a posterior."""
     spread: float = 1.0

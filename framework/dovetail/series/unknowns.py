@@ -25,6 +25,7 @@ Values: TypeAlias = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Values (n,) and their derivatives (n, k) by some unknowns."""
 
 _LEAST_INSIDE = 1e-300
+"""Smallest probability that is divided by."""
 
 
 @dataclass(frozen=True)

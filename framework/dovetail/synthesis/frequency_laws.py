@@ -14,6 +14,7 @@ _REACHES = (8.0, 1.6)
 """Factors from the middle of the sampled frequencies to their ends; the second if the joint cannot be evaluated or is
 not smooth within the first."""
 _SAMPLES = 121
+"""Frequencies at which a law is evaluated for its rational function."""
 _TOLERANCE = 1e-13
 """Error of the rational functions at the samples, relative to the largest value of an entry."""
 _MOST_TERMS = 20

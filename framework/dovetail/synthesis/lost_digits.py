@@ -15,6 +15,7 @@ _LEAST = 1e-7
 """Relative change of an FRF by rounding above which digits are lost: a tenth of the error of 1e-6 that is reported,
 since a few draws show a tenth of it or less. Chosen on uniform beams of 10 to 1000 elements."""
 _DRAWS = 3
+"""Random roundings that are tried; the largest change counts."""
 _UNRELATED = 1e-6
 """Receptance over the largest one below which its rounding errors are not counted, as between directions that do not
 move each other."""

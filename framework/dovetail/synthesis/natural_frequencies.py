@@ -25,6 +25,7 @@ _SWEPT_DOFS = 24
 _CONVERGED = 1e-6
 """Relative change of a pole in the last step; convergence is cubic, so that another step would change nothing."""
 _MOST_ITERATIONS = 12
+"""Steps after which a pole counts as not found."""
 _NEAR = 0.5
 """Distance of a pole from that without damping, over the distance to the nearest other one, up to which the two belong
 to each other. If all do, no pole lies between them."""

@@ -27,6 +27,7 @@ errors of the root of rounding, 1e-8, and a free mass has a shape with nothing b
 _CONVERGED = 1e-6
 """Relative change of a pole in the last step; convergence is cubic, so that another step would change nothing."""
 _MOST_ITERATIONS = 12
+"""Steps after which a pole counts as not found."""
 _SAME_POLE = 1e-7
 """Relative difference below which two poles are the same."""
 _ACCURATE = 1e-11

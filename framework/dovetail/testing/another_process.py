@@ -25,6 +25,7 @@ from dovetail.testing.specimen import Specimen
 from dovetail.testing.surroundings import changes, surroundings
 
 _LIMIT = 120
+"""Seconds after which the process is ended."""
 _ENVIRONMENT = dict(os.environ)
 """Environment before any component was called, which may change it."""
 _ANSWERS, _REPORT = "answers{}.npz", "report.json"

@@ -13,6 +13,7 @@ from dovetail.testing.linear_algebra import dense, has_idle_motion
 
 PARTS = {"M": "mass", "K": "stiffness", "C": "viscous damping", "D": "structural damping"}
 _VECTORS = 6
+"""Random parameter vectors of each answer."""
 _LINES = np.array([400.0, 30.0, 1500.0])
 _JOINT = ("parameters", "ports", "internal_dofs", "merged_dofs", "contact_dofs", "config")
 _SUBSTRUCTURE = ("nodes", "held", "grounded", "condensation_tolerance", "config")

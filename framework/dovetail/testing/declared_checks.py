@@ -15,6 +15,7 @@ from dovetail.testing.outcomes import Nonconformity
 from dovetail.units import dimension, is_unit, to_si
 
 _LONGEST_SUMMARY = 150
+"""Characters: a list of models has one line for each."""
 _CONTRACTS = "dovetail.interfaces."
 _NEARLY = 0.85
 """Similarity (difflib) above which a name counts as a misspelling: one or two letters in ten."""

@@ -17,6 +17,7 @@ from dovetail.testing.specimens import SubstructureSpecimen
 _RANGE = (0.97, 1.03)
 """Ends of the range of an option over its value."""
 _SAMPLES = 4
+"""Random values of the options."""
 _STEP = 1e-3
 """Step of the differences relative to the option, which leaves an error of 1e-12 of the second derivative."""
 _WRONG = 1e-6

@@ -22,6 +22,7 @@ from dovetail.testing.specimen import SEED, Specimen
 from dovetail.testing.surroundings import observe
 
 _DAMAGES = 200
+"""Random changes of each intact file."""
 _STRANGERS = (
     ("", b""),
     ("", b"\x00" * 512),

@@ -19,6 +19,7 @@ from dovetail.testing.surroundings import with_other_random_numbers
 from dovetail.testing.training_sets import TrainingSet
 
 _FEW = 12
+"""Rows that are compared one by one."""
 _BATCH = 500
 """Larger than a block of 256 rows, and not a multiple of it."""
 _GREATEST_SEED = 2**32 - 1

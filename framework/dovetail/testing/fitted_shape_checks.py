@@ -14,6 +14,7 @@ from dovetail.testing.outcomes import Nonconformity, NotApplicable
 from dovetail.testing.training_sets import TrainingSet
 
 _FEW = 30
+"""Training samples that may be too few."""
 _LINES = 5000
 """More than the 4451 of the published measurements."""
 _ENOUGH = 120

@@ -21,6 +21,7 @@ from dovetail.testing.surroundings import Observation, observe
 from dovetail.testing.training_sets import TrainingSet, fit, frf_samples, regression_samples
 
 _SAMPLES = 160
+"""Training samples: enough for every check, and quick to fit."""
 _LINES, _FEATURES = 120, 6
 """Features of a reducer and of a regressor; the latter are fewer than seven targets."""
 _OTHER_SEED = SEED + 1

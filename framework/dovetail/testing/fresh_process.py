@@ -22,6 +22,7 @@ from dovetail.testing.outcomes import Nonconformity
 from dovetail.testing.training_sets import TrainingSet, fit
 
 _LIMIT = 300
+"""Seconds after which the process is ended; fits of networks take minutes on a slow machine."""
 WORK = "work"
 """Working folder of a fresh process, initially empty."""
 _REQUEST, _ARRAYS, _SAMPLES = "request.json", "state.safetensors", "samples.npz"

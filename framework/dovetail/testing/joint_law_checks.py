@@ -14,6 +14,7 @@ _ROUNDING = 1e-9
 _VECTORS = 64
 """Number of parameter vectors at which all lines are computed, half of them corners."""
 _FEW = 4
+"""Parameter vectors where few suffice."""
 _TOWARDS_REST = np.array([1e-1, 1e-4, 1e-7, 1e-10])
 """Frequencies [Hz] that decrease by a constant factor."""
 _SETTLING = 0.98

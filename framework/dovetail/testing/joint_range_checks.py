@@ -14,7 +14,9 @@ from dovetail.testing.specimen import SEED
 from dovetail.testing.specimens import JointSpecimen
 
 _PARTS_OF_RANGES = 40
+"""Random parts of the ranges in which a component may be used."""
 _ROUNDING = 1e-9
+"""Relative difference by rounding at most."""
 _FACTORS = (2, 4)
 _STIFFNESS = 0.5
 """Largest relative change of the static stiffness with a mesh four times as fine, above which the mesh is useless."""

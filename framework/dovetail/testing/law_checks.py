@@ -16,6 +16,7 @@ _ENDS = (2.0, 10.0)
 _INSIDE = (2.0, 2.5, 4.0, 7.0, 10.0)
 _BEYOND = (1.5, 14.0)
 _STEP = 1e-6
+"""Step of central differences, in units of the unknowns, which are of the order of one."""
 _TOLERANCE = 1e-5
 """Largest error of a derivative, over the largest derivative: central differences have six digits or more."""
 _SAMPLES = 32

@@ -24,6 +24,7 @@ from dovetail.testing.specimen import SEED, Specimen
 from dovetail.testing.surroundings import observe
 
 _MASS = 1.0
+"""Of the oscillator [kg]."""
 _TRUTH = np.array([2.0e6, 60.0])
 _NOISE = 0.01
 """Standard deviation of real and imaginary part, relative to the magnitude."""

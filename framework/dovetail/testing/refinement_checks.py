@@ -12,7 +12,9 @@ from dovetail.testing.specimens import FREQUENCY, SubstructureSpecimen
 from dovetail.testing.substructure_checks import only_with_receptance, part_matrices
 
 _ROUNDING = 1e-9
+"""Relative difference by rounding at most."""
 _SOLVED = 1e-6
+"""Relative difference that a solved system of equations may have."""
 _FACTORS = (2, 4)
 _ORDER = 64.0
 """Largest reduction of an error with a mesh twice as fine, that of order six; with more it is a different part."""

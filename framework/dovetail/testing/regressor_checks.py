@@ -14,6 +14,7 @@ from dovetail.testing.outcomes import Nonconformity, NotApplicable
 from dovetail.testing.specimen import SEED
 
 _FEWEST_DRAWS = 50
+"""Draws from a distribution from which its mean and deviation are estimated."""
 
 _SKILL = 0.6
 """Smallest R2 of a target on unseen samples. Predicting the mean of two targets for both gives 0.5, training with four

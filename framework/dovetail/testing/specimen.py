@@ -9,6 +9,7 @@ from typing import Any
 from dovetail.interfaces import Component
 
 SEED = 7
+"""Of all random numbers of the checks, so that these are repeatable."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,9 @@ from dovetail.testing.outcomes import Nonconformity, NotApplicable, Reservation
 from dovetail.testing.specimens import SubstructureSpecimen
 
 _ROUNDING = 1e-9
+"""Relative difference by rounding at most."""
 _SOLVED = 1e-6
+"""Relative difference that a solved system of equations may have."""
 _TOLERANCE = 1e-3
 """Error of a condensation that would be visible in a measured FRF."""
 _NEIGHBOURS = (0.99, 1.0, 1.02)

@@ -46,6 +46,7 @@ PROMINENCE = 1.5
 """dB by which a peak must stand out: modes that the joint damps have low peaks."""
 
 _MOST_MODES = 20
+"""Lowest modes that are compared."""
 
 Identify = Callable[[Assembly, Frf], Identification]
 """What identifies a joint from an assembly's measurement without the accelerometer."""

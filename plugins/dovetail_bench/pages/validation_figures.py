@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _PANEL_HEIGHT = 2.5
+"""Inches."""
 _COMPENSATED = LINES[2]
 
 

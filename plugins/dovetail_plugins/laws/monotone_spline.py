@@ -11,6 +11,7 @@ from pydantic import Field
 import dovetail
 
 _DEGREE = 2
+"""Quadratic pieces, whose slope is continuous."""
 _LARGEST = 3.0
 """Range of the logarithms of the coefficients' increments: one is at most 20 times the next."""
 

@@ -22,6 +22,7 @@ _ENTRY = re.compile(
     + rb"|[ \t]*[-+]?\d\S*(?:[ \t]+[-+]?\d\S*){2}[ \t\r]*)[\r\n]"
 )
 _MOST_DOFS = 2_000_000
+"""Which bounds the memory."""
 _HELD = 1e35
 """Diagonal entry above which Abaqus holds a DOF, by a stiffness of 1e36."""
 _NOT_GLOBAL = {

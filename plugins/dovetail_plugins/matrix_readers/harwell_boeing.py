@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 _FORMAT = re.compile(r"\(\s*(?:\d+P,?\s*)?(\d*)\s*([IEDFG])\s*(\d+)(?:\.\d+)?(?:E\d+)?\s*\)", re.IGNORECASE)
 """A Fortran format such as (I14), (10I8), (1P,5E16.8) or (d25.15): repeats, letter and width."""
 _MOST_DOFS = 2_000_000
+"""Which bounds the memory."""
 
 
 def read_harwell_boeing(content: bytes) -> tuple[str, Any, bool]:

@@ -13,6 +13,7 @@ from dovetail_plugins.matrix_readers.bulk_data import Card, real, whole
 Dof = tuple[int, int]
 """A grid point and one of its components 1 to 6, or a scalar point and 0."""
 MOST_POINTS = 1_000_000
+"""In a list such as 1 THRU 9, which bounds the memory."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,6 +24,7 @@ _TEXT = re.compile(rb"\A(?:[ \t]*-?\d+){3}[ \t]*[1-4][A-Za-z ]")
 _RECORDS = tuple(struct.pack(f"{order}i", length) for order in "<>" for length in (24, 48))
 _FORMAT = re.compile(r"(?:1P,)?(\d+)[EDF](\d+)", re.IGNORECASE)
 _SYMMETRIC = 6
+"""Form of a matrix of which half is stored."""
 _MOST_DOFS = 2_000_000
 _BIG = 65536
 """Rows from which the strings of a sparse column have two integers in front, as in a matrix with negative rows."""

@@ -12,6 +12,7 @@ from dovetail_plugins.arrays import checked_rows, state_array
 
 _OWNER = "reducer 'pca'"
 _BLOCK = 1024
+"""Rows that are reduced at once, which bounds the memory."""
 
 
 class FittedPCA(dovetail.FittedReducer):

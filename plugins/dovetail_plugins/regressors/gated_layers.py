@@ -10,6 +10,7 @@ import torch
 from torch import nn
 
 _CLEARLY_FASTER = 0.8
+"""Ratio of times below which bfloat16 is used, since it costs digits."""
 
 
 class _Block(nn.Module):

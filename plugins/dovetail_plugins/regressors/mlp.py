@@ -32,8 +32,11 @@ _GAUSSIAN, _ACTIVATION = "gaussian", "activation"
 _LARGEST_LOGARITHM = 10.0
 """Largest logarithm on the diagonal of a precision's Cholesky factor: a standard deviation of 1/20,000."""
 _DRAWS = 500
+"""Draws from the distribution of each answer."""
 _NORM_EPSILON = 1e-5
+"""As in torch.nn.LayerNorm."""
 _BLOCK = 4096
+"""Rows that are predicted at once, which bounds the memory."""
 _HELD = 0.9
 """Probability of the intervals that are calibrated, and share of held-back samples that they then contain."""
 _GROUPS, _FEWEST_HELD_BACK = 8, 300

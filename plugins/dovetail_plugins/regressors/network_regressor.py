@@ -24,12 +24,15 @@ if TYPE_CHECKING:
 LARGEST_FEATURE = 8.0
 """Largest feature, in standard deviations, for a distribution: an unusual FRF must not get a certain answer."""
 _LARGEST_GRADIENT = 5.0
+"""Norm to which gradients are clipped, so that a single batch cannot undo the training."""
 _MARGIN = 1e-3
 """Distance from the ends of the range, 0 and 1, to which targets are clipped: three standard deviations."""
 _RISE = 0.2
 """Share of a one-cycle training in which the learning rate increases."""
 _FEWEST = 3
+"""Samples: two to train on and one to validate with."""
 _LARGE = 500_000
+"""Weights from which several threads train faster than one."""
 
 
 class TrainingConfig(dovetail.ComponentConfig):

@@ -20,6 +20,7 @@ _COORDINATES = ("point_x", "point_y", "point_z")
 _COLUMNS = (*TABLE_ARRAYS.values(), *_COORDINATES)
 _EXAMPLE = "a first line 'node,direction' (and 'position', 'row'), then a line for each DOF"
 _LARGEST_FILE = 100_000_000
+"""Bytes."""
 
 
 def read_dof_table(path: Path, size: int) -> DofTable:

@@ -20,6 +20,7 @@ _LARGEST_FILE = 1_000_000_000
 _ALWAYS_UNPACKED, _MOST_TIMES = 100_000_000, 20
 """Unpacked bytes that are always accepted, and largest ratio to the archive's size; sparse matrices need 3 to 8."""
 _MOST_ARRAYS = 1000
+"""Entries of an archive; a part has some twenty."""
 _ENTRY = b"PK\x01\x02"
 """First bytes of each entry in the directory; counted, since the number at the end of the archive may be wrong."""
 _LARGEST_DENSE = 3_000
@@ -27,6 +28,7 @@ _LARGEST_DENSE = 3_000
 _LARGEST_ENTRY = 1e100
 """In SI; sums and products of entries up to it are finite."""
 _MOST_DOFS = 2_000_000
+"""Of a sparse matrix, which bounds the memory."""
 _ASYMMETRY = 1e-6
 """Largest difference of two mirrored entries, over the largest entry; printed matrices are rounded."""
 _FORMATS = "NPZ (.npz), MATLAB to version 7 (.mat) or, one for each matrix, Matrix Market (.mtx)"

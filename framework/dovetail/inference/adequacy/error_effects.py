@@ -32,6 +32,7 @@ class Settings:
     tolerance: float = 0.05
     """Decrease of the sum of squares in one step that ends a fit."""
     steps: int = 60
+    """Most steps of a fit."""
 
 
 _SETTINGS = Settings()

@@ -32,6 +32,7 @@ class Settings:
     """Relative error of natural frequencies for which residuals are averaged first; then `wider` times more."""
     wider: float = 2.0
     widest: float = 0.15
+    """The largest error for which residuals are averaged."""
     consistent: float = 2.0
     """Largest ratio of an estimate to this error, either way; a larger estimate needs wider averages."""
     unexplained: float = 0.05

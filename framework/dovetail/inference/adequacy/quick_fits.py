@@ -30,6 +30,7 @@ class Settings:
     tolerance: float = 0.1
     """Decrease of the sum of squares, per step, that ends a search."""
     steps: int = 40
+    """Most steps of a search."""
     passes: int = 3
     """Fits of an amount together with the joint, the first of them of logarithms."""
     reweighted: int = 6
@@ -41,6 +42,7 @@ class Settings:
     candidates: int = 256
     """Random joints, of which those with the most similar FRFs are starts of a search."""
     starts: int = 3
+    """Number of those starts."""
     error: float = 0.1
     """Relative error that every line is allowed, so that none dominates."""
     free: float = 100.0

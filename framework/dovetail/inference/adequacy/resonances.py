@@ -35,6 +35,7 @@ class Settings:
     finest_part: float = 0.02
     """Of the mains frequency, above which lines are too coarse to recognise hum."""
     fewest_hums: int = 2
+    """Lines at multiples of the mains frequency that make it hum, since one alone may be chance."""
 
 
 _SETTINGS = Settings()

@@ -56,6 +56,7 @@ class Settings:
     pilots: int = 48
     """Number of searches in each round of exploration."""
     pilot_iterations: int = 30
+    """Most steps of each."""
     scatter: float = 0.3
     """Distance of the first points from a mode, in standard deviations by the fit's information."""
     margin: float = 1e-3

@@ -15,6 +15,7 @@ from dovetail.synthesis.codegen.vector_ir import WIDTH
 
 _INTEGERS, _ARRAYS = 3, 11
 _CACHE_LINE = 64
+"""Bytes."""
 
 
 class MachineKernel:
