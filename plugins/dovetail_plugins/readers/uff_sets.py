@@ -32,7 +32,6 @@ _DIRECTIONS = {0: "scalar", 1: "x", 2: "y", 3: "z", 4: "rotation x", 5: "rotatio
 DIRECTIONS = {0: "", 1: "x", 2: "y", 3: "z", 4: "rx", 5: "ry", 6: "rz"}
 """Directions in the names of DOFs."""
 _MOST_SETS = 10_000
-_SETS_SHOWN = 20
 _TAG = re.compile(rb" {4}-1(?=[\r\n]| {74}|\Z)")
 """Start and end of every set; the same rule as pyuff's."""
 _HEADER = re.compile(rb"(?:[^\r\n]{0,200}(?:\r\n|\r|\n)){13}")

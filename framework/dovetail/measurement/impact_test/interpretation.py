@@ -28,7 +28,6 @@ _SAME_RATE = 1e-3
 _SAME_START = 0.1
 """Largest difference of two starts that are equal, relative to the step."""
 _PER_SECOND = ("samples/s", "sample/s", "s/s", "sps", "1/s", "1/sec", "hz")
-_MOTION = {"accelerance": "an acceleration", "mobility": "a velocity", "receptance": "a displacement"}
 
 
 class Choice(NamedTuple):
