@@ -260,6 +260,24 @@ def test_frequency_response_data_are_read_with_units_and_asked_for_them(tmp_path
 
 
 @pytest.mark.usefixtures("unguarded")
+@pytest.mark.parametrize(
+    ("response", "force", "dofs"), [("1", "1", ("1+z", "1+z")), ("2", "1", ("2+z", "1+z")), ("2", "2", ("2+z", "5+z"))]
+)
+def test_names_of_inputs_and_outputs_are_those_of_the_chosen_frf(
+    tmp_path: Path, response: str, force: str, dofs: tuple[str, str]
+) -> None:
+    frequency = np.array([10.0, 20.0, 30.0])
+    names = {
+        key: np.array(one, dtype=object) for key, one in (("OutputName", ["1+z", "2+z"]), ("InputName", ["1+z", "5+z"]))
+    }
+    values = np.arange(12.0).reshape(2, 2, 3) + 1j
+    sys = {"ResponseData": values, "Frequency": frequency, "FrequencyUnit": "Hz", **names}
+    savemat(tmp_path / "a.mat", {"sys": sys})
+    frf = read_frf(tmp_path / "a.mat", quantity="accelerance", response=response, force=force)
+    assert (frf.response, frf.force, frf.note) == (*dofs, "")
+    np.testing.assert_array_equal(frf.values, values[int(response) - 1, int(force) - 1])
+
+
 def test_cells_and_frequency_response_data_of_version_7_3_are_read(tmp_path: Path) -> None:
     fields = {"sys/ResponseData": FRFS, "sys/Frequency": FREQUENCY * 2 * np.pi, "sys/FrequencyUnit": "rad/TimeUnit"}
     path = matlab_7_3(tmp_path / "a.mat", **fields, **{"sys/TimeUnit": "seconds", "x": FREQUENCY, "y": VALUES})

@@ -106,5 +106,8 @@ def _reasons(parameters: Sequence[Parameter], step: Step) -> list[str]:
         text = f"{abs(part):.2g} %" if np.isfinite(part) else f"{abs(after - before):.3g} {parameter.unit}"
         sentences.append(f"{parameter.name} {verb} by {text}.")
     if step.level_deviation > _CLEAR:
-        sentences.append("The model explains the FRF less well than before: something changed that it does not have.")
+        sentences.append(
+            "The model explains the FRF less well than before: something changed that it does not have, "
+            "or the file was read in a wrong unit or quantity."
+        )
     return sentences or ["No single parameter has clearly changed; together they are unlike the prediction."]

@@ -70,8 +70,9 @@ def read_unused(archive: RecordedArrays, fields: Mapping[str, str], skip: tuple[
         ):
             words_of_dof = [text for text in _texts(words) if not DOF.fullmatch(text)]
             texts += [(name, text, f"{archive.path}  {fields[name]}") for text in words_of_dof]
+    of_columns = {cell for cells in _cells_of_columns(archive, fields).values() for cell in cells}
     for name in _concerned(archive, fields):
-        if {name, plain_name(name), re.split(r"[/.]", name)[-1]} & set(skip):
+        if name in of_columns or {name, plain_name(name), re.split(r"[/.]", name)[-1]} & set(skip):
             continue
         value = _load(archive, name)
         if value is None or value.size == 0:
@@ -110,6 +111,10 @@ def points_of_columns(
     chosen : mapping of str to int
         Numbers of the chosen response and force, or of the FRF, from 1.
     """
+    for name, cells in _cells_of_columns(archive, fields).items() if chosen else ():
+        number = chosen.get(end := end_of_key(_key(name, fields)))
+        if number is not None and number <= len(cells) and (value := _load(archive, cells[number - 1])) is not None:
+            yield from (PointStatement(end, text) for text in _texts(value)[:1])
     for name in _concerned(archive, fields) if chosen else ():
         key, value = _key(name, fields), _load(archive, name)
         end = end_of_key(key) or ("point" if LISTS & set(words_of(key)) else "")
@@ -119,6 +124,16 @@ def points_of_columns(
         for one, number in chosen.items():
             if end in (one, "point") or (one == "point" and end):
                 yield from [PointStatement(one if end == "point" else end, labels[number - 1])][: number <= len(labels)]
+
+
+def _cells_of_columns(archive: RecordedArrays, fields: Mapping[str, str]) -> dict[str, list[str]]:
+    """Return the entries of each cell array with a point for each column, such as OutputName{1} and OutputName{2}."""
+    cells: dict[str, list[str]] = {}
+    for name in _concerned(archive, fields):
+        base, _, number = name.removesuffix("}").rpartition("{")
+        if name.endswith("}") and number.isdecimal() and end_of_key(_key(base, fields)) in ("response", "force"):
+            cells.setdefault(base, []).append(name)
+    return {base: names for base, names in cells.items() if len(names) >= _FEWEST_OF_LIST}
 
 
 def _attribute_texts(archive: RecordedArrays, fields: Mapping[str, str]) -> Iterator[tuple[str, str, str]]:
