@@ -276,6 +276,14 @@ def test_a_coherence_of_the_same_points_that_is_not_used_is_reported(tmp_path: P
         assert read_frf(file_of(tmp_path, SEVERAL[1], shorter)).coherence is None
 
 
+def test_a_coherence_does_not_depend_on_the_senses_of_the_directions(tmp_path: Path) -> None:
+    opposite = {**SEVERAL[3], "rsp_dir": -SEVERAL[3]["rsp_dir"]}
+    assert read_frf(file_of(tmp_path, SEVERAL[1], opposite)).coherence is not None
+    other = {**opposite, "data": 0.5 * SEVERAL[3]["data"]}
+    frf = read_frf(file_of(tmp_path, SEVERAL[1], other, SEVERAL[3]))
+    np.testing.assert_array_equal(frf.coherence, SEVERAL[3]["data"])
+
+
 def test_a_long_listing_is_cut(tmp_path: Path) -> None:
     message = fault_of(file_of(tmp_path, *[set_58(FREQUENCY, VALUES)] * 23))
     assert message.startswith("a.uff\n  the file holds 23 FRFs; choose one:\n    set 1: FRF")

@@ -163,8 +163,15 @@ def _signal(content: bytes, sets: Sequence[UffSet], uff_set: UffSet) -> Recorded
 
 
 def _matching_data(content: bytes, chosen: UffSet, candidates: Sequence[UffSet], frequency: Array) -> Array | None:
-    """Return the real data for the points and frequencies of the chosen set, if exactly one set has them."""
-    matching = [candidate for candidate in candidates if candidate.points == chosen.points]
+    """Return the real data for the points and frequencies of the chosen set, if exactly one set has them.
+
+    They do not depend on the senses of the directions, which count only if several sets are of the same points.
+    """
+    matching = [
+        candidate for candidate in candidates if tuple(map(abs, candidate.points)) == tuple(map(abs, chosen.points))
+    ]
+    if len(matching) > 1:
+        matching = [candidate for candidate in matching if candidate.points == chosen.points] or matching
     if not matching:
         return None
     axis, data = read_data(content, matching[0])
