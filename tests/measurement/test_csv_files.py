@@ -206,3 +206,17 @@ def test_a_phase_in_radians_that_looks_like_degrees_is_reported(tmp_path: Path) 
         warnings.simplefilter("error")
         for phase in (unwrapped, wrapped, wrapped % (2 * np.pi)):
             read(tmp_path, phase_table(100, phase).replace("_deg", "_rad"))
+
+
+@pytest.mark.parametrize(("repeated", "is_reported"), [(60, True), (10, False), (0, False), (200, False)])
+def test_many_lines_in_a_row_with_one_value_are_reported(tmp_path: Path, repeated: int, is_reported: bool) -> None:
+    frequency = 10.0 + np.arange(200)
+    values = 1.0 / (1.0 + 0.01j * frequency)
+    values[200 - repeated :] = values[199 - repeated]
+    rows = "".join(f"{f},{v.real!r},{v.imag!r}\n" for f, v in zip(frequency, values.tolist(), strict=True))
+    (tmp_path / "a.csv").write_text(f"# unit: g/N\nfrequency_Hz,real,imag\n{rows}")
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        read_frf(tmp_path / "a.csv")
+    assert [" lines in a row have the same value" in str(one.message) for one in caught] == [True] * is_reported
+    assert all(f"a.csv:{202 - repeated}: {repeated + 1} lines" in str(one.message) for one in caught)

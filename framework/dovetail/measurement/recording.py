@@ -27,6 +27,9 @@ _COHERENCE_ROUNDING = 1e-4
 _HIGHEST_COHERENCE = 1.05
 """Largest value for a coherence of 1 from analysers that average or correct auto and cross spectra differently."""
 
+_LONGEST_RUN, _LONGEST_PART = 20, 0.02
+"""Number of lines, and part of all, with the same value above which this is reported."""
+
 
 @dataclass(frozen=True)
 class Recording:
@@ -121,6 +124,7 @@ class Recording:
         self._check_finite(first)
         self._check_axis(first)
         self._check_amplitude(first)
+        self._warn_of_repeated(first)
         factor = self.factor if self.has_phase else abs(self.factor)
         whole = {"frequency": self.frequency, "value": self.values, "variance": self.variance}
         used = {name: None if array is None else array[first:] for name, array in whole.items()}
@@ -265,33 +269,36 @@ class Recording:
 
     def _check_axis(self, first: int) -> None:
         if self.frequency[first] < 0:
-            raise MeasurementError(
-                Fault(self.locate(first), f"the frequency {self.frequency[first]:.10g} Hz is negative.")
-            )
+            problem = f"the frequency {self.frequency[first]:.10g} Hz is negative."
+            raise MeasurementError(Fault(self.locate(first), problem))
         still = np.flatnonzero(np.diff(self.frequency) <= 0)
         if still.size:
             before, after = self.frequency[still[0]], self.frequency[still[0] + 1]
             fault = "is repeated" if before == after else f"comes after {before:.10g} Hz"
-            raise MeasurementError(
-                Fault(
-                    self.locate(int(still[0]) + 1),
-                    f"the frequency {after:.10g} Hz {fault}.",
-                    "frequencies that increase from line to line",
-                )
-            )
+            place, accepted = self.locate(int(still[0]) + 1), "frequencies that increase from line to line"
+            raise MeasurementError(Fault(place, f"the frequency {after:.10g} Hz {fault}.", accepted))
 
     def _check_amplitude(self, first: int) -> None:
         if self.has_phase:
             return
         negative = np.flatnonzero(self.values[first:] < 0) + first
         if negative.size:
-            raise MeasurementError(
-                Fault(
-                    self.locate(int(negative[0])),
-                    f"the amplitude {self.values[negative[0]]:.6g} is negative.",
-                    "an amplitude of zero or more, or real and imaginary part",
-                )
+            problem = f"the amplitude {self.values[negative[0]]:.6g} is negative."
+            accepted = "an amplitude of zero or more, or real and imaginary part"
+            raise MeasurementError(Fault(self.locate(int(negative[0])), problem, accepted))
+
+    def _warn_of_repeated(self, first: int) -> None:
+        """Warn of many lines in a row with exactly the same value, such as those with which a file was filled up."""
+        values = self.values[first:]
+        ends = np.flatnonzero(np.append(np.diff(values) != 0.0, True))
+        runs = np.diff(ends, prepend=-1)
+        longest = int(runs.max())
+        if max(_LONGEST_RUN, _LONGEST_PART * values.size) <= longest < values.size:
+            start = first + int(ends[runs.argmax()]) - longest + 1
+            problem = (
+                f"{longest} lines in a row have the same value, {values[start - first]:.4g}: was the file filled up?"
             )
+            warnings.warn(f"{self.locate(start)}: {problem}", stacklevel=4)
 
     def _clip_coherence(self, first: int) -> NDArray[np.float64] | None:
         if self.coherence is None:
@@ -299,12 +306,8 @@ class Recording:
         coherence = self.coherence[first:]
         outside = np.flatnonzero((coherence < -_COHERENCE_ROUNDING) | (coherence > _HIGHEST_COHERENCE))
         if outside.size:
-            raise MeasurementError(
-                Fault(
-                    self.locate(int(outside[0]) + first),
-                    f"the coherence {coherence[outside[0]]:.6g} is not between 0 and 1.",
-                )
-            )
+            problem = f"the coherence {coherence[outside[0]]:.6g} is not between 0 and 1."
+            raise MeasurementError(Fault(self.locate(int(outside[0]) + first), problem))
         if above := int(np.count_nonzero(coherence > 1 + _COHERENCE_ROUNDING)):
             lines = f"{above} of {coherence.size} lines, by up to {coherence.max() - 1:.2g}"
             warnings.warn(f"{self.where}: the coherence is above 1 at {lines}; it is taken as 1 there.", stacklevel=4)
