@@ -11,7 +11,7 @@ from dovetail import Fault, MeasurementError, Statement, read_unit
 from dovetail_plugins.readers.uff_sets import FORCE, ORDINATE, UNKNOWN, UffSet
 
 _SI_SYSTEM = 1
-_OTHER_SYSTEM = re.compile(r"\bmm\b|\bcm\b|milli|inch|\bin\b|foot|\bft\b|pound|kilogram f|user", re.IGNORECASE)
+_OTHER_SYSTEM = re.compile(r"\bmm\b|\bcm\b|milli|inch|\bin\b|foot|\bft\b|pound|kilogram f", re.IGNORECASE)
 """Words in the description of the units that are not those of SI."""
 _OWN_LINE = re.compile(r"\s*(response|force)\s*[:=]", re.IGNORECASE)
 """Keys of id lines that the reader uses if the header gives no node."""
