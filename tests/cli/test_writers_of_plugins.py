@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from inspect import getmodule, getsource
 from pathlib import Path
 
@@ -70,8 +71,23 @@ def files(run, assemblies, tmp_path_factory):
     response = np.exp(-20 * time) * np.sin(2 * np.pi * 200 * time)
     np.savez(folder / "hits.npz", force=pulse, response=response, rate=2048.0)
     names = {"description": description, "measured": measured, "result": result, "hits": folder / "hits.npz"}
-    names["series"] = assemblies / "series" / "torques.yaml"
+    names["series"] = written_series(folder, description, run)
     return {name: str(path) for name, path in names.items()} | {"plugin": str(folder / "triplets.py")}
+
+
+def written_series(folder, description, run):
+    """A series of two short measurements of the same mount at different torques."""
+    assembly = folder / "few_lines.yaml"
+    axis = {"start": "20 Hz", "stop": "420 Hz", "step": "10 Hz"}
+    assembly.write_text(json.dumps({"extends": str(description), "name": "few lines", "frequency": axis}))
+    tests = {}
+    for torque in (60, 80):
+        run("simulate", assembly, "--set", f"k={torque / 20} MN/m", "--set", "c=40", "-o", folder / f"{torque}.csv")
+        tests[f"at {torque}"] = {"measured": f"{torque}.csv", "at": {"torque": torque}}
+    parameters = {"k": {"law": "linear", "over": "torque"}, "c": "shared"}
+    series = {"assembly": assembly.name, "covariates": {"torque": "N m"}, "tests": tests, "parameters": parameters}
+    (folder / "series.yaml").write_text(json.dumps({"dovetail_series": 1, "name": "two torques", **series}))
+    return folder / "series.yaml"
 
 
 def words(command, files, target):
