@@ -84,7 +84,7 @@ def test_the_study_of_interpolation_prints_errors_and_times_by_number_of_lines(t
 
 
 def test_the_noise_floor_is_reached_in_a_case():
-    rows = cells(run("noise_floor.py", "--cases", 1, "--every", 4))[2:]
+    rows = cells(run("noise_floor.py", "--cases", 1, "--every", 12))[2:]
     assert [row[2] for row in rows[:3]] == ["refined", "multistart, frf", "multistart, weighted"]
     assert len(rows) == 12
     assert all(row[3] == "1 of 1" for row in rows if row[1:3] == ["complex", "refined"])

@@ -49,7 +49,7 @@ def test_joints_damped_by_another_law_are_judged_by_damping(case):
     assert not replace(case, reported=case.known, reported_damping=0.04).between
 
 
-@pytest.mark.parametrize("number", [1, pytest.param(6, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("number", [3, pytest.param(6, marks=pytest.mark.slow)])
 def test_another_structure_does_not_fit(number):
     assert foreign(number, seed=88) == "does not fit"
 
@@ -62,5 +62,5 @@ def test_a_mistake_of_units_is_named_where_the_model_errs(number, size, seed):
 
 
 def test_another_quantity_is_named_of_an_exact_model():
-    named = caused((0, "quantity", 0.0), seed=612, limit=200.0)
+    named = caused((7, "quantity", 0.0), seed=612, limit=200.0)
     assert named.words == "the values read as mobility, not as accelerance"
