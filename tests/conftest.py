@@ -39,8 +39,9 @@ MOST_MEMORY = 3000
 """MiB that a process of the default suite takes at most: one for each core must fit into a usual machine."""
 MOST_SECONDS = 20.0
 """Processor seconds, children included, above which a test is listed at the end of a run."""
-LAST = ("architecture", "coupling", "description", "frf", "plugins", "registry", "report")
-"""Folders of short tests, which are run when the others have begun: no worker then has a long file left at the end."""
+LAST = ("plugins", "registry", "report", "architecture", "coupling", "frf", "description")
+"""Folders of short tests, which are run when the others have begun, the one with the most short files at the very end:
+no worker then has a long file left."""
 RUN_BY_DEFAULT = 4
 """Of a sweep, one of so many combinations is run by default, or of fewer if a value would be in none of them."""
 WHOLE_SWEEP = 30
@@ -66,7 +67,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for cases in sweeps.values():
         for case in cases_left_out(cases):
             case.add_marker(pytest.mark.slow)
-    items.sort(key=lambda item: item.path.parent.name in LAST)
+    places = {folder: place for place, folder in enumerate(LAST, 1)}
+    items.sort(key=lambda item: places.get(item.path.parent.name, 0))
 
 
 @pytest.hookimpl(trylast=True)
