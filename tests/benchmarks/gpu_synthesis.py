@@ -68,7 +68,7 @@ class Prototype:
     def __init__(self, engine: Engine, device: str, precision: torch.dtype) -> None:
         self.engine, self.program = engine, engine.program
         self._as_tensor = lambda values: torch.tensor(values, dtype=precision, device=device)
-        self._keys, static = engine.plan.inputs.static()
+        self._keys, static = engine.system.substructure_rows(engine.program)
         rows = np.array(list(static))
         self._rows = self._as_tensor(rows[:, : len(engine.frequency)])
         self._omega = self._as_tensor(2.0 * np.pi * engine.frequency)

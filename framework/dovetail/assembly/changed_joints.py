@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 from typing import overload
 
 import numpy as np
@@ -31,8 +32,12 @@ class _StructurallyDamped(MappedJoint):
         return type(matrices)(matrices.M, matrices.K, D=matrices.D + self._omega * matrices.C)
 
 
+_model_with_damping = lru_cache(maxsize=64)(_StructurallyDamped)
+"""The model for a joint's model and a frequency, made once, so that its superposition is derived and checked once."""
+
+
 def structurally_damped(joint: JointEntry) -> JointEntry:
     """Return a joint whose model has the joint's structural damping."""
     assert joint.structural_damping is not None
-    model = _StructurallyDamped(joint.connection.model, joint.structural_damping)
+    model = _model_with_damping(joint.connection.model, joint.structural_damping)
     return replace(joint, connection=replace(joint.connection, model=model))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,6 +83,10 @@ class _Windowed(ChangedJoint):
         return StructuralMatrices(plain.M, stiffness, plain.C + 2.0 * rate * plain.M, plain.D)
 
 
+_sensor_mass, _windowed_model = lru_cache(maxsize=64)(_SensorMass), lru_cache(maxsize=64)(_Windowed)
+"""The models made once each, so that their superpositions are derived and checked once."""
+
+
 class _NodesAlone(SubstructureModel):
     """The nodes of a part without its matrices, which its `UnknownPart` has.
 
@@ -137,7 +142,7 @@ def entries_at_response(description: Description) -> dict[str, JointEntry]:
 def _sensor(place: Place, owner: str) -> JointEntry:
     moves = DIRECTIONS if place.node in place.dofs.carriers else place.dofs.directions[place.node]
     directions = tuple(d for d in moves if moves == PLANAR or not is_rotation(d))  # a planar node's stay together
-    sensor = Connection(_SensorMass(directions), (Attachment(place.substructure, (place.node,)),))
+    sensor = Connection(_sensor_mass(directions), (Attachment(place.substructure, (place.node,)),))
     return JointEntry(connection=sensor, parameters=_SensorMass.parameters, ties={"mass": Tie(owner, "mass")})
 
 
@@ -149,7 +154,7 @@ def _windowed(name: str, entry: JointEntry, window: Tie) -> JointEntry:
         remedy = "Remove the window from the measured FRF, or leave 'window' out."
         raise ParameterError(Fault(f"{window.owner}.window", problem, remedy=remedy))
     ties = {parameter.name: entry.ties.get(parameter.name, Tie(name, parameter.name)) for parameter in model.parameters}
-    windowed = _Windowed(model)
+    windowed = _windowed_model(model)
     connection = replace(entry.connection, model=windowed)
     return JointEntry(connection=connection, parameters=windowed.parameters, ties={**ties, "window": window})
 

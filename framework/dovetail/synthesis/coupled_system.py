@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from weakref import WeakKeyDictionary
 
@@ -11,10 +13,12 @@ import scipy  # loads a part of it when that is first used
 from numpy.typing import NDArray
 
 from dovetail.errors import DovetailError
-from dovetail.interfaces import SubstructureModel, plugin_errors
+from dovetail.interfaces import JointModel, SubstructureModel, plugin_errors
 from dovetail.synthesis.condensation import BoundaryStiffness, boundary_stiffness
+from dovetail.synthesis.elimination import Program
 from dovetail.synthesis.graph import Graph, Point
 from dovetail.synthesis.joint_evaluation import (
+    JointSparsity,
     Sparsity,
     Theta,
     UnplannedEntries,
@@ -83,6 +87,63 @@ def _latest_stiffness(
             stiffness.values.setflags(write=False)
             _LATEST[substructure] = wanted, stiffness
     return stiffness
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedJoint:
+    """A joint, and where its DOFs are among the active ones of the coupled system.
+
+    Parameters
+    ----------
+    name : str
+    model : JointModel
+    sparsity : JointSparsity
+    local, indices : (n,) arrays of int
+        Its DOFs that are active, by its own numbers and by those of the system.
+    """
+
+    name: str
+    model: JointModel
+    sparsity: JointSparsity
+    local: NDArray[np.intp]
+    indices: NDArray[np.intp]
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        """What two joints have in common that are the same at the same place."""
+        arrays = (self.sparsity.matrices, self.sparsity.derivatives, self.local, self.indices)
+        return (self.name, self.model, *(array.tobytes() for array in arrays))
+
+
+@dataclass(frozen=True, eq=False)
+class JointStructure:
+    """The joints of a coupled system and its elimination, without the lines and the substructures.
+
+    Two are equal if they lead to the same inputs of a kernel.
+
+    Parameters
+    ----------
+    joints : tuple of PlacedJoint
+    program : Program
+        Over the system's active DOFs.
+    jacobian_columns : mapping of str to list of int
+        Columns of each joint's theta by which to differentiate.
+    """
+
+    joints: tuple[PlacedJoint, ...]
+    program: Program
+    jacobian_columns: Mapping[str, list[int]]
+
+    @cached_property
+    def _key(self) -> tuple[object, ...]:
+        columns = tuple((name, *columns) for name, columns in self.jacobian_columns.items())
+        return (self.program, columns, *(joint.key for joint in self.joints))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, JointStructure) and self._key == other._key
+
+    def __hash__(self) -> int:
+        return hash(self._key)
 
 
 class CoupledSystem:
@@ -163,6 +224,30 @@ class CoupledSystem:
         """Return which of some global DOFs are active, and their indices among the active ones."""
         local = np.flatnonzero(np.isin(numbers, self.active))
         return local, np.searchsorted(self.active, numbers[local])
+
+    @property
+    def joints(self) -> tuple[PlacedJoint, ...]:
+        """The joints at their places."""
+        return tuple(
+            PlacedJoint(name, connection.model, self.sparsity[name], *self.locate(self.graph.joint_dofs(name)))
+            for name, connection in self.graph.connections.items()
+        )
+
+    def substructure_rows(self, program: Program) -> tuple[tuple[tuple[int, int], ...], Iterator[NDArray[np.float64]]]:
+        """Return slot and part (0 real, 1 imaginary) of the substructures' non-zero rows, and these rows (n_freq,)."""
+        values = defaultdict[int, list[NDArray[np.complex128]]](list)
+        for boundary in self.condensed.values():
+            local, indices = self.locate(boundary.numbers)
+            entry = boundary.entry[np.ix_(local, local)]
+            for row, column, slot in program.entries(indices, entry >= 0):
+                values[slot].append(boundary.values[entry[row, column]])
+
+        def row_of(slot: int, half: int) -> NDArray[np.float64]:
+            parts = [each.view(np.float64)[half::2] for each in values[slot]]
+            return np.asarray(np.sum(parts, axis=0)) if len(parts) > 1 else parts[0]
+
+        keys = tuple((slot, half) for slot in sorted(values) for half in (0, 1) if row_of(slot, half).any())
+        return keys, (row_of(*key) for key in keys)
 
     def dynamic_stiffness(self, theta: Theta, lines: NDArray[np.intp] | slice) -> NDArray[np.complex128]:
         """Return Z (n_lines, d, d) of the active DOFs at some lines; see `in_relative_coordinates`."""

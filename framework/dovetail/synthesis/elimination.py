@@ -59,6 +59,30 @@ class Program:
         """Number of complex multiplications per frequency, including divisions by the pivots."""
         return len(self.update) + len(self.column) + self.pivots + 1
 
+    @cached_property
+    def _slot_of(self) -> NDArray[np.intp]:
+        """Slot (size, size) of each entry, from either half; -1 for those that are zero."""
+        slots = np.full((len(self.order),) * 2, -1, dtype=np.intp)
+        slots[self.rows, self.columns] = slots[self.columns, self.rows] = np.arange(self.slots)
+        return slots
+
+    def entries(self, indices: NDArray[np.intp], filled: NDArray[np.bool_]) -> list[tuple[int, int, int]]:
+        """Return (row, column, slot) of the lower triangle, and of both halves if two local DOFs are merged.
+
+        Parameters
+        ----------
+        indices : (n,) array of int
+            DOFs of the system.
+        filled : (n, n) bool array
+            Which entries between them are wanted.
+        """
+        entries = []
+        for row, column in zip(*np.nonzero(filled), strict=True):
+            slot = int(self._slot_of[indices[row], indices[column]])
+            if slot >= 0 and (column <= row or indices[row] == indices[column]):
+                entries.append((int(row), int(column), slot))
+        return entries
+
 
 def plan_elimination(pattern: NDArray[np.bool_], keep: Sequence[int], order: Sequence[int] = ()) -> Program:
     """Order the DOFs by minimum degree, the kept ones last, and list the steps of their elimination.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,8 @@ from dovetail.synthesis.graph import Graph
 Theta = Mapping[str, NDArray[np.float64]]
 """All parameters of each joint, (n, n_params), by the joint's name."""
 
+_LATEST: WeakKeyDictionary[JointModel, tuple[bytes, NDArray[np.bool_]]] = WeakKeyDictionary()
+"""The entries that each joint's matrices filled latest, and the parameter vectors."""
 _ASYMMETRY = 1e-9
 """Difference of two mirrored entries that counts as rounding, relative to both and to their diagonal."""
 
@@ -300,15 +303,23 @@ def probe_matrices(graph: Graph, frequency: NDArray[np.float64], theta: Theta) -
                 stiffness = joint_stiffness(name, model, _few_lines(frequency), theta[name])
                 matrices = filled_entries(stiffness)[np.newaxis]
             else:
-                matrices = joint_matrices(name, model, theta[name]).filled[0]
-            if superposed := superposition(name, model):
-                with plugin_errors(model, _label(name, model)):
-                    matrices = superposed.filled(
-                        np.flatnonzero(superposed.functions(theta[name]).any(axis=1)), MATRICES
-                    )
+                matrices = _probed(name, model, theta[name])
         none = np.zeros((len(model.parameters), *matrices.shape), dtype=np.bool_)
         sparsity[name] = JointSparsity(matrices, none)
     return sparsity
+
+
+def _probed(name: str, model: JointModel, theta: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return the filled entries (4, d, d) of a joint's matrices; those of the latest parameter vectors are kept."""
+    latest, probes = _LATEST.get(model), theta.tobytes()
+    if latest is not None and latest[0] == probes:
+        return latest[1]
+    filled: NDArray[np.bool_] = joint_matrices(name, model, theta).filled[0]
+    if superposed := superposition(name, model):
+        with plugin_errors(model, _label(name, model)):
+            filled = superposed.filled(np.flatnonzero(superposed.functions(theta).any(axis=1)), MATRICES)
+    _LATEST[model] = probes, filled
+    return filled
 
 
 def probe_derivatives(

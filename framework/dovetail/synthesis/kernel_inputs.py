@@ -1,11 +1,10 @@
-"""The entries of substructures and joints at each slot of the elimination, as columns of the kernel's arrays."""
+"""The entries of joints at each slot of the elimination, as columns of the kernel's arrays."""
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import scipy  # loads a part of it when that is first used
@@ -14,11 +13,11 @@ from numpy.typing import NDArray
 from dovetail.interfaces import Superposition, plugin_errors
 from dovetail.interfaces.superposition import NAMES
 from dovetail.synthesis.codegen.layout import MATRICES, Derivative, Term
-from dovetail.synthesis.coupled_system import CoupledSystem
-from dovetail.synthesis.elimination import Program
+from dovetail.synthesis.coupled_system import JointStructure, PlacedJoint
 from dovetail.synthesis.joint_evaluation import (
     JointSparsity,
     MatrixRows,
+    Sparsity,
     Theta,
     UnplannedEntries,
     depends_on_frequency,
@@ -68,7 +67,7 @@ class SuperposedJoints:
 
     Parameters
     ----------
-    system : CoupledSystem
+    placed : mapping of str to PlacedJoint
     joints : mapping of str to Superposition
     columns : mapping of str to MatrixColumns
         Of each of these joints: where its entries belong in the kernel's array.
@@ -80,13 +79,13 @@ class SuperposedJoints:
 
     def __init__(
         self,
-        system: CoupledSystem,
+        placed: Mapping[str, PlacedJoint],
         joints: Mapping[str, Superposition],
         columns: Mapping[str, MatrixColumns],
         count: int,
         differentiated: Mapping[str, Sequence[int]] | None = None,
     ) -> None:
-        self._system, self._joints, self._count = system, joints, count
+        self._placed, self._joints, self._count = placed, joints, count
         self._slopes = differentiated is not None
         self._pairs = {name: self._pairs_of(joint, differentiated, name) for name, joint in joints.items()}
         blocks = [self._coefficients(name, columns[name]) for name in joints]
@@ -128,7 +127,7 @@ class SuperposedJoints:
     def _unplanned_pairs(self, name: str) -> NDArray[np.intp]:
         """Return the pairs of a joint with entries that are not planned for."""
         functions, sets = self._pairs[name]
-        planned = self._system.sparsity[name]
+        planned = self._placed[name].sparsity
         filled = planned.derivatives if self._slopes else planned.matrices[np.newaxis]
         return np.array(
             [
@@ -159,8 +158,7 @@ class SuperposedJoints:
 
     def _values(self, name: str, theta: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the functions of a joint, or the slopes that are not constant, checked."""
-        joint = self._joints[name]
-        model = self._system.graph.connections[name].model
+        joint, model = self._joints[name], self._placed[name].model
         with plugin_errors(model, f"{model.kind} '{name}' ({model.name})"):
             values = joint.slopes(theta) if self._slopes else joint.functions(theta)
         if len(self._unplanned[name]):
@@ -173,7 +171,7 @@ class SuperposedJoints:
         """Raise `UnplannedEntries` if there are some pairs of a joint for whose entries the system is not planned."""
         if not len(pairs):
             return
-        planned, joint = self._system.sparsity[name], self._joints[name]
+        planned, joint = self._placed[name].sparsity, self._joints[name]
         matrices, derivatives = planned.matrices.copy(), planned.derivatives.copy()
         for pair in pairs:
             function, number = (int(array[pair]) for array in self._pairs[name])
@@ -182,41 +180,23 @@ class SuperposedJoints:
         raise UnplannedEntries({name: JointSparsity(matrices, derivatives)})
 
 
+@lru_cache(maxsize=16)
+def kernel_inputs(structure: JointStructure) -> KernelInputs:
+    """Return the inputs from a system's joints; those of the same joints on other lines or with other parts again."""
+    return KernelInputs(structure)
+
+
 class KernelInputs:
-    """The kernel's inputs from substructures and from joints with constant matrices.
+    """The kernel's inputs from joints with constant matrices.
 
     Parameters
     ----------
-    system : CoupledSystem
-    program : Program
-        Over the system's active DOFs.
-    jacobian_columns : mapping of str to list of int
-        Columns of each joint's theta by which to differentiate.
+    structure : JointStructure
     """
 
-    def __init__(self, system: CoupledSystem, program: Program, jacobian_columns: Mapping[str, list[int]]) -> None:
-        self._system = system
-        self._program = program
-        self._jacobian_columns = jacobian_columns
-        self._slot_of = np.full((len(system.active),) * 2, -1, dtype=np.intp)
-        for slot, (row, column) in enumerate(zip(program.rows, program.columns, strict=True)):
-            self._slot_of[row, column] = self._slot_of[column, row] = slot
-
-    def static(self) -> tuple[tuple[tuple[int, int], ...], Iterator[NDArray[np.float64]]]:
-        """Return slot and part (0 real, 1 imaginary) of the substructures' non-zero rows, and these rows (n_freq,)."""
-        slot_values = defaultdict[int, list[NDArray[np.complex128]]](list)
-        for boundary in self._system.condensed.values():
-            local, indices = self._system.locate(boundary.numbers)
-            entry = boundary.entry[np.ix_(local, local)]
-            for row, column, slot in self._entries(indices, entry >= 0):
-                slot_values[slot].append(boundary.values[entry[row, column]])
-
-        def row_of(slot: int, half: int) -> NDArray[np.float64]:
-            parts = [values.view(np.float64)[half::2] for values in slot_values[slot]]
-            return np.asarray(np.sum(parts, axis=0)) if len(parts) > 1 else parts[0]
-
-        keys = tuple((slot, half) for slot in sorted(slot_values) for half in (0, 1) if row_of(slot, half).any())
-        return keys, (row_of(*key) for key in keys)
+    def __init__(self, structure: JointStructure) -> None:
+        self._program, self._jacobian_columns = structure.program, structure.jacobian_columns
+        self._placed = {joint.name: joint for joint in structure.joints}
 
     @cached_property
     def terms(self) -> tuple[Term, ...]:
@@ -224,7 +204,7 @@ class KernelInputs:
         terms = {
             (slot, matrix)
             for name in self._names
-            for matrix, filled in zip(MATRICES, self._system.sparsity[name].matrices, strict=True)
+            for matrix, filled in zip(MATRICES, self._placed[name].sparsity.matrices, strict=True)
             for _, slot in self.local_slots(name, filled)
         }
         return tuple(sorted(terms))
@@ -235,7 +215,7 @@ class KernelInputs:
         derivatives = {
             (parameter, slot, matrix)
             for parameter, name, column in self._differentiated
-            for matrix, filled in zip(MATRICES, self._system.sparsity[name].derivatives[column], strict=True)
+            for matrix, filled in zip(MATRICES, self._placed[name].sparsity.derivatives[column], strict=True)
             for _, slot in self.local_slots(name, filled)
         }
         return tuple(sorted(derivatives))
@@ -253,8 +233,7 @@ class KernelInputs:
     @cached_property
     def _names(self) -> list[str]:
         """The joints with constant matrices."""
-        connections = self._system.graph.connections
-        return [name for name, connection in connections.items() if not depends_on_frequency(connection.model)]
+        return [name for name, joint in self._placed.items() if not depends_on_frequency(joint.model)]
 
     @cached_property
     def _differentiated(self) -> list[tuple[int, str, int]]:
@@ -262,19 +241,10 @@ class KernelInputs:
         every = [(name, column) for name, columns in self._jacobian_columns.items() for column in columns]
         return [(number, name, column) for number, (name, column) in enumerate(every) if name in self._names]
 
-    def _entries(self, indices: NDArray[np.intp], filled: NDArray[np.bool_]) -> list[tuple[int, int, int]]:
-        """Return (row, column, slot) of the lower triangle, and of both halves if two local DOFs are merged."""
-        entries = []
-        for row, column in zip(*np.nonzero(filled), strict=True):
-            slot = int(self._slot_of[indices[row], indices[column]])
-            if slot >= 0 and (column <= row or indices[row] == indices[column]):
-                entries.append((int(row), int(column), slot))
-        return entries
-
     def local_slots(self, name: str, filled: NDArray[np.bool_]) -> list[tuple[tuple[int, int], int]]:
         """Return local row and column, and slot, of a joint's filled entries."""
-        local, indices = self._system.locate(self._system.graph.joint_dofs(name))
-        entries = self._entries(indices, filled[np.ix_(local, local)])
+        local = self._placed[name].local
+        entries = self._program.entries(self._placed[name].indices, filled[np.ix_(local, local)])
         return [((int(local[row]), int(local[column])), slot) for row, column, slot in entries]
 
     def _columns(
@@ -297,8 +267,11 @@ class KernelInputs:
     @cached_property
     def _term_columns(self) -> dict[str, MatrixColumns]:
         """Columns to which the entries of each joint's matrices belong."""
-        sparsity, ones = self._system.sparsity, np.ones(self._program.slots)
-        return {name: self._columns(name, [((), 0, sparsity[name].matrices)], self.terms, ones) for name in self._names}
+        ones, sets = (
+            np.ones(self._program.slots),
+            {n: [((), 0, self._placed[n].sparsity.matrices)] for n in self._names},
+        )
+        return {name: self._columns(name, joint, self.terms, ones) for name, joint in sets.items()}
 
     @cached_property
     def _weight_columns(self) -> dict[str, MatrixColumns]:
@@ -306,26 +279,25 @@ class KernelInputs:
         factors = np.where(self._program.rows != self._program.columns, -2.0, -1.0)
         sets: dict[str, list[_Set]] = {}
         for parameter, name, column in self._differentiated:
-            filled = self._system.sparsity[name].derivatives[column]
+            filled = self._placed[name].sparsity.derivatives[column]
             sets.setdefault(name, []).append(((parameter,), column, filled))
         return {name: self._columns(name, joint, self.derivatives, factors) for name, joint in sets.items()}
 
     @cached_property
     def _superpositions(self) -> dict[str, Superposition]:
         """The joints whose matrices are superpositions of constant ones."""
-        connections = self._system.graph.connections
-        every = {name: superposition(name, connections[name].model) for name in self._names}
+        every = {name: superposition(name, self._placed[name].model) for name in self._names}
         return {name: superposed for name, superposed in every.items() if superposed is not None}
 
     @cached_property
     def _superposed(self) -> SuperposedJoints:
-        return SuperposedJoints(self._system, self._superpositions, self._term_columns, len(self.terms))
+        return SuperposedJoints(self._placed, self._superpositions, self._term_columns, len(self.terms))
 
     @cached_property
     def _superposed_weights(self) -> SuperposedJoints:
         joints = {name: joint for name, joint in self._superpositions.items() if name in self._weight_columns}
         columns = self._weight_columns
-        return SuperposedJoints(self._system, joints, columns, len(self.derivatives), self._jacobian_columns)
+        return SuperposedJoints(self._placed, joints, columns, len(self.derivatives), self._jacobian_columns)
 
     def gather(self, theta: Theta, count: int) -> NDArray[np.float64]:
         """Return the sum over the joints for each term, (n, n_terms).
@@ -335,11 +307,11 @@ class KernelInputs:
         UnplannedEntries
             A joint fills entries of a matrix that have no term.
         """
-        connections, sparsity = self._system.graph.connections, self._system.sparsity
         total, columns = self._superposed.gather(theta, count), self._term_columns
-        dense = [name for name in columns if name not in self._superpositions]
-        matrices = {name: joint_matrices(name, connections[name].model, theta[name]) for name in dense}
-        require(self._system, {name: sparsity[name].with_matrices(rows.filled[0]) for name, rows in matrices.items()})
+        dense = {name: self._placed[name] for name in columns if name not in self._superpositions}
+        matrices = {name: joint_matrices(name, joint.model, theta[name]) for name, joint in dense.items()}
+        sparsity = {name: joint.sparsity for name, joint in dense.items()}
+        require(sparsity, {name: sparsity[name].with_matrices(rows.filled[0]) for name, rows in matrices.items()})
         for name, rows in matrices.items():
             columns[name].add(total, rows)
         return np.ascontiguousarray(total.T)
@@ -352,20 +324,21 @@ class KernelInputs:
         UnplannedEntries
             A joint fills entries of a derivative that have no column.
         """
-        connections, jacobians, filled = self._system.graph.connections, {}, {}
         total, weight_columns = self._superposed_weights.gather(theta, count), self._weight_columns
-        for name in (name for name in weight_columns if name not in self._superpositions):
-            jacobians[name] = joint_jacobian(name, connections[name].model, theta[name])
+        dense = {name: self._placed[name] for name in weight_columns if name not in self._superpositions}
+        jacobians = {name: joint_jacobian(name, joint.model, theta[name]) for name, joint in dense.items()}
+        sparsity, filled = {name: joint.sparsity for name, joint in dense.items()}, {}
+        for name, rows in jacobians.items():
             columns = self._jacobian_columns[name]
-            filled[name] = self._system.sparsity[name].with_derivatives(columns, jacobians[name].filled[columns])
-        require(self._system, filled)
+            filled[name] = sparsity[name].with_derivatives(columns, rows.filled[columns])
+        require(sparsity, filled)
         for name, rows in jacobians.items():
             weight_columns[name].add(total, rows)
         return np.ascontiguousarray(total.T)
 
 
-def require(system: CoupledSystem, filled: Mapping[str, JointSparsity]) -> None:
-    """Raise `UnplannedEntries` unless the system is planned for the entries that joints fill."""
-    unplanned = {name: sparsity for name, sparsity in filled.items() if not system.sparsity[name].covers(sparsity)}
+def require(planned: Sparsity, filled: Sparsity) -> None:
+    """Raise `UnplannedEntries` unless a system is planned for the entries that joints fill."""
+    unplanned = {name: sparsity for name, sparsity in filled.items() if not planned[name].covers(sparsity)}
     if unplanned:
         raise UnplannedEntries(unplanned)

@@ -17,7 +17,7 @@ from dovetail.synthesis.codegen.layout import Layout, SpectralDerivative
 from dovetail.synthesis.codegen.looped import looped_kernel_source
 from dovetail.synthesis.codegen.straight_line import kernel_source
 from dovetail.synthesis.codegen.vector_ir import WIDTH
-from dovetail.synthesis.coupled_system import CoupledSystem
+from dovetail.synthesis.coupled_system import CoupledSystem, JointStructure
 from dovetail.synthesis.elimination import Program, plan_elimination
 from dovetail.synthesis.joint_evaluation import (
     Sparsity,
@@ -27,7 +27,7 @@ from dovetail.synthesis.joint_evaluation import (
     joint_stiffness,
     joint_stiffness_jacobian,
 )
-from dovetail.synthesis.kernel_inputs import KernelInputs, require
+from dovetail.synthesis.kernel_inputs import KernelInputs, kernel_inputs, require
 from dovetail.synthesis.pivoting import PivotedSolver
 
 
@@ -154,7 +154,8 @@ class SpectralInputs:
         row_of = {slot: row for row, slot in enumerate(self.slots)}
         for name, entries in self._entries.items():
             Z = joint_stiffness(name, self._model(name), frequency, theta[name])
-            require(self._system, {name: self._system.sparsity[name].with_matrices(filled_entries(Z)[np.newaxis])})
+            sparsity = self._system.sparsity[name].with_matrices(filled_entries(Z)[np.newaxis])
+            require(self._system.sparsity, {name: sparsity})
             for (row, column), slot in entries:
                 total[:, row_of[slot], 0] += Z[..., row, column].real
                 total[:, row_of[slot], 1] += Z[..., row, column].imag
@@ -185,7 +186,8 @@ class SpectralInputs:
                 for column, dZ in enumerate(derivatives):
                     if column in numbers:
                         filled = filled_entries(dZ)[np.newaxis, np.newaxis]
-                        require(self._system, {name: self._system.sparsity[name].with_derivatives([column], filled)})
+                        sparsity = self._system.sparsity[name].with_derivatives([column], filled)
+                        require(self._system.sparsity, {name: sparsity})
                         yield name, numbers[column], dZ
 
     def _parameter_numbers(self, name: str) -> dict[int, int]:
@@ -249,8 +251,8 @@ class Plan:
 
     @cached_property
     def inputs(self) -> KernelInputs:
-        """Entries of the substructures and of joints with constant matrices."""
-        return KernelInputs(self.system, self.program, self.jacobian_columns)
+        """Entries of joints with constant matrices."""
+        return kernel_inputs(JointStructure(self.system.joints, self.program, self.jacobian_columns))
 
     @cached_property
     def spectral(self) -> SpectralInputs:
@@ -265,7 +267,7 @@ class Plan:
     @cached_property
     def _static(self) -> tuple[tuple[tuple[int, int], ...], NDArray[np.float64]]:
         """Slot and part (real or imaginary) of the substructures' entries, and the entries as the kernel reads them."""
-        keys, rows = self.inputs.static()
+        keys, rows = self.system.substructure_rows(self.program)
         vectors = np.empty((len(self.system.frequency) // WIDTH, len(keys), WIDTH))
         for number, row in enumerate(rows):
             vectors[:, number] = row.reshape(-1, WIDTH)
