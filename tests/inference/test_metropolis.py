@@ -90,3 +90,35 @@ def test_few_points_move_too(count):
     chains = decorrelate(Density.of(problem), start, np.random.default_rng(6))
     assert np.isfinite(chains.z).all()
     assert (chains.z != start.z).any()
+
+
+class TwoGroups:
+    """A normal posterior, but for one point in a hundred in another group, from which no short step leads."""
+
+    width, distance, drop = 0.1, 6.0, 2.0 * np.log(100.0)
+
+    def __init__(self):
+        self.computed = 0
+
+    def residuals(self, z):
+        self.computed += len(z)
+        near = (z[:, 0] / self.width) ** 2
+        far = ((z[:, 0] - self.distance) / self.width) ** 2 + self.drop
+        return np.stack([np.sqrt(np.minimum(near, far)), z[:, 1]], axis=1)
+
+    def linearise(self, z):
+        jacobian = np.zeros((len(z), 2, 2))
+        jacobian[:, 0, 0], jacobian[:, 1, 1] = 1.0 / self.width, 1.0
+        return Linearisation(self.residuals(z), jacobian)
+
+
+def test_a_few_points_in_another_group_do_not_cost_all_others_more_steps():
+    problem, random = TwoGroups(), np.random.default_rng(7)
+    start = problem.width * random.standard_normal((300, 2)) * [1.0, 1.0 / problem.width]
+    start[:3, 0] += problem.distance
+    points = LinearisedPoints.at(problem, start)
+    problem.computed = 0
+    chains = decorrelate(Density.of(problem), points, random)
+    most = start[:, 0] < problem.distance / 2.0
+    assert abs(np.corrcoef(start[most, 0], chains.z[most, 0])[0, 1]) < INDEPENDENT + 0.06
+    assert problem.computed < 150 * len(start)

@@ -3,12 +3,15 @@
 Each kind of step leaves the posterior invariant, and each is good at something else. Tangent steps follow curved
 valleys. Difference steps move along the directions in which the samples differ, which they do not need to compute.
 Prior steps draw single parameters anew, which moves those that the measurement hardly determines. How far each kind
-moves each coordinate is measured, and the kind that moves the slowest coordinate farthest for its cost goes on.
+moves the ranks of each coordinate is measured, and the kind that moves the slowest coordinate farthest for its cost
+goes on. Ranks, since a few points far away would otherwise hide how far all others have moved.
 
 References
 ----------
 C. J. F. ter Braak, A Markov chain Monte Carlo version of the genetic algorithm Differential Evolution: easy Bayesian
 computing for real parameter spaces, Statistics and Computing 16 (2006) 239-249.
+A. Vehtari, A. Gelman, D. Simpson, B. Carpenter, P.-C. Buerkner, Rank-normalization, folding, and localization: an
+improved R-hat for assessing convergence of MCMC, Bayesian Analysis 16 (2021) 667-718: normal scores of ranks.
 """
 
 from __future__ import annotations
@@ -19,6 +22,7 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints
 from dovetail.inference.posterior.tangent_steps import Density, tangent_steps
@@ -52,7 +56,7 @@ class Settings:
     scatter: float = 1e-4
     """Standard deviation added to a difference, so that all places can be reached."""
     largest_jump: float = 0.9
-    """Largest mean square of the steps, over that of two independent points, that is counted."""
+    """Largest mean square of the steps of normal scores, over that of two independent points, that is counted."""
 
 
 _SETTINGS = Settings()
@@ -74,7 +78,8 @@ class Chains:
     z : (n, d) array
     log_posterior : (n,) array
     correlation : float
-        With the starts, of the coordinate that has moved least; 1 before `decorrelate`.
+        Of the ranks, as normal scores, with those at the start, of the coordinate that has moved least; 1 before
+        `decorrelate`.
     """
 
     correlation = 1.0
@@ -146,7 +151,7 @@ class _Kind:
     Attributes
     ----------
     decay : (d,) array
-        Of the logarithm of each coordinate's correlation with the starts.
+        Of the logarithm of the correlation of each coordinate's normal scores with those of the starts.
     cost : float
     """
 
@@ -159,8 +164,9 @@ class _Kind:
         before, count = self._chains.z.copy(), count or self._counts[0]
         self.cost += (steps or self._steps)(count)
         self._taken += count
-        jumps = np.mean((self._chains.z - before) ** 2, axis=0)
-        variance = np.maximum(np.maximum(before.var(axis=0), self._chains.z.var(axis=0)), np.finfo(float).tiny)
+        scores = _normal_scores(np.concatenate([before, self._chains.z]))
+        jumps = np.mean((scores[len(before) :] - scores[: len(before)]) ** 2, axis=0)
+        variance = np.maximum(scores.var(axis=0), np.finfo(float).tiny)
         self.decay -= np.log1p(-np.minimum(jumps / (2.0 * variance), _SETTINGS.largest_jump))
 
     def take_for(self, column: int, decay: float) -> None:
@@ -171,6 +177,12 @@ class _Kind:
     def rate(self, column: int) -> float:
         """Return the mean decay of a coordinate's correlation for the cost."""
         return float(self.decay[column] / self.cost)
+
+
+def _normal_scores(z: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the normal quantiles of the ranks of each coordinate of points (n, d), (n, d); equal ones share a rank."""
+    both = [np.searchsorted(np.sort(one), one, "left") + np.searchsorted(np.sort(one), one, "right") for one in z.T]
+    return np.asarray(ndtri(np.stack(both, axis=1) / (2.0 * len(z))))
 
 
 def decorrelate(
