@@ -10,8 +10,15 @@ import pytest
 
 import dovetail
 from dovetail.inference.fitting import refine
-from dovetail.inference.posterior import laplace_posterior, sample_posterior, sampling, typical_model_error
+from dovetail.inference.posterior import (
+    drawn_samples,
+    laplace_posterior,
+    sample_posterior,
+    sampling,
+    typical_model_error,
+)
 from dovetail.inference.posterior.alternating import Alternating
+from dovetail.inference.posterior.drawn_samples import MovedSamples
 from dovetail.inference.posterior.laplace import half_about_the_fit
 from dovetail.inference.posterior.likelihood import normal_from_unit, squared_norms
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints
@@ -33,6 +40,8 @@ def test_samples_are_moved_where_few_of_them_count_or_a_part_may_be_missing(
 
     class Sampler(sampling._Sampler):
         lines, missing, _limit, _random = 9, 0, NO_LIMIT, np.random.default_rng(1)
+        _posterior = _progress = None
+        _outside = 0.0
         _likelihood = SimpleNamespace(log=lambda fraction: squared_norms(normal_from_unit(fraction)) / 2.0)
 
         def __init__(self, *_):
@@ -48,11 +57,12 @@ def test_samples_are_moved_where_few_of_them_count_or_a_part_may_be_missing(
                 is_complete=complete,
             )
 
-        def _move(self, points, log_weight, count, _):
-            calls.append(count)
-            return SimpleNamespace(z=z, log_posterior=np.zeros(100), correlation=0.0)
+    def move_by_weight(_posterior, _mixture, count, *_):
+        calls.append(count)
+        return MovedSamples(z, np.zeros(100), 100.0, 0.0, -np.inf)
 
     monkeypatch.setattr(sampling, "_Sampler", Sampler)
+    monkeypatch.setattr(sampling, "move_by_weight", move_by_weight)
     frf = noisy(sdof, sdof.frf(), 0.1)
     posterior = sample_posterior(Problem.of(sdof, frf), refine(Problem.of(sdof, frf)), samples=100)
     assert calls == ([100] if moved else [])
@@ -62,25 +72,21 @@ def test_samples_are_moved_where_few_of_them_count_or_a_part_may_be_missing(
 @pytest.mark.parametrize(("light", "kept"), [(4.0, False), (3.5, True)])
 def test_weights_are_cut_where_fewer_than_a_tenth_of_the_samples_count(monkeypatch, light, kept):
     """20 of 1000 weigh 1, the others exp(-4) or exp(-3.5): 71 or 118 count. Cut at 97.5 %, all weigh the same."""
-    monkeypatch.setattr(sampling, "decorrelate", lambda _, points, *__: points)
-    points = SimpleNamespace(z=None, log_posterior=np.zeros(1))
     chosen = []
 
-    def at(_, z):
-        chosen.append(z)
-        return points
+    def decorrelate(_, starts, *__):
+        chosen.append(starts)
+        return SimpleNamespace(z=starts, log_posterior=np.zeros(1000), correlation=0.0)
 
-    monkeypatch.setattr(sampling.LinearisedPoints, "at", staticmethod(at))
-    sampler = SimpleNamespace(
-        _random=np.random.default_rng(0),
-        _posterior=SimpleNamespace(residuals=None),
-        _mode=None,
-        _progress=None,
-        _limit=None,
-    )
+    monkeypatch.setattr(drawn_samples, "decorrelate", decorrelate)
+    monkeypatch.setattr(drawn_samples, "anneal", lambda *_, **__: None)
     log_weight = np.where(np.arange(1000) < 20, 0.0, -light)
-    z = np.arange(1000.0)[:, np.newaxis]
-    sampling._Sampler._move(sampler, z, log_weight, 1000, 0.25)
+    ends = SimpleNamespace(z=np.arange(1000.0)[:, np.newaxis])
+    mixture = SimpleNamespace(
+        ends=ends, modes=ends, log_weight=log_weight, begun=1000, is_complete=True, log_evidence=0.0
+    )
+    posterior = SimpleNamespace(residuals=None)
+    drawn_samples.move_by_weight(posterior, mixture, 1000, np.random.default_rng(0))
     share = np.mean(chosen[0][:, 0] < 20)
     weight = np.exp(log_weight)
     assert share == pytest.approx(weight[:20].sum() / weight.sum() if kept else 0.02, abs=0.002)
@@ -201,8 +207,7 @@ def test_both_halves_of_unevenly_weighted_samples_have_equal_weight(light_cart):
     ("drawn_from", "correlation", "expected"), [(100, 0.25, 100.0), (10, 0.0, 100.0), (10, 1.0, 10.0), (0, 1.0, 1.0)]
 )
 def test_samples_that_resemble_their_starts_count_less(drawn_from, correlation, expected):
-    log_weight = np.zeros(drawn_from)
-    assert effective_after_moves(log_weight, 100, correlation) == pytest.approx(expected)
+    assert effective_after_moves(drawn_from, 100, correlation) == pytest.approx(expected)
 
 
 def test_moved_samples_of_one_measurement_report_what_they_have_in_common(sdof, monkeypatch):

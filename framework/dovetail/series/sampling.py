@@ -269,8 +269,8 @@ class _Sampler:
         chosen = drawn_by_weight(np.exp(clipped - clipped.max()), count, self._random)
         residuals = self.residuals
         density = Density(residuals.residuals, residuals.linearise, partial(ArrowTangentMap, residuals))
-        ends = decorrelate(density, points.at_rows(chosen), self._random, self._progress)
-        size = effective_after_moves(clipped, count, ends.correlation)
+        ends = decorrelate(density, points.z[chosen], self._random, self._progress)
+        size = effective_after_moves(effective_sample_size(clipped), count, ends.correlation)
         return ends, self._log_posterior(ends.z) - ends.log_posterior + sum(self._outside) / 2.0, size
 
     def _log_posterior(self, z: Array) -> Array:

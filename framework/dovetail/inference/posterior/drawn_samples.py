@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.inference.posterior.evidence import Evidence, least_log_evidence
+from dovetail.inference.posterior.annealing import AnnealedPoints, anneal
+from dovetail.inference.posterior.evidence import RISK, Evidence, least_log_evidence
 from dovetail.inference.posterior.likelihood import PosteriorResiduals
 from dovetail.inference.posterior.metropolis import decorrelate
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints
@@ -19,9 +20,14 @@ from dovetail.inference.posterior.weights import (
     clipped,
     drawn_by_weight,
     effective_after_moves,
+    effective_sample_size,
     enough_correlation,
     from_logarithms,
 )
+from dovetail.interfaces import NO_LIMIT, Progress, TimeLimit, silent
+
+_SCATTER = 1.0
+"""Standard deviation of the logarithm of the marginal likelihood by annealed points, of five posteriors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,14 +77,98 @@ def draw_about_modes(posterior: PosteriorResiduals, modes: NDArray[np.float64], 
     points, log_weight = mixture.ends, mixture.log_weight
     evidence = Evidence.from_weights(log_weight, mixture.begun)
     least, converged = least_log_evidence(log_weight, mixture.begun), len(log_weight)
-    if not converged:
-        points, log_weight = separate, separate.log_posterior
-    order = random.permutation(len(log_weight))
-    points, log_weight = points.at_rows(order), log_weight[order]
     if mixture.is_complete and are_even(log_weight, count):
-        return DrawnSamples(points.z, log_weight, None, evidence, mixture.begun, converged, np.inf, least)
-    chosen = drawn_by_weight(from_logarithms(clipped(log_weight)), count, random)
-    enough = enough_correlation(log_weight, count, complete=mixture.is_complete)
-    moved = decorrelate(Density.of(posterior), points.at_rows(chosen), random, correlation=enough)
-    effective = effective_after_moves(clipped(log_weight), count, moved.correlation)
-    return DrawnSamples(moved.z, np.zeros(count), None, evidence, mixture.begun, converged, effective, least)
+        order = random.permutation(len(log_weight))
+        z, log_weight = points.z[order], log_weight[order]
+        return DrawnSamples(z, log_weight, None, evidence, mixture.begun, converged, np.inf, least)
+    moved = move_by_weight(posterior, mixture, count, random)
+    evidence, least = moved.doubted(evidence), max(least, moved.least_log_evidence)
+    return DrawnSamples(moved.z, np.zeros(count), None, evidence, mixture.begun, converged, moved.effective, least)
+
+
+@dataclass(frozen=True, eq=False)
+class MovedSamples:
+    """Samples z (n, p), all of the same weight, that Metropolis steps have moved.
+
+    Parameters
+    ----------
+    z : (n, p) array
+    log_posterior : (n,) array
+        Logarithms of the density, up to a constant, by the residuals with which they were moved.
+    effective : float
+        Number of independent samples that they are worth.
+    searched : float
+        Logarithm of the marginal likelihood of the searches, by whose ends they began to move.
+    annealed : float
+        That of annealed points, with which they began as well; -inf if there are none.
+    """
+
+    z: NDArray[np.float64]
+    log_posterior: NDArray[np.float64]
+    effective: float
+    searched: float
+    annealed: float
+
+    def doubted(self, evidence: Evidence | None) -> Evidence | None:
+        """Return the evidence of the searches; None if annealed points show that these have missed a part."""
+        return None if self.annealed > self.searched + _SCATTER else evidence
+
+    @property
+    def least_log_evidence(self) -> float:
+        """Lower bound of the marginal likelihood by the annealed points, as `evidence.least_log_evidence`."""
+        return self.annealed + float(np.log(RISK))
+
+
+def move_by_weight(
+    posterior: PosteriorResiduals,
+    mixture: TangentMixture,
+    count: int,
+    random: np.random.Generator,
+    progress: Progress = silent,
+    limit: TimeLimit = NO_LIMIT,
+) -> MovedSamples:
+    """Draw samples by weight and move them by Metropolis steps.
+
+    They are drawn from the ends of searches and from annealed points, each by their part of the marginal likelihood.
+
+    Parameters
+    ----------
+    posterior : PosteriorResiduals
+    mixture : TangentMixture
+        Searches whose weights are uneven, or that may have missed a part of the posterior.
+    count : int
+    random : numpy.random.Generator
+    progress : Progress
+    limit : TimeLimit
+    """
+    density, size = Density.of(posterior), mixture.modes.z.shape[1]
+    annealed = anneal(density, size, mixture.log_evidence, random, wanted=count, limit=limit)
+    whole = mixture.is_complete and annealed is None
+    z, log_weight, starts = _starts(mixture, annealed)
+    chosen = random.permutation(drawn_by_weight(from_logarithms(log_weight), count, random))
+    enough = enough_correlation(mixture.log_weight, count, complete=whole)
+    chains = decorrelate(density, z[chosen], random, progress, limit, enough)
+    return MovedSamples(
+        chains.z,
+        chains.log_posterior,
+        effective_after_moves(starts, count, chains.correlation),
+        searched=mixture.log_evidence,
+        annealed=-np.inf if annealed is None else annealed.log_evidence,
+    )
+
+
+def _starts(
+    mixture: TangentMixture, annealed: AnnealedPoints | None
+) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """Return points z (n, p), logarithms of the weights (n,) by which they are drawn, and how many of them count."""
+    log_weight = clipped(mixture.log_weight) - np.log(max(mixture.begun, 1))
+    effective = effective_sample_size(log_weight)
+    if annealed is None:
+        return (
+            (mixture.ends.z, log_weight, effective)
+            if len(log_weight)
+            else (mixture.modes.z, mixture.modes.log_posterior, 0.0)
+        )
+    share = 1.0 / (1.0 + np.exp(np.logaddexp.reduce(log_weight, initial=-np.inf) - annealed.log_evidence))
+    effective = 1.0 / (share**2 / annealed.effective + (1.0 - share) ** 2 / max(effective, 1.0))
+    return np.concatenate([mixture.ends.z, annealed.z]), np.concatenate([log_weight, annealed.log_weight]), effective

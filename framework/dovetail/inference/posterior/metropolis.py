@@ -24,7 +24,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints
 from dovetail.inference.posterior.tangent_steps import Density, tangent_steps
 from dovetail.inference.posterior.weights import INDEPENDENT
 from dovetail.interfaces import NO_LIMIT, Progress, TimeLimit, silent
@@ -51,6 +50,8 @@ class Settings:
     """Points from which there are differences to step by."""
     whole_difference: float = 0.1
     """Probability that a sample moves by a whole difference of two others, from one group of samples to another."""
+    some_coordinates: float = 0.3
+    """Probability with which each coordinate moves in steps that move some of them only."""
     shorter: float = 0.2
     """Smallest step, over the one that is best for a normal distribution."""
     scatter: float = 1e-4
@@ -68,8 +69,7 @@ class Chains:
     Parameters
     ----------
     density : Density
-    points : LinearisedPoints
-        Their starts.
+    starts : (n, d) array
     random : numpy.random.Generator
     limit : TimeLimit
 
@@ -85,10 +85,10 @@ class Chains:
     correlation = 1.0
 
     def __init__(
-        self, density: Density, points: LinearisedPoints, random: np.random.Generator, limit: TimeLimit
+        self, density: Density, starts: NDArray[np.float64], random: np.random.Generator, limit: TimeLimit = NO_LIMIT
     ) -> None:
         self._density, self._random, self._limit = density, random, limit
-        self.z, self.log_posterior = points.z.copy(), points.log_posterior
+        self.z, self.log_posterior = starts.copy(), density.log(starts)
 
     def tangent_steps(self, steps: int = _SETTINGS.tangent[0], points: int | None = None) -> float:
         """Move some or all points along the valley; return the cost, in computations of the residuals of each point."""
@@ -99,8 +99,11 @@ class Chains:
         self.z[rows], self.log_posterior[rows] = moved.z, moved.log_posterior
         return _SETTINGS.iteration_cost * iterations / count
 
-    def difference_steps(self, steps: int = _SETTINGS.differences[0]) -> float:
-        """Move each half of the points by differences of points of the other half; return the cost."""
+    def difference_steps(self, steps: int = _SETTINGS.differences[0], *, some: bool = False) -> float:
+        """Move each half of the points by differences of points of the other half; return the cost.
+
+        With `some`, half of the points move in some of their coordinates only.
+        """
         count, width = self.z.shape
         for _ in range(steps):
             order = self._random.permutation(count)
@@ -112,8 +115,15 @@ class Chains:
                 length = np.where(whole, 1.0, 2.38 / np.sqrt(2.0 * width) * shorter)
                 step = length[:, np.newaxis] * (self.z[others[first]] - self.z[others[second]])
                 step += _SETTINGS.scatter * self._random.standard_normal(step.shape)
+                step *= self._coordinates(step.shape) if some else 1.0
                 self._propose(moved, self.z[moved] + step, 0.0)
         return float(steps)
+
+    def _coordinates(self, shape: tuple[int, int]) -> NDArray[np.bool_]:
+        """Return which coordinates of points (n, d) move: some, at least one, of about half of them, else all."""
+        moves = self._random.random(shape) < self._random.choice([_SETTINGS.some_coordinates, 1.0], (shape[0], 1))
+        moves[np.arange(shape[0]), self._random.integers(0, shape[1], shape[0])] = True
+        return moves
 
     def prior_steps(self, steps: int = _SETTINGS.prior[0]) -> float:
         """Draw each coordinate of all points anew from the prior, one after the other; return the cost."""
@@ -187,7 +197,7 @@ def _normal_scores(z: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def decorrelate(
     density: Density,
-    points: LinearisedPoints,
+    starts: NDArray[np.float64],
     random: np.random.Generator,
     progress: Progress = silent,
     limit: TimeLimit = NO_LIMIT,
@@ -197,14 +207,14 @@ def decorrelate(
 
     They end earlier if time is over or the steps have cost too much.
     """
-    chains = Chains(density, points, random, limit)
+    chains = Chains(density, starts, random, limit)
     tangent = _Kind(chains, chains.tangent_steps, _SETTINGS.tangent)
     kinds = [tangent, _Kind(chains, chains.prior_steps, _SETTINGS.prior)]
-    if len(points.z) >= _SETTINGS.least_points:
+    if len(starts) >= _SETTINGS.least_points:
         kinds.append(_Kind(chains, chains.difference_steps, _SETTINGS.differences))
     goal, spent = -np.log(correlation), 0.0
-    decayed, untried = np.zeros(points.z.shape[1]), list(kinds)
-    differ = len(np.unique(points.z, axis=0)) >= _SETTINGS.tried
+    decayed, untried = np.zeros(starts.shape[1]), list(kinds)
+    differ = len(np.unique(starts, axis=0)) >= _SETTINGS.tried
     few_tangent_steps = partial(chains.tangent_steps, points=_SETTINGS.tried if differ else None)
     progress("independence", 0, 100)
     while decayed.min() < goal and spent < _SETTINGS.most_cost:

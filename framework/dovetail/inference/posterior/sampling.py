@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from dovetail.inference.fitting import Fit
 from dovetail.inference.posterior.distribution import Posterior, check_options
-from dovetail.inference.posterior.drawn_samples import DrawnSamples, draw_about_modes
+from dovetail.inference.posterior.drawn_samples import DrawnSamples, draw_about_modes, move_by_weight
 from dovetail.inference.posterior.evidence import Evidence, least_log_evidence
 from dovetail.inference.posterior.fewer_lines import log_density_at_fit, with_fewer_lines
 from dovetail.inference.posterior.laplace import half_about_the_fit, laplace_posterior
@@ -27,23 +27,13 @@ from dovetail.inference.posterior.likelihood import (
     squared_norms,
     unit_from_normal,
 )
-from dovetail.inference.posterior.metropolis import Chains, decorrelate
 from dovetail.inference.posterior.mode_search import likelihood_at_mode, maximise_posterior, search_modes
 from dovetail.inference.posterior.model_error import TYPICAL, ModelError
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, nearest_rows
 from dovetail.inference.posterior.separate_modes import separate_modes
 from dovetail.inference.posterior.tangent_mixture import TangentMixture
-from dovetail.inference.posterior.tangent_steps import Density
 from dovetail.inference.posterior.unknown_chain import UnknownChain
-from dovetail.inference.posterior.weights import (
-    are_counted,
-    are_even,
-    clipped,
-    drawn_by_weight,
-    effective_after_moves,
-    enough_correlation,
-    from_logarithms,
-)
+from dovetail.inference.posterior.weights import are_counted, are_even, from_logarithms
 from dovetail.interfaces import Progress, logged, silent
 from dovetail.problem import Problem
 from dovetail.problem.modal_observations import ModalProblem
@@ -304,10 +294,9 @@ class _Sampler:
         if not even and self._limit.is_over:
             self._limit.leave_out("steps that make the weights of samples even")
         elif not even:
-            enough = enough_correlation(log_weight, count, complete=mixture.is_complete)
-            points = self._move(z, log_weight, count, enough)
-            effective = effective_after_moves(clipped(log_weight), count, points.correlation)
-            z, log_density = points.z, points.log_posterior
+            moved = move_by_weight(self._posterior, mixture, count, self._random, self._progress, self._limit)
+            evidence, least = moved.doubted(evidence), max(least, moved.least_log_evidence - self._outside / 2.0)
+            z, log_density, effective = moved.z, moved.log_posterior, moved.effective
             log_likelihood = self._log_likelihood(z)
         weight = log_likelihood - squared_norms(z) / 2.0 - log_density
         converged = len(mixture.ends.z)
@@ -333,14 +322,6 @@ class _Sampler:
         steps = squared_norms(TangentMap(self._posterior, ends).components(ends.residuals))
         modes = separate_modes(ends.at_rows(np.flatnonzero(steps < _SETTINGS.still)))
         return modes if len(modes.z) > 1 else LinearisedPoints.at(self._posterior, self._mode)
-
-    def _move(self, z: NDArray[np.float64], log_weight: NDArray[np.float64], count: int, enough: float) -> Chains:
-        """Return samples drawn by weight and moved by Metropolis steps."""
-        if not len(z):
-            z, log_weight = self._mode, np.zeros(1)
-        chosen = drawn_by_weight(from_logarithms(clipped(log_weight)), count, self._random)
-        start = LinearisedPoints.at(self._posterior, z[chosen])
-        return decorrelate(Density.of(self._posterior), start, self._random, self._progress, self._limit, enough)
 
     def _log_likelihood(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the log-likelihood (n,) at z (n, p), from the few lines if a part of the points shows them to do."""

@@ -101,6 +101,7 @@ class TangentMixture:
 
     Attributes
     ----------
+    modes : LinearisedPoints
     ends : LinearisedPoints
         Of the searches that converged.
     log_density : (n,) array
@@ -117,7 +118,7 @@ class TangentMixture:
         random: np.random.Generator,
         limit: TimeLimit = NO_LIMIT,
     ) -> None:
-        self._posterior, self._modes, self._random, self._limit = posterior, modes, random, limit
+        self._posterior, self.modes, self._random, self._limit = posterior, modes, random, limit
         self._known, self._maps = (known, posterior.residuals(known)), list[_Maps]()
         self.ends, self._log_sum, self.begun = modes.at_rows(np.arange(0)), np.empty(0), 0
 
@@ -130,6 +131,11 @@ class TangentMixture:
     def log_weight(self) -> NDArray[np.float64]:
         """(n,) logarithms of the weights of the ends as samples of the posterior."""
         return np.asarray(self.ends.log_posterior - self.log_density)
+
+    @property
+    def log_evidence(self) -> float:
+        """Logarithm of the marginal likelihood, by the mean of the weights; -inf if no search has converged."""
+        return float(np.logaddexp.reduce(self.log_weight, initial=-np.inf)) - float(np.log(max(self.begun, 1)))
 
     def sample(self, count: int, batch: int, progress: Progress = silent) -> int:
         """Search by maps anchored at the modes, then by others while the weights are uneven.
@@ -147,7 +153,7 @@ class TangentMixture:
         int
             Number of searches that the time limit left out.
         """
-        anchors = self._modes
+        anchors = self.modes
         while not (self._is_enough(count) or self.is_one_valley):
             progress("samples", min(self.begun, count), count)
             left = count - self.begun if self.begun < count else count
@@ -201,16 +207,16 @@ class TangentMixture:
         map_by_search, orientation = maps.maps.at_rows(anchored), maps.orientation[anchored]
         ends, ended = map_by_search.solve(target, starts, _SETTINGS.iterations, self._limit)
         ended &= map_by_search.signed_log_determinant(ends)[0] == orientation
-        return ends, ended & (nearest_modes(self._modes, ends.z) == maps.modes[anchored])
+        return ends, ended & (nearest_modes(self.modes, ends.z) == maps.modes[anchored])
 
     def _maps_at(self, anchors: LinearisedPoints, searches: NDArray[np.intp]) -> _Maps:
         maps = TangentMap(self._posterior, anchors)
-        return _Maps(maps, nearest_modes(self._modes, anchors.z), maps.signed_log_determinant(anchors)[0], searches)
+        return _Maps(maps, nearest_modes(self.modes, anchors.z), maps.signed_log_determinant(anchors)[0], searches)
 
     @property
     def is_one_valley(self) -> bool:
         """Whether searches about several modes mostly end about others, since the modes lie along one valley."""
-        return len(self._modes.z) > 1 and not self.is_complete
+        return len(self.modes.z) > 1 and not self.is_complete
 
     @property
     def misses_a_part(self) -> bool:
@@ -234,7 +240,7 @@ class TangentMixture:
     def _add(self, maps: _Maps, ends: LinearisedPoints) -> None:
         """Add the ends of searches by new maps, with the density of all maps at all ends."""
         self._maps.append(maps)
-        before, modes = nearest_modes(self._modes, self.ends.z), nearest_modes(self._modes, ends.z)
+        before, modes = nearest_modes(self.modes, self.ends.z), nearest_modes(self.modes, ends.z)
         at_ends = np.logaddexp.reduce([each.log_density(ends, modes) for each in self._maps])
         self._log_sum = np.concatenate([np.logaddexp(self._log_sum, maps.log_density(self.ends, before)), at_ends])
         self.ends = LinearisedPoints.joined([self.ends, ends])
@@ -248,7 +254,7 @@ class TangentMixture:
     def _nearest(self, maps: _Maps, anchored: NDArray[np.intp], target: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return for each target (n, d) the known point about the anchor's mode whose components are nearest."""
         z, residuals = self._known
-        components, modes = maps.maps.all_components(residuals), nearest_modes(self._modes, z)
+        components, modes = maps.maps.all_components(residuals), nearest_modes(self.modes, z)
         starts = np.empty_like(target)
         for number, mode in enumerate(maps.modes):
             known, searches = np.flatnonzero(modes == mode), anchored == number

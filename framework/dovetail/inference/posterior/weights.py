@@ -45,19 +45,19 @@ def effective_sample_size(log_weight: NDArray[np.float64]) -> float:
     return float(weight.sum() ** 2 / np.sum(weight**2))
 
 
-def effective_after_moves(log_weight: NDArray[np.float64], count: int, correlation: float) -> float:
+def effective_after_moves(starts: float, count: int, correlation: float) -> float:
     """Return the effective number of samples that were drawn by weight and then moved.
 
     Parameters
     ----------
-    log_weight : (n,) array
-        Logarithms of the weights by which they were drawn; without any, all were at one place.
+    starts : float
+        Effective number of those by whose weights they were drawn; without any, all were at one place.
     count : int
         Number of samples drawn.
     correlation : float
         Of the moved samples with their starts: that part of their differences is still that of the starts.
     """
-    before = max(effective_sample_size(log_weight), 1.0)
+    before = min(max(starts, 1.0), count)
     return float(1.0 / (correlation**2 / before + (1.0 - correlation**2) / count))
 
 
@@ -67,7 +67,7 @@ def enough_correlation(log_weight: NDArray[np.float64], count: int, *, complete:
     Parameters
     ----------
     log_weight, count
-        As in `effective_after_moves`.
+        Logarithms of the weights by which samples are drawn, and their number.
     complete : bool
         Whether the starts are all over the posterior, as far as their weights are.
     """
