@@ -9,6 +9,7 @@ smallest assembly, one mass on a spring and a damper.
 
 from __future__ import annotations
 
+import gc
 import inspect
 import sys
 import tempfile
@@ -38,6 +39,7 @@ def files_entered(job: Callable[[], object]) -> list[str]:
         if event == "call" and is_function and file not in entered and ours(file) and not is_import(frame):
             entered[file] = None
 
+    gc.collect()  # ends generators that an earlier job left unfinished: their files are not entered by this one
     threading.settrace(note)
     sys.settrace(note)
     try:
