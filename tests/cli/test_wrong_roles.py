@@ -192,7 +192,7 @@ def test_wrong_dofs_can_be_ignored_in_every_command(run, described, written, tmp
     assembly, file = described("drive"), written("drive", ("2+x", "1+x"), "uff")
     run("identify", assembly, file, "--method", "refined", "--ignore-dofs")
     cases = cases_file(tmp_path, one=file)
-    run("validate", cases, "--method", "refined", "--ignore-dofs")
+    run("validate", cases, "--ignore-dofs")
     run("compare", cases, "--methods", "refined", "--ignore-dofs")
     options = ["--accelerometer-mass", "1 g", "--quantity", "receptance"]
     run("convert", file, tmp_path / "new.csv", *options[:2], "--ignore-dofs", "--dofs", "4+x,4+x")
@@ -201,7 +201,7 @@ def test_wrong_dofs_can_be_ignored_in_every_command(run, described, written, tmp
     for measured in (given["tests"]["one"]["measured"], given["tests"]["one"]["joint"]["measured"]):
         measured["ignore_dofs"] = True
     cases.write_text(json.dumps(given))
-    run("validate", cases, "--method", "refined")
+    run("validate", cases)
 
 
 @pytest.mark.parametrize(
