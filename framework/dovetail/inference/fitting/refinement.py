@@ -200,31 +200,27 @@ class _Refinement:
     def _search_further(self, minima: Minima) -> tuple[Minima, Minima]:
         """Search further until a fit reaches the noise, or enough searches agree that none will.
 
-        Profiles through the best minimum follow a batch that found a lower one, unless that is as good as the noise.
         Returns all minima, and the best one fitted on all lines.
         """
-        batch, profiled, profiled_batch = 0, np.inf, 0
-        while True:
+        profiled = np.inf
+        for batch in range(1, self._options.batches + 2):
             minima = self._compared(minima)  # the weights have changed
             best = self._reweighted(self._fitted(minima.position[:1]))
             if not self._is_doubtful(best):
                 break
             passes = self._is_noise(best)
             first_profiled, last = (1, 1) if passes else (_SETTINGS.profiled_batch, self._options.batches)
-            lower = profiled > highest_agreeing(minima.cost[0])
-            if lower and batch >= max(first_profiled, profiled_batch + 1):
-                profiled, profiled_batch = minima.cost[0], batch
-                minima = self._with_profiles(minima)
-                continue
-            if batch >= last or self._has_no_time():
+            if batch > last or self._has_no_time():
                 break
-            enough = batch + 1 >= _SETTINGS.least_batches and self._most_agree(minima)
+            enough = batch >= _SETTINGS.least_batches and self._most_agree(minima)
             if enough and not self._lines.missed_resonances(self._variance, self._values(best)).size:
                 break
-            batch += 1
             starts = np.concatenate([self._along_axes(best), self._similar(_FURTHER)])
             self._expected = self._searches + len(starts) + _SETTINGS.carried + len(minima.cost) + 1
             minima = self._extended(minima, self._searched(starts).at(slice(_SETTINGS.carried)))
+            if batch >= first_profiled and profiled > highest_agreeing(minima.cost[0]):
+                profiled = minima.cost[0]
+                minima = self._with_profiles(minima)
         return minima, best
 
     def _has_no_time(self) -> bool:
