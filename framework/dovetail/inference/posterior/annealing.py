@@ -34,8 +34,9 @@ class Settings:
     effective: float = 0.6
     """Effective points over their number after each growth of the weight."""
     steps: int = 20
-    """Difference steps after each: with 10 of them, the marginal likelihoods of four seeds scatter by a factor of
-    three to ten in five posteriors (a measured end mill, three wrong models of one, and a random structure)."""
+    """Difference steps after each. Of five posteriors (a measured end mill, three wrong models of one, and a random
+    structure), the logarithms of the marginal likelihood by four seeds have standard deviations of 0.3 to 2.7, half a
+    unit in the median; with 10 steps, 0.2 to 4.4 and 1.6."""
     most_growths: int = 60
     """Largest number of times that the weight grows: posteriors that need more are too narrow for so few points."""
     negligible: float = 3.0
@@ -114,7 +115,6 @@ def anneal(
         origin = origin[chosen]
         chains = Chains(_tempered(density, weight), z[chosen], random)
         chains.difference_steps(_SETTINGS.steps, some=True)
-        z = chains.z
         if weight == 1.0:
             effective = count**2 / float(np.sum(np.bincount(origin).astype(np.float64) ** 2))
             return AnnealedPoints(chains.z, log_evidence, effective)

@@ -27,7 +27,7 @@ from dovetail.inference.posterior.weights import (
 from dovetail.interfaces import NO_LIMIT, Progress, TimeLimit, silent
 
 _SCATTER = 1.0
-"""Standard deviation of the logarithm of the marginal likelihood by annealed points, of five posteriors."""
+"""How far logarithms of marginal likelihoods by annealed points scatter; see `annealing.Settings.steps`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,12 +163,10 @@ def _starts(
     """Return points z (n, p), logarithms of the weights (n,) by which they are drawn, and how many of them count."""
     log_weight = clipped(mixture.log_weight) - np.log(max(mixture.begun, 1))
     effective = effective_sample_size(log_weight)
+    if annealed is None and not len(log_weight):
+        return mixture.modes.z, mixture.modes.log_posterior, 0.0
     if annealed is None:
-        return (
-            (mixture.ends.z, log_weight, effective)
-            if len(log_weight)
-            else (mixture.modes.z, mixture.modes.log_posterior, 0.0)
-        )
+        return mixture.ends.z, log_weight, effective
     share = 1.0 / (1.0 + np.exp(np.logaddexp.reduce(log_weight, initial=-np.inf) - annealed.log_evidence))
     effective = 1.0 / (share**2 / annealed.effective + (1.0 - share) ** 2 / max(effective, 1.0))
     return np.concatenate([mixture.ends.z, annealed.z]), np.concatenate([log_weight, annealed.log_weight]), effective
