@@ -16,12 +16,17 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy  # loads a part of it when that is first used
 from numpy.typing import NDArray
 
+from dovetail.inference.posterior.likelihood import squared_norms
 from dovetail.inference.posterior.metropolis import Chains
 from dovetail.inference.posterior.tangent_steps import Density
-from dovetail.inference.posterior.weights import drawn_by_weight, effective_sample_size, from_logarithms
+from dovetail.inference.posterior.weights import (
+    drawn_by_weight,
+    effective_sample_size,
+    from_logarithms,
+    largest_factor,
+)
 from dovetail.interfaces import NO_LIMIT, TimeLimit
 
 
@@ -106,7 +111,7 @@ def anneal(
     log_likelihood = _log_likelihood(density.log(z), z)
     weight = log_evidence = 0.0
     for _ in range(_SETTINGS.most_growths):
-        growth = _growth(log_likelihood, 1.0 - weight)
+        growth = largest_factor(log_likelihood, _SETTINGS.effective * count, 1.0 - weight)
         weight = 1.0 if growth == 1.0 - weight else weight + growth
         log_evidence += float(np.logaddexp.reduce(growth * log_likelihood)) - np.log(count)
         if limit.is_over or log_evidence < known - _SETTINGS.negligible:
@@ -116,25 +121,15 @@ def anneal(
         chains = Chains(_tempered(density, weight), z[chosen], random)
         chains.difference_steps(_SETTINGS.steps, some=True)
         if weight == 1.0:
-            effective = count**2 / float(np.sum(np.bincount(origin).astype(np.float64) ** 2))
-            return AnnealedPoints(chains.z, log_evidence, effective)
+            descendants = np.unique(origin, return_counts=True)[1]
+            return AnnealedPoints(chains.z, log_evidence, effective_sample_size(np.log(descendants)))
         z, log_likelihood = chains.z, _log_likelihood(chains.log_posterior, chains.z) / weight
     return None
 
 
 def _log_likelihood(log_posterior: NDArray[np.float64], z: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the logarithms (n,) of the likelihood, finite where the model has no finite FRF too."""
-    return np.asarray(np.nan_to_num(log_posterior + np.sum(z**2, axis=1) / 2.0, nan=_NONE, neginf=_NONE))
-
-
-def _growth(log_likelihood: NDArray[np.float64], most: float) -> float:
-    """Return by how much the weight can grow, `most` at most, so that enough of the points count."""
-    wanted = _SETTINGS.effective * len(log_likelihood)
-
-    def excess(growth: float) -> float:
-        return effective_sample_size(growth * log_likelihood) - wanted
-
-    return most if excess(most) >= 0.0 else float(scipy.optimize.bisect(excess, 0.0, most, xtol=1e-15, rtol=1e-6))
+    return np.asarray(np.nan_to_num(log_posterior + squared_norms(z) / 2.0, nan=_NONE, neginf=_NONE))
 
 
 def _tempered(density: Density, weight: float) -> Density:

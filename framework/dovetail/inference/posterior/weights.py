@@ -103,14 +103,31 @@ def clipped(log_weight: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def tempered(log_weight: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the logarithms of the weights times a factor, 1 or less, with which not only a few count."""
-    wanted = _SETTINGS.tempered * len(log_weight)
-    if effective_sample_size(log_weight) >= wanted:
-        return log_weight
+    factor = largest_factor(log_weight, _SETTINGS.tempered * len(log_weight), tolerance=0.01)
+    return log_weight if factor == 1.0 else np.asarray(factor * log_weight)
+
+
+def largest_factor(
+    log_weight: NDArray[np.float64], wanted: float, most: float = 1.0, *, tolerance: float = 1e-6
+) -> float:
+    """Return the largest factor of the logarithms of weights, up to `most`, with which so many samples are effective.
+
+    Parameters
+    ----------
+    log_weight : (n,) array
+    wanted : float
+        Effective sample size.
+    most : float
+    tolerance : float
+        Relative error of the factor.
+    """
 
     def excess(factor: float) -> float:
         return effective_sample_size(factor * log_weight) - wanted
 
-    return np.asarray(scipy.optimize.bisect(excess, 0.0, 1.0, rtol=0.01) * log_weight)
+    if excess(most) >= 0.0:
+        return most
+    return float(scipy.optimize.bisect(excess, 0.0, most, xtol=1e-15, rtol=tolerance))
 
 
 def from_logarithms(log_weight: NDArray[np.float64]) -> NDArray[np.float64]:
