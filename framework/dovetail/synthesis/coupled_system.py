@@ -225,7 +225,7 @@ class CoupledSystem:
         local = np.flatnonzero(np.isin(numbers, self.active))
         return local, np.searchsorted(self.active, numbers[local])
 
-    @property
+    @cached_property
     def joints(self) -> tuple[PlacedJoint, ...]:
         """The joints at their places."""
         return tuple(
@@ -286,13 +286,12 @@ class CoupledSystem:
         joints: list[tuple[NDArray[np.intp], NDArray[np.complex128]]] = []
         springs: list[tuple[float, int, int]] = []
         others = np.diagonal(system[len(system) // 2])
-        for name, connection in self.graph.connections.items():
-            local, indices = self.locate(self.graph.joint_dofs(name))
-            Z = joint_stiffness(name, connection.model, frequency, theta[name])[0]
-            self._require(name, Z, theta[name])
-            joints.append((indices, Z[:, local[:, None], local]))
+        for joint in self.joints:
+            Z = joint_stiffness(joint.name, joint.model, frequency, theta[joint.name])[0]
+            self._require(joint.name, Z, theta[joint.name])
+            joints.append((joint.indices, Z[:, joint.local[:, None], joint.local]))
             numbers = np.full(len(Z[0]), -1)
-            numbers[local] = indices
+            numbers[joint.local] = joint.indices
             springs += stiff_springs(Z[len(Z) // 2], numbers, others)
         T = relative_coordinates(size, springs)
         if springs:
