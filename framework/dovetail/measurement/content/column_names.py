@@ -307,7 +307,7 @@ def _inventory(contents: Mapping[str, str]) -> str:
     return ("".join(rows) or " nothing") + (f"\n    and {hidden} more" if hidden > 0 else "")
 
 
-def _doubts(fields: Mapping[str, NDArray[Any]]) -> Iterator[str]:
+def _likely_mistakes(fields: Mapping[str, NDArray[Any]]) -> Iterator[str]:
     """Yield what looks as if it were in another unit than its name says: decibels, and phases next to amplitudes."""
     if "db" in fields and _look_linear(db := fields["db"]):
         problem = f"the decibels lie between {db.min():.4g} and {db.max():.4g}: they look like amplitudes"
@@ -358,9 +358,9 @@ def combine_values(fields: Mapping[str, NDArray[Any]], locate: Callable[[int], s
     if negative.size:
         problem = f"the amplitude {fields['amplitude'][negative[0]]:.6g} is negative (decibels are called db)."
         raise MeasurementError(Fault(locate(int(negative[0])), problem, "an amplitude of zero or more"))
-    for doubt in _doubts(fields):
+    for mistake in _likely_mistakes(fields):
         place = re.sub(r"(?:[:,]\D*|\s+line )\d+\D*$", "", locate(0))
-        warnings.warn(f"{place}: {doubt}", stacklevel=2)
+        warnings.warn(f"{place}: {mistake}", stacklevel=2)
     if "values" in fields:
         return fields["values"], True
     if "amplitude" in fields and not {"phase_deg", "phase_rad"} & set(fields):
