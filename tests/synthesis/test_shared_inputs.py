@@ -5,6 +5,8 @@ import pytest
 
 import dovetail
 from dovetail.problem.part_quantities import known_quantities
+from dovetail.synthesis.codegen.layout import MATRICES
+from dovetail.synthesis.joint_evaluation import probe_matrices
 
 SHIPPED = ["bt40_er32_quick.yaml", "bolted_lap_beam.yaml", "shaft_hub.yaml", "spindle_bt40_er32.yaml"]
 
@@ -35,3 +37,11 @@ def test_joints_that_differ_do_not_share_inputs(assemblies):
     assembly, again = (dovetail.load(assemblies / "bt40_er32_quick.yaml") for _ in range(2))
     inputs = [each.engine.plan.inputs for each in (assembly, again, assembly.rigid())]
     assert len(set(map(id, inputs))) == 3
+
+
+def test_entries_are_those_of_the_parameters_that_are_probed(sdof):
+    undamped, damped = (sdof.by_joint([[2e6, c]]) for c in (0.0, 30.0))
+    for theta, has_damping in ((undamped, False), (damped, True), (undamped, False)):
+        (sparsity,) = probe_matrices(sdof.graph, sdof.frequency, theta).values()
+        assert sparsity.matrices[MATRICES.index("K")].any()
+        assert sparsity.matrices[MATRICES.index("C")].any() == has_damping
