@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import sys
 
 
 def main() -> None:
-    """Run the command line; Ctrl-C ends it without a traceback from the first import on."""
+    """Run the command line; Ctrl-C ends it without a traceback from the first import on.
+
+    Linear algebra has one thread unless the environment says otherwise. Its matrices are small, and what is large is
+    divided among threads of Dovetail's own; idle threads of OpenBLAS would take a quarter of a second of processor time.
+    """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # read when NumPy and SciPy are loaded
     try:
         from dovetail.cli import main as run
     except KeyboardInterrupt:
