@@ -248,15 +248,16 @@ def _factor(unit: str, target: str, text: str) -> float:
 @cache
 def _factor_by_pint(unit: str, target: str, text: str) -> float:
     """Return the same factor of any unit. A declared unit, which is the whole text, is in pint's spelling."""
-    import pint
-
-    registry = _registry()
     spelled = _MIL.sub("thou", _GLUED_POWER.sub("^", unit) if text != unit else unit)
     if homonym := find_homonym(spelled):
         raise UnitError(f"in {text!r}, {homonym}")
+    no_unit = UnitError(f"{unit!r} in {text!r} is not a unit; a unit of {target} was expected." + _decimal_mark(text))
+    if not _UNIT.fullmatch(spelled):
+        raise no_unit
+    import pint
+
+    registry = _registry()
     try:
-        if not _UNIT.fullmatch(spelled):
-            raise ValueError(unit)
         source = registry.Unit(spelled)
         one, four = (registry.convert(number, source, registry.Unit(target)) for number in (1.0, 4.0))
         if four != 4.0 * one:  # a decibel is not a factor
@@ -268,8 +269,7 @@ def _factor_by_pint(unit: str, target: str, text: str) -> float:
         problem = f"{text!r} is not {wanted}."
         raise UnitError(problem + _force_hint(spelled, target)) from None
     except Exception:  # pint's parser may raise anything
-        problem = f"{unit!r} in {text!r} is not a unit; a unit of {target} was expected."
-        raise UnitError(problem + _decimal_mark(text)) from None
+        raise no_unit from None
 
 
 def _force_hint(unit: str, target: str) -> str:

@@ -52,12 +52,13 @@ NOT_FOR_NAMES = ("pint", "dask", "llvmlite", "scipy.linalg", "scipy.ndimage", "s
             RUN_APP.format(arguments=["check", "sdof.yaml"]),
             ("pint", "dask", "llvmlite", "scipy.ndimage", "scipy.optimize", "scipy.spatial", "scipy.stats"),
         ),
+        ("import dovetail\ndovetail.read_frf('measurements/h0_j_t0_60Nm.uff')", ("pint", "dask", "llvmlite")),
         (
             "import dovetail.dataset\ndovetail.dataset.latin_hypercube(dovetail.load('sdof.yaml'), samples=9, seed=0)",
             ("scipy.signal", "scipy.spatial", "scipy.stats"),
         ),
     ],
-    ids=["dovetail.load", "plugins", "describe", "schema", "--help", "check", "samples"],
+    ids=["dovetail.load", "plugins", "describe", "schema", "--help", "check", "read_frf", "samples"],
 )
 def test_what_a_command_does_not_use_stays_unloaded(assemblies, code, unloaded):
     script = f"{code}\nimport sys\nprint([name for name in {(*HEAVY, *unloaded)} if name in sys.modules])"

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import dovetail
+from dovetail.measurement import frf_units
 
 FREQUENCY = np.arange(10.0, 60.0)
 VALUES = np.linspace(1.0, 2.0, 50) + 1j
@@ -80,3 +81,8 @@ def test_a_version_in_a_line_of_text_is_not_an_acting_number(tmp_path: Path, ver
     file = written(tmp_path / "frf.csv", {"frequency_Hz": FREQUENCY, "real": VALUES.real, "imag": VALUES.imag})
     file.write_text(f"Software: {version}\n# gauge {version}\n{file.read_text()}")
     assert dovetail.read_frf(file, quantity="receptance").values[0] == VALUES[0]
+
+
+@pytest.mark.parametrize("unit", sorted(frf_units._PLAIN))
+def test_a_unit_of_files_that_is_known_without_pint_is_read_as_by_pint(unit: str):
+    assert frf_units.read_unit(unit) == frf_units._reading_by_pint(unit)

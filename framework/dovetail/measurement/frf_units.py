@@ -36,6 +36,7 @@ UnitKind = Literal["ratio", "motion", "load", "frequency", "time", "inverse", "n
 ``NONE``), or something else."""
 _LOADS = (("N", False), ("N m", True))
 _FREQUENCIES = {"rad/s": 1.0 / (2.0 * math.pi), "rad/sec": 1.0 / (2.0 * math.pi)}
+_FREQUENCY_NAMES = ("hz", "hertz", "cps", "rps")
 _SPELLINGS = {
     **dict.fromkeys(("hertz", "cycles/s", "cycles/sec", "cycles/second"), "Hz"),
     **dict.fromkeys(("newton", "newtons"), "N"),
@@ -128,6 +129,20 @@ def read_unit(label: str) -> UnitReading | None:
     text = pint_spelling(_SPELLINGS.get(text.lower(), text))
     if not _has_unit_characters(text):
         return None
+    return _PLAIN.get(text) or _reading_by_pint(text)
+
+
+_PLAIN = {
+    **{unit: UnitReading("motion", 1.0, quantity, rotation) for (quantity, rotation), unit in _MOTION.items()},
+    **{unit: UnitReading("load", moment=moment) for unit, moment in _LOADS},
+    "standard_gravity": UnitReading("motion", 9.80665, "accelerance"),
+    "Hz": UnitReading("frequency"),
+    "s": UnitReading("time"),
+}
+"""Readings of the labels of most files, as pint gives them: a file is read sooner without pint."""
+
+
+def _reading_by_pint(text: str) -> UnitReading | None:
     try:
         meaning = meaning_of_unit(text, "")
         return UnitReading("ratio", meaning.factor, meaning.quantity, meaning.rotation, meaning.moment)
@@ -158,7 +173,9 @@ def is_si(label: str) -> bool:
 def frequency_factor(label: str) -> float | None:
     """Return the factor from the unit of a frequency to Hz, or None if it is none; a speed in rpm is none."""
     text = label.strip()
-    if "min" in text or "rpm" in text:
+    if "min" in text or "rpm" in text or not any(map(str.isalpha, text)):
+        return None
+    if text.isalpha() and not text.lower().endswith(_FREQUENCY_NAMES):  # most words of a text: no need to ask pint
         return None
     text = _SPELLINGS.get(text.lower(), text)
     if text.lower() in _FREQUENCIES:
