@@ -9,8 +9,8 @@ import sys
 def main() -> None:
     """Run the command line; Ctrl-C ends it without a traceback from the first import on.
 
-    Linear algebra has one thread unless the environment says otherwise. Its matrices are small, and what is large is
-    divided among threads of Dovetail's own; idle threads of OpenBLAS would take a quarter of a second of processor time.
+    Linear algebra has one thread unless the environment says otherwise: its matrices are small, and what is large is
+    divided among threads of Dovetail's own. Idle threads of OpenBLAS would take 0.25 s of processor time.
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # read when NumPy and SciPy are loaded
     try:

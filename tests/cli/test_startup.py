@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import resource
 import subprocess
@@ -67,6 +68,26 @@ def test_what_a_command_does_not_use_stays_unloaded(assemblies, code, unloaded):
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1] == "[]"
+
+
+@pytest.mark.parametrize(("stated", "threads"), [({}, "{1}"), ({"OPENBLAS_NUM_THREADS": "2"}, "{2}")])
+def test_a_command_has_one_thread_of_linear_algebra_unless_the_environment_says_otherwise(stated, threads):
+    script = """
+import sys
+from dovetail.__main__ import main
+sys.argv = ["dovetail", "--version"]
+try:
+    main()
+except SystemExit:
+    import numpy
+    from threadpoolctl import threadpool_info
+    print({pool["num_threads"] for pool in threadpool_info()})
+"""
+    kept = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=PATIENCE, check=True, env=kept | stated
+    )
+    assert done.stdout.splitlines()[-1] == threads
 
 
 def least(command: list[str]) -> float:
