@@ -71,6 +71,7 @@ from .identification import Posterior as Posterior
 from .identification import PredictedBand as PredictedBand
 from .identification import TableRow as TableRow
 from .identification import Verdict as Verdict
+from .identification import VerdictLimits as VerdictLimits
 from .identification import damping_ratios as damping_ratios
 from .identification import identify as identify
 from .identification import identify_many as identify_many

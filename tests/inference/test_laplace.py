@@ -23,10 +23,10 @@ from dovetail.inference.posterior import (
     sample_posterior,
     typical_model_error,
 )
-from dovetail.inference.posterior.distribution import split_half_difference
 from dovetail.inference.posterior.laplace import LaplaceApproximation
 from dovetail.inference.posterior.likelihood import MarginalisedResiduals, PosteriorResiduals, marginalised_squares
 from dovetail.inference.posterior.mode_search import maximise_posterior
+from dovetail.inference.posterior.verdicts import split_half_difference
 from dovetail.interfaces import NO_LIMIT
 from dovetail.problem import Problem
 from dovetail.problem.least_squares import Linearisation, SumOfSquares

@@ -10,13 +10,14 @@ import pytest
 import scipy
 
 import dovetail
-from dovetail.inference.posterior import LIMITS, Posterior, typical_model_error
+from dovetail.inference.posterior import Posterior, typical_model_error
 from dovetail.inference.posterior.verdicts import Known, ends_cut, precision_text, word_for
 from dovetail.interfaces import Parameter
 from dovetail.problem.definition import end_reached
 
 LEVELS = (np.arange(2000) + 0.5) / 2000
 VALUES = {"k": 3e6, "c": 40.0}
+IDENTIFIED = dovetail.VerdictLimits().identified
 
 
 def posterior_of(parameter: Parameter, fraction: np.ndarray) -> Posterior:
@@ -70,8 +71,8 @@ def test_a_wider_range_changes_no_verdict_that_the_measurement_determines(deviat
     assert len(set(words)) <= 1
     assert words or (scale == "linear" and deviation > 0.1)
     expected = 1.645 * deviation if scale == "linear" else np.expm1(1.645 * deviation)
-    if words and abs(expected - LIMITS.identified) > 0.02:
-        assert (words[0] == "identified") == (expected <= LIMITS.identified)
+    if words and abs(expected - IDENTIFIED) > 0.02:
+        assert (words[0] == "identified") == (expected <= IDENTIFIED)
     assert len({text.split(" ")[0] for text in precisions}) <= 2  # of rounding
 
 
@@ -95,7 +96,7 @@ def test_a_parameter_with_one_bound_is_never_identified(decades, end):
     fraction = at + (1.0 - at) * LEVELS if end == "lower" else at * LEVELS
     verdict = posterior_of(parameter, fraction).verdicts["k"]
     assert verdict.word != "identified"
-    if verdict.gain >= LIMITS.gain:
+    if verdict.gain >= 0.5:
         assert (verdict.precision, verdict.word) == (f"{end} bound", "weakly identified")
         assert "which cuts its interval off" in verdict.reason
 
@@ -254,3 +255,46 @@ def test_a_joint_gets_the_same_verdicts_in_wider_ranges(sdof, scale, noise):
         words.append([row.verdict for row in result.table])
         assert {row.precision for row in result.table}.isdisjoint({"range only"})
     assert words[1:] == words[:-1]
+
+
+def test_the_words_follow_limits_that_a_user_gives(sdof, tmp_path):
+    """From one measurement, and in the files of its result."""
+    clean = dovetail.Frf(sdof.frequency, sdof.frf(VALUES), "accelerance")
+    frf = dovetail.noisy_frf(clean, 0.3, 5)
+    usual = dovetail.identify(sdof, frf, seed=1)
+    off = {row.name: max(row.estimate - row.interval_low, row.interval_high - row.estimate) for row in usual.table}
+    stiffness, damping = (off[row.name] / row.estimate for row in usual.table)
+    assert stiffness < damping < IDENTIFIED
+    between = dovetail.identify(sdof, frf, seed=1, identified=(stiffness + damping) / 2.0)
+    strict = dovetail.identify(sdof, frf, seed=1, identified=stiffness / 4.0, weakly_identified=1.0 + stiffness / 2.0)
+    words = [[row.verdict for row in result.table] for result in (usual, between, strict)]
+    assert words == [["identified"] * 2, ["identified", "weakly identified"], ["not identifiable"] * 2]
+    assert [row.precision for row in strict.table] == [row.precision for row in usual.table]
+    assert strict.provenance["options"]["identified"] == stiffness / 4.0
+    (tmp_path / "result.json").write_text(json.dumps(strict.to_dict()), encoding="utf-8")
+    expected = dovetail.VerdictLimits(stiffness / 4.0, 1.0 + stiffness / 2.0)
+    read = dovetail.load_result(tmp_path / "result.json")
+    assert [row.verdict for row in read.table] == words[2]
+    assert read.posterior.limits == strict.posterior.limits == expected
+
+
+@pytest.mark.parametrize(
+    ("limits", "problem"),
+    [
+        ({"identified": 0.0}, "identified.*0.0 is not a limit"),
+        ({"identified": "5 %"}, "identified.*'5 %' is not a limit"),
+        ({"weakly_identified": float("nan")}, "weakly_identified.*nan is not a limit"),
+        ({"weakly_identified": 1.0}, "weakly_identified.*1.0 is not a limit.*Accepted: a number greater than 1"),
+        ({"weakly_identified": 1.1}, "0.2 is more than 'weakly_identified', a factor of 1.1.*at most 0.1"),
+    ],
+)
+def test_impossible_limits_of_words_are_refused(sdof, limits, problem):
+    frf = dovetail.Frf(sdof.frequency, sdof.frf(VALUES), "accelerance")
+    with pytest.raises(dovetail.ParameterError, match=f"(?s){problem}"):
+        dovetail.identify(sdof, frf, **limits)
+
+
+def test_a_method_without_intervals_has_no_limits_of_their_words(sdof):
+    frf = dovetail.Frf(sdof.frequency, sdof.frf(VALUES), "accelerance")
+    with pytest.raises(dovetail.ParameterError, match="'refined' has no option 'identified'"):
+        dovetail.identify(sdof, frf, "refined", identified=0.1)

@@ -14,7 +14,7 @@ from dovetail.assembly import load
 from dovetail.dataset import Dataset
 from dovetail.errors import DovetailError, Fault, MeasurementError, require_package
 from dovetail.frf import QUANTITIES, Frf, unit_of
-from dovetail.identification import Identification, ModelError, Modes, Posterior
+from dovetail.identification import Identification, ModelError, Modes, Posterior, VerdictLimits
 from dovetail.identification.result_file import result_from_json
 from dovetail.inference.posterior.evidence import Evidence
 
@@ -140,6 +140,7 @@ def _posterior_arrays(posterior: Posterior) -> Any:
     structured = {
         "model_error": asdict(posterior.model_error),
         "evidence": None if posterior.evidence is None else asdict(posterior.evidence),
+        "limits": asdict(posterior.limits),
         "moved_by_causes": dict(posterior.moved_by_causes),
         "unreliable": posterior.unreliable,
         "normal": posterior.normal,
@@ -159,6 +160,7 @@ def _posterior_from(arrays: Any) -> Posterior:
         **{name: attributes[name] for name in _SCALARS},
         model_error=ModelError(**json.loads(attributes["model_error"])),
         evidence=None if evidence is None else Evidence(**evidence),
+        limits=VerdictLimits(**json.loads(attributes["limits"])),
         moved_by_causes=json.loads(attributes["moved_by_causes"]),
         unreliable=tuple(json.loads(attributes["unreliable"])),
         normal=tuple(json.loads(attributes["normal"])),

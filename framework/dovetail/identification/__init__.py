@@ -11,7 +11,7 @@ from dovetail.identification.result_file import load_result
 from dovetail.inference.adequacy import Adequacy, Cause
 from dovetail.inference.adequacy.verdict import AtPoint
 from dovetail.inference.fitting import Fit
-from dovetail.inference.posterior import ModelError, Posterior, Verdict
+from dovetail.inference.posterior import ModelError, Posterior, Verdict, VerdictLimits
 from dovetail.network.evaluation import Evaluation, ParameterMetrics
 
 __all__ = [
@@ -32,6 +32,7 @@ __all__ = [
     "PredictedBand",
     "TableRow",
     "Verdict",
+    "VerdictLimits",
     "damping_ratios",
     "identify",
     "identify_many",

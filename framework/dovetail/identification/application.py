@@ -22,6 +22,7 @@ from dovetail.inference.adequacy import Adequacy
 from dovetail.inference.adequacy.judgement import JudgedFit, Judgement, JudgementOptions, judge_without_causes
 from dovetail.inference.fitting import Fit, fit_at, refine
 from dovetail.inference.posterior import ModelError, Posterior
+from dovetail.inference.posterior.verdicts import VERDICT_LIMITS, VerdictLimits
 from dovetail.interfaces import (
     NO_LIMIT,
     CutShort,
@@ -62,6 +63,7 @@ class Application:
     start : (n_params,) array or mapping of names to values, optional
         SI; where a search starts.
     judgement : JudgementOptions
+    limits : VerdictLimits
     seed : int
     progress : Progress
     limit : TimeLimit
@@ -74,6 +76,7 @@ class Application:
     trained: TrainedNetwork | None = None
     start: Theta = None
     judgement: JudgementOptions = field(default_factory=JudgementOptions)
+    limits: VerdictLimits = VERDICT_LIMITS
     seed: int = 0
     progress: Progress = silent
     limit: TimeLimit = NO_LIMIT
@@ -95,6 +98,8 @@ class Application:
             The method fails, or does not return finite parameters within their ranges.
         """
         result = self._complete_result(measured)
+        if result.posterior is not None:
+            result = replace(result, posterior=replace(result.posterior, limits=self.limits))
         cut = CutShort.of(self.limit)
         return result if cut is None else replace(result, cut_short=cut, warnings=(*result.warnings, cut.note))
 

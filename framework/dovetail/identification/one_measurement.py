@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from numbers import Real
 from pathlib import Path
 from typing import Any, cast
 
@@ -23,6 +22,7 @@ from dovetail.identification.measured_modes import MeasuredModes
 from dovetail.identification.result import Identification
 from dovetail.identification.unknown_signs import amplitudes, with_signs
 from dovetail.inference.adequacy.judgement import JudgementOptions
+from dovetail.inference.posterior.verdicts import VERDICT_LIMITS, VerdictLimits
 from dovetail.interfaces import IdentificationMethod, Progress, TimeLimit, logged, progress_reporter, silent
 from dovetail.measurement import ModalParameters, is_modal_table, read_frf, read_modal_parameters
 from dovetail.network.bundle import TrainedNetwork
@@ -42,6 +42,8 @@ _NO_MOTION, _PROBES, _SOME_LINES = 1e-10, 2, 100
 which an FRF is rounding or cannot be measured; parameter vectors that are tried besides the middle; and these lines."""
 _JUDGEMENT = ("model_error", "cause_seconds", "good", "rough")
 """Options of `JudgementOptions`."""
+_LIMITS = ("identified", "weakly_identified")
+"""Those of `VerdictLimits`."""
 
 
 def identify(
@@ -93,7 +95,8 @@ def identify(
         ``"multistart"``; ``form`` (``"samples"`` or ``"laplace"``),
         ``samples`` and ``model_error`` for ``"posterior"``; ``cause_seconds``, the time after which no further cause
         of a misfit is tried (20 by default, none with 0), and ``good`` and ``rough``, the largest `ModelError` of a
-        model that is called so, for all but the network. For a plugin's method those of its `Config`, instead of the
+        model that is called so, for all but the network. ``identified`` and ``weakly_identified``, as in
+        `VerdictLimits`, for methods with intervals. For a plugin's method those of its `Config`, instead of the
         description's, ``seed``, ``model_error``, ``cause_seconds``, ``good`` and ``rough``.
 
     Returns
@@ -122,7 +125,7 @@ def identify(
     During an identification the linear algebra of this process uses one thread: the matrices are small, and more
     threads would wait for each other.
     """
-    limit, assembly = _limit(seconds), as_assembly(assembly)
+    limit, assembly = TimeLimit.of(seconds), as_assembly(assembly)
     table = _as_table(measured)
     frfs = () if table is not None else as_frfs(cast("Measurement", measured))
     chosen = find_method(method, assembly) if table is None else method_for_modes(method, assembly)
@@ -153,21 +156,6 @@ def identify(
         requested = {"weights": weights, "seconds": limit.seconds, "phase": None if phase else False, **options}
         given = {name: value for name, value in requested.items() if isinstance(value, (str, int, float))}
         return replace(result, provenance={**result.provenance, **({"options": given} if given else {})})
-
-
-def _limit(seconds: float | TimeLimit | None) -> TimeLimit:
-    """Return the time limit of a call.
-
-    Raises
-    ------
-    ParameterError
-        It is not a positive number.
-    """
-    if seconds is None or isinstance(seconds, TimeLimit):
-        return TimeLimit.of(seconds)
-    if not isinstance(seconds, Real) or isinstance(seconds, bool) or not seconds > 0.0:
-        raise ParameterError(Fault("seconds", f"{seconds!r:.40} is not a time limit: it must be greater than 0."))
-    return TimeLimit(float(seconds))
 
 
 def _as_table(measured: Measurement | ModalParameters) -> ModalParameters | None:
@@ -222,14 +210,17 @@ def _application(
     progress: Progress,
 ) -> Application:
     """Return a method with the options of a call; those that are not given are the method's and the description's."""
-    own = {name: value for name, value in options.items() if name in _option_names(method)}
-    judgement = {name: options[name] for name in _JUDGEMENT if options.get(name) is not None}
+    judgement, limits = (
+        {name: options[name] for name in names if options.get(name) is not None} for names in (_JUDGEMENT, _LIMITS)
+    )
     seed = options.get("seed")
+    own = {name: value for name, value in options.items() if name in _option_names(method)}
     return Application(
         _with_options(method, own) if own else method,
         model,
         options.get("start"),
         JudgementOptions(**judgement),
+        VerdictLimits(**limits) if limits else VERDICT_LIMITS,
         assembly.description.identification.seed if seed is None else seed,
         progress,
     )
@@ -392,7 +383,8 @@ def method_options(method: IdentificationMethod) -> tuple[str, ...]:
     """Return the names of the options that `identify` takes with a method."""
     start = ("start",) if method.uses_starts else ()
     judgement = (*_JUDGEMENT, "seed") if method.fits_lines else ()
-    return (*_option_names(method), *start, *judgement)
+    limits = _LIMITS if method.gives_posterior else ()
+    return (*_option_names(method), *start, *judgement, *limits)
 
 
 def _option_names(method: IdentificationMethod) -> tuple[str, ...]:

@@ -27,7 +27,7 @@ from dovetail.identification.parameters import IdentifiedParameter
 from dovetail.identification.result import Identification, Mode
 from dovetail.inference.adequacy import Adequacy, AdequacyWord, Cause
 from dovetail.inference.adequacy.verdict import AtPoint
-from dovetail.inference.posterior import Form, ModelError, Posterior
+from dovetail.inference.posterior import Form, ModelError, Posterior, VerdictLimits
 from dovetail.inference.posterior.distribution import central_fractions
 from dovetail.inference.posterior.evidence import Evidence
 from dovetail.interfaces import CutShort
@@ -88,6 +88,7 @@ class _StoredPosterior(_Stored):
     reached: float
     evidence: Evidence | None = None
     effective_samples: float = np.inf
+    limits: VerdictLimits = VerdictLimits()
     model_error: ModelError
     lines: int
     seconds: float
@@ -338,6 +339,7 @@ def _posterior(file: Path, parameters: Mapping[str, IdentifiedParameter], stored
         normal=tuple(parameter.name for parameter in ranges if parameter.prior == "normal"),
         evidence=stored.evidence,
         effective=stored.effective_samples,
+        limits=stored.limits,
     )
 
 

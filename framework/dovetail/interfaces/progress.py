@@ -7,11 +7,12 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from numbers import Real
 from typing import Protocol
 
 import numpy as np
 
-from dovetail.errors import Note, argument, listing
+from dovetail.errors import Fault, Note, ParameterError, argument, listing
 
 
 class Progress(Protocol):
@@ -130,8 +131,18 @@ class TimeLimit:
 
     @staticmethod
     def of(limit: TimeLimit | float | None) -> TimeLimit:
-        """Return a limit as it is, or one of so many seconds from now."""
-        return limit if isinstance(limit, TimeLimit) else TimeLimit(limit)
+        """Return a limit as it is, or one of so many seconds from now.
+
+        Raises
+        ------
+        ParameterError
+            It is not a positive number.
+        """
+        if limit is None or isinstance(limit, TimeLimit):
+            return limit or TimeLimit()
+        if not isinstance(limit, Real) or isinstance(limit, bool) or not limit > 0.0:
+            raise ParameterError(Fault("seconds", f"{limit!r:.40} is not a time limit: it must be greater than 0."))
+        return TimeLimit(float(limit))
 
 
 NO_LIMIT = TimeLimit()

@@ -12,12 +12,19 @@ from dovetail.inference.posterior.model_error import (
     with_model_error,
 )
 from dovetail.inference.posterior.sampling import sample_posterior
-from dovetail.inference.posterior.verdicts import FIXED, LEVEL, LIMITS, NOT_TRUSTWORTHY, Group, Verdict, quantiles
+from dovetail.inference.posterior.verdicts import (
+    FIXED,
+    LEVEL,
+    NOT_TRUSTWORTHY,
+    Group,
+    Verdict,
+    VerdictLimits,
+    quantiles,
+)
 
 __all__ = [
     "FIXED",
     "LEVEL",
-    "LIMITS",
     "MODEL_ERROR",
     "NOT_TRUSTWORTHY",
     "PRIOR_PRECISION",
@@ -27,6 +34,7 @@ __all__ = [
     "ModelError",
     "Posterior",
     "Verdict",
+    "VerdictLimits",
     "error_shapes",
     "laplace_posterior",
     "quantiles",

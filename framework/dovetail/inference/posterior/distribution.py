@@ -19,9 +19,11 @@ from dovetail.inference.posterior.verdicts import (
     FIXED,
     LEVEL,
     NOT_TRUSTWORTHY,
+    VERDICT_LIMITS,
     Group,
     Known,
     Verdict,
+    VerdictLimits,
     ends_cut,
     ends_of,
     heaviest_combination,
@@ -29,6 +31,7 @@ from dovetail.inference.posterior.verdicts import (
     precision_text,
     quantiles,
     separate_groups,
+    split_half_difference,
     word_for,
     word_for_groups,
 )
@@ -113,6 +116,8 @@ class Posterior:
     effective : float
         How many independent samples Metropolis steps left, where there were any: moved samples still resemble one
         another where they were drawn from the same few.
+    limits : VerdictLimits
+        Of the verdicts.
     """
 
     names: tuple[str, ...]
@@ -134,6 +139,7 @@ class Posterior:
     evidence: Evidence | None = None
     least_log_evidence: float = -np.inf
     effective: float = np.inf
+    limits: VerdictLimits = VERDICT_LIMITS
 
     def __repr__(self) -> str:
         warning = f" {self.warning}" if self.warning else ""
@@ -282,14 +288,15 @@ class Posterior:
         if self.warning:
             return Verdict(NOT_TRUSTWORTHY, known.gain, self.warning)
         name = self.names[index]
-        word, precision = word_for(known), precision_text(known, is_normal=name in self.normal)
+        word = word_for(known, self.limits)
+        precision = precision_text(known, self.limits, is_normal=name in self.normal)
         reasons = []
         if known.is_determined and known.cut:
             reasons.append(f"it presses against the {known.cut} end of its range, which cuts its interval off")
         if word != "identified":
             reasons.append(self._explanation(index, known))
         if groups := self.groups.get(name, ()):
-            word, precision = word_for_groups(groups), f"{len(groups)} groups"
+            word, precision = word_for_groups(groups, self.limits), f"{len(groups)} groups"
             several = _NUMBERS.get(len(groups), str(len(groups)))
             reasons.append(f"its likely values are in {several} separate groups; the estimate is that of the likeliest")
         if name in self.moved_by_causes:
@@ -316,6 +323,7 @@ class Posterior:
             "form": self.form,
             "warning": self.warning,
             "level": LEVEL,
+            "limits": asdict(self.limits),
             "warnings": list(self.warnings),
             "parameters": {
                 name: {
@@ -378,20 +386,3 @@ def central_fractions(
 def _group_numbers(fraction: NDArray[np.float64], weight: NDArray[np.float64]) -> NDArray[np.intp]:
     """Return the group (n, n_params) of each sample for each parameter; 0 everywhere if there is one group."""
     return np.stack([separate_groups(column, weight) for column in fraction.T], axis=1)
-
-
-def split_half_difference(
-    values: NDArray[np.float64], weight: NDArray[np.float64], level: float
-) -> NDArray[np.float64]:
-    """Return by how much the intervals of the first and of the second half of samples (n, m) differ, (m,).
-
-    It is the larger difference of the two ends, over the width of the interval that all samples give; 1 where there are
-    not two halves.
-    """
-    middle = len(weight) // 2
-    halves = [(values[rows], weight[rows]) for rows in (slice(None, middle), slice(middle, None))]
-    if min(half.sum() for _, half in halves) <= 0.0:
-        return np.ones(values.shape[1])
-    low, high = quantiles(values, weight, ends_of(level))
-    first, second = (np.array(quantiles(rows, half / half.sum(), ends_of(level))) for rows, half in halves)
-    return np.asarray(np.abs(first - second).max(axis=0) / np.maximum(high - low, np.finfo(float).tiny))

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from numbers import Real
 from typing import Final, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.errors import Fault, ParameterError
 from dovetail.inference.posterior.alternating import Alternating
 from dovetail.inference.posterior.weights import drawn_by_weight
 
@@ -25,19 +27,49 @@ Word: TypeAlias = Literal["identified", "weakly identified", "not identifiable",
 
 
 @dataclass(frozen=True)
-class Limits:
-    """What the verdicts on parameters mean.
+class VerdictLimits:
+    """How precisely a parameter must be known to be called so.
 
     They follow from the use of such a value, not from any measurement. The natural frequency of a mode goes with the
     square root of a stiffness or a mass, and its height with a damping. Within 20 %, a value can be used in a
     prediction: it moves a natural frequency by less than 10 %, and a resonance by less than 2 dB. Within a factor of 3,
     only its order of magnitude is known.
+
+    Parameters
+    ----------
+    identified : float
+        Largest relative distance of the interval's ends from the estimate of an identified parameter.
+    weakly_identified : float
+        Largest ratio of the estimate to the interval's ends, or the reverse, of a weakly identified parameter.
+
+    Raises
+    ------
+    ParameterError
+        A limit is out of its range, or the first allows more than the second.
     """
 
     identified: float = 0.2
-    """Largest relative distance of the interval's ends from the estimate of an identified parameter."""
     weakly_identified: float = 3.0
-    """Largest ratio of the estimate to the interval's ends, or the reverse, of a weakly identified parameter."""
+
+    def __post_init__(self) -> None:
+        for name, limit, least in (
+            ("identified", self.identified, 0),
+            ("weakly_identified", self.weakly_identified, 1),
+        ):
+            if isinstance(limit, bool) or not isinstance(limit, Real) or not least < limit < np.inf:
+                raise ParameterError(Fault(name, f"{limit!r:.40} is not a limit.", f"a number greater than {least}"))
+        if 1.0 + self.identified > self.weakly_identified:
+            problem = f"{self.identified:g} is more than 'weakly_identified', a factor of {self.weakly_identified:g}."
+            raise ParameterError(Fault("identified", problem, f"at most {self.weakly_identified - 1.0:g}"))
+
+
+VERDICT_LIMITS = VerdictLimits()
+
+
+@dataclass(frozen=True)
+class Settings:
+    """When a measurement determines a parameter, and how its precision is written."""
+
     gain: float = 0.5
     """Smallest share of the prior variance that the measurement removes from a parameter that it determines: its
     interval is then 0.7 times as wide as the one before the measurement. With less, the range says more than the
@@ -61,7 +93,7 @@ class Limits:
     independent samples, evenly distributed, two neighbours are 0.08 of it apart."""
 
 
-LIMITS = Limits()
+_SETTINGS = Settings()
 
 
 @dataclass(frozen=True)
@@ -87,7 +119,7 @@ class Known:
     @property
     def is_determined(self) -> bool:
         """Whether the measurement, rather than the range, limits the parameter on one side at least."""
-        return self.gain >= LIMITS.gain and self.cut != "both"
+        return self.gain >= _SETTINGS.gain and self.cut != "both"
 
     @property
     def relative(self) -> float:
@@ -177,29 +209,29 @@ def relative_error(estimate: float, low: float, high: float) -> float:
 
 def ends_cut(low: float, high: float) -> str:
     """Return the end of the range that cuts off an interval, given in fractions of the range, as in `Known`."""
-    nearest = LIMITS.cut * (high - low)
+    nearest = _SETTINGS.cut * (high - low)
     lower, upper = low < nearest, high > 1.0 - nearest
     return "both" if lower and upper else "lower" if lower else "upper" if upper else ""
 
 
-def word_for(known: Known) -> Word:
+def word_for(known: Known, limits: VerdictLimits = VERDICT_LIMITS) -> Word:
     """Return the verdict on one parameter, whose likely values are in one group.
 
     It does not depend on the width of the range, as long as the measurement limits the interval.
     """
     if not known.is_determined:
         return "not identifiable"
-    if known.relative * (LIMITS.widening if known.cut else 1.0) <= LIMITS.identified:
+    if known.relative * (_SETTINGS.widening if known.cut else 1.0) <= limits.identified:
         return "identified"
     if known.cut:
         return "weakly identified"
-    in_order = known.factor is None or known.factor <= LIMITS.weakly_identified
+    in_order = known.factor is None or known.factor <= limits.weakly_identified
     return "weakly identified" if in_order else "not identifiable"
 
 
-def word_for_groups(groups: Sequence[Group]) -> Word:
+def word_for_groups(groups: Sequence[Group], limits: VerdictLimits = VERDICT_LIMITS) -> Word:
     """Return the verdict on a parameter with separate groups of likely values: which of them is right is not known."""
-    in_order = [group.factor is None or group.factor <= LIMITS.weakly_identified for group in groups]
+    in_order = [group.factor is None or group.factor <= limits.weakly_identified for group in groups]
     return "weakly identified" if all(in_order) else "not identifiable"
 
 
@@ -207,20 +239,20 @@ def how_little(known: Known) -> str:
     """Say how little the measurement says about a parameter, to follow "the measurement"."""
     if known.is_determined:
         return "determines it only roughly"
-    if known.gain < LIMITS.hardly:
+    if known.gain < _SETTINGS.hardly:
         return "hardly depends on it"
     return "narrows its range only a little; in a wider range it would show what the measurement says by itself"
 
 
-def precision_text(known: Known, *, is_normal: bool = False) -> str:
+def precision_text(known: Known, limits: VerdictLimits = VERDICT_LIMITS, *, is_normal: bool = False) -> str:
     """Write how well a parameter is known, as in `Verdict`."""
     if not known.is_determined:
         return "prior only" if is_normal else "range only"
-    if known.cut and word_for(known) != "identified":
+    if known.cut and word_for(known, limits) != "identified":
         return "upper bound" if known.cut == "lower" else "lower bound"
     if known.factor is None:
         return "may be zero"
-    if known.factor < LIMITS.per_cent:
+    if known.factor < _SETTINGS.per_cent:
         per_cent = 100.0 * known.relative
         return "±0.01 %" if per_cent < 0.01 else f"±{per_cent:.2g} %"
     return f"factor {known.factor:.2g}" if known.factor < 100.0 else "factor over 100"
@@ -249,13 +281,13 @@ def _gap(values: NDArray[np.float64], weight: NDArray[np.float64], rows: NDArray
     """Return the middle of the largest gap between samples, or None if it is small for the interval of these."""
     counted = rows & Alternating(len(rows)).given_measurement  # those about the best fit are no group of their own
     chosen, share = values[counted], weight[counted]
-    if not share.sum() or weight[rows].sum() ** 2 < LIMITS.effective_samples * np.sum(weight[rows] ** 2):
+    if not share.sum() or weight[rows].sum() ** 2 < _SETTINGS.effective_samples * np.sum(weight[rows] ** 2):
         return None
     (low,), (high,) = quantiles(chosen[:, np.newaxis], share / share.sum(), ends_of(LEVEL))
     drawn = chosen[drawn_by_weight(share, len(share), np.random.default_rng(7))]
     ordered = np.sort(np.clip(drawn, low, high))
     gaps = np.diff(ordered)
-    if not gaps.size or gaps.max() <= LIMITS.gap * (high - low):
+    if not gaps.size or gaps.max() <= _SETTINGS.gap * (high - low):
         return None
     widest = int(np.argmax(gaps))
     return float(ordered[widest] + ordered[widest + 1]) / 2.0
@@ -285,6 +317,23 @@ def quantiles(
         np.array([np.interp(level, below[:, column], ordered[:, column]) for column in range(values.shape[1])])
         for level in (level + (level - 0.5) / count for level in levels)
     )
+
+
+def split_half_difference(
+    values: NDArray[np.float64], weight: NDArray[np.float64], level: float
+) -> NDArray[np.float64]:
+    """Return by how much the intervals of the first and of the second half of samples (n, m) differ, (m,).
+
+    It is the larger difference of the two ends, over the width of the interval that all samples give; 1 where there are
+    not two halves.
+    """
+    middle = len(weight) // 2
+    halves = [(values[rows], weight[rows]) for rows in (slice(None, middle), slice(middle, None))]
+    if min(half.sum() for _, half in halves) <= 0.0:
+        return np.ones(values.shape[1])
+    low, high = quantiles(values, weight, ends_of(level))
+    first, second = (np.array(quantiles(rows, half / half.sum(), ends_of(level))) for rows, half in halves)
+    return np.asarray(np.abs(first - second).max(axis=0) / np.maximum(high - low, np.finfo(float).tiny))
 
 
 def ends_of(level: float) -> list[float]:
