@@ -76,7 +76,7 @@ def test_nothing_outside_the_file_is_read(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("datasets", "message"),
     [
-        ({"f": FREQUENCY, "mobility": np.array([b"x"] * 7)}, "a.h5\n  'mobility' has the shape () and the type"),
+        ({"f": FREQUENCY, "mobility": np.array([b"x"] * 7)}, "a.h5\n  'mobility' has the shape (7,) and the type <U1"),
         ({"f": FREQUENCY, "mobility": VALUES.real}, "a.h5\n  'mobility' has the shape (7,) and the type float64."),
         ({"f": FREQUENCY[:0], "mobility": VALUES}, "a.h5\n  'f' has the shape (0,) and the type float64."),
         (

@@ -74,8 +74,12 @@ _FREQUENCIES = re.compile(
     r"(?P<second>\d[\d.]*(?:[eE][-+]?\d+)?))?\s*[\[(]?(?P<unit>[kM]?Hz)?[\])]?",
     re.IGNORECASE,
 )
-_SMALLEST_RATE = 1000.0
-"""A sampling rate below this without a unit may be in kHz."""
+_INTERVALS = ("dt", "delta t", "deltat", "sampling interval", "sample interval", "sampling time", "time step")
+"""Names of the time from one sample to the next."""
+_SECONDS = {"": 1.0, "s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6}
+_INTERVAL = re.compile(r"(\d+\.?\d*(?:[eE][-+]?\d+)?)\s*[\[(]?([a-z]*)[\])]?", re.IGNORECASE)
+_SMALLEST_RATE = 210.0
+"""A sampling rate below this without a unit may be in kHz: analysers sample at up to 204.8 kHz."""
 _MOST = 200
 """Entries of a text in JSON that are read."""
 
@@ -189,6 +193,10 @@ def axis_setting(key: str, text: str) -> tuple[str, tuple[float, ...]] | None:
     (str, tuple of float) or None
         ``step``, ``start``, ``end``, ``range`` (two numbers), ``rate`` (of sampling) or ``lines`` (their number).
     """
+    if " ".join(words_of(key)) in _INTERVALS:
+        interval = _INTERVAL.fullmatch(text.strip(" ."))
+        seconds = float(interval[1].rstrip(".")) * _SECONDS.get(interval[2].lower(), 0.0) if interval else 0.0
+        return ("rate", (1.0 / seconds,)) if seconds > 0.0 else None
     words, match = set(words_of(key)), _FREQUENCIES.fullmatch(text.strip(" ."))
     if match is None or any(match[part] and match[part].count(".") > 1 for part in ("first", "second")):
         return None

@@ -147,7 +147,8 @@ def _array(path: Path, dataset: h5py.Dataset, matlab: bool) -> NDArray[Any]:
     if h5py.check_string_dtype(dataset.dtype) is not None:
         if dataset.shape == ():
             return np.array(_decode_text(dataset[()]))
-        return np.array(", ".join(_decode_text(text) for text in dataset[:_MOST_TEXTS].reshape(-1)[:_MOST_TEXTS]))
+        texts = dataset[:_MOST_TEXTS]
+        return np.array([_decode_text(text) for text in texts.reshape(-1)]).reshape(texts.shape)
     if dataset.dtype.hasobject or dataset.shape is None:
         raise MeasurementError(Fault(str(path), f"'{dataset.name[1:]}' holds references, not numbers or text."))
     array = np.asarray(dataset[()])

@@ -54,6 +54,9 @@ def frf_statements(uff_set: UffSet) -> list[Statement]:
     ):
         if text := uff_set.label(field):
             statements.append(Statement(about, text, f"{uff_set.where}, {name}"))  # type: ignore[arg-type]
+    per_load = read_unit(text := uff_set.label("z_axis_axis_units_lab"))
+    if per_load is not None and per_load.kind == "ratio":  # otherwise that of a covariate, such as rpm
+        statements.append(Statement("unit", text, f"{uff_set.where}, unit of the z axis"))
     return [*statements, *_other_half(uff_set), *id_lines(uff_set)]
 
 

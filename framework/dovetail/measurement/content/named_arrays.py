@@ -69,7 +69,8 @@ def read_recording(archive: RecordedArrays, options: ReadOptions) -> Recording:
     scale = check_axis(meaning, mentions, _SAY_UNIT)
     check_parts(names, free_text.claims, meaning.unit, where, averages, fields["frequency"] * scale)
     check_other_axes(archive, names, fields["frequency"], scale, options.skip)
-    points = [*free_text.points, *points_of_columns(archive, names, _chosen(options))]
+    axes = _axes_of_frfs(archive, names)
+    points = [*free_text.points, *points_of_columns(archive, names, _chosen(options), axes)]
     return Recording(
         where=where,
         label=archive.path.name,
@@ -86,6 +87,15 @@ def read_recording(archive: RecordedArrays, options: ReadOptions) -> Recording:
         **fields_of(meaning),
         **point_fields({name: _read_text(archive, names, name) for name in ("response", "force", "note")}, points),
     )
+
+
+def _axes_of_frfs(archive: RecordedArrays, names: Mapping[str, str]) -> list[int]:
+    """Return the lengths of the axes of an array of values that are not that of the frequency; one FRF has none."""
+    lines = archive.entries[names["frequency"]].load().size
+    field = next(field for field in ("values", "real", "amplitude", "db") if field in names)
+    shape = archive.entries[names[field]].load().shape
+    wide = [length for length in shape if length > 1]
+    return wide[: wide.index(lines)] + wide[wide.index(lines) + 1 :] if lines in wide else []
 
 
 def _chosen(options: ReadOptions) -> dict[End, int]:
@@ -148,15 +158,20 @@ def _load_fields(archive: RecordedArrays, names: Mapping[str, str], options: Rea
         raise _shape_error(archive, names["frequency"], frequency, "(n_freq,) real numbers")
     fields = {"frequency": frequency.ravel()}
     lines = frequency.size
-    several = False
+    sizes: dict[str, int] = {}
     for field_name in NUMERIC_FIELDS[1:]:
         if field_name in names:
             array = _load_numbers(
                 archive, names[field_name], field_name, "complex" if field_name == "values" else "real"
             )
-            several |= array.size > lines
+            sizes[field_name] = array.size
             fields[field_name] = _select_frf(archive, names[field_name], array, lines, options)
-    if options.chooses and not several:
+    several = sorted({size // lines for size in sizes.values()})
+    if len(several) > 1:
+        held = listing(f"'{names[field]}' holds {size // lines}" for field, size in sizes.items())
+        remedy = "Say that one does not belong to these FRFs: `names={'skip': 'coherence'}`, with its name."
+        raise MeasurementError(Fault(str(archive.path), f"{held}: not one for each FRF.", remedy=remedy))
+    if options.chooses and several[-1:] == [1]:
         problem = f"{options.chooses} chooses one of several FRFs, and the file holds one."
         raise MeasurementError(Fault(str(archive.path), problem))
     return fields

@@ -76,6 +76,7 @@ def check_parts(
                 problem = f"there are {claim.text[:20]} averages here, and {other} elsewhere in the file."
                 raise MeasurementError(Fault(claim.where, problem, remedy="Keep one of the two."))
         elif claim.part in _SETTINGS:
+            _compare_rates(claim, claims)
             _check_setting(claim, np.zeros(0) if frequency is None else frequency)
         elif claim.part in ("estimator", "parts"):
             _compare_words(fields, claim, claims)
@@ -110,6 +111,16 @@ def _check_setting(claim: FieldClaim, frequency: NDArray[np.float64]) -> None:
         said = f"an end at {numbers[-1]:g} Hz, and the frequencies end at {last:g} Hz"
     if said:
         remedy = "Check that the file is whole, and the unit of its frequencies."
+        warnings.warn(f"{claim.where}: the file gives {said}. {remedy}", stacklevel=3)
+
+
+def _compare_rates(claim: FieldClaim, claims: Sequence[FieldClaim]) -> None:
+    """Warn of another sampling rate, or of a time between samples that is not one over it."""
+    rates = [one for one in claims if one.part == claim.part == "rate"]
+    first = rates[0] if rates else claim
+    if claim is not first and not np.isclose(float(claim.text), float(first.text), rtol=_SAME):
+        said = f"a sampling rate of {float(claim.text):g} Hz, and {first.where} one of {float(first.text):g} Hz"
+        remedy = "Check the unit of the frequencies, and which of the two is right."
         warnings.warn(f"{claim.where}: the file gives {said}. {remedy}", stacklevel=3)
 
 

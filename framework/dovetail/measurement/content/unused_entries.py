@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from numpy.typing import NDArray
@@ -99,7 +100,7 @@ def read_unused(archive: RecordedArrays, fields: Mapping[str, str], skip: tuple[
 
 
 def points_of_columns(
-    archive: RecordedArrays, fields: Mapping[str, str], chosen: Mapping[End, int]
+    archive: RecordedArrays, fields: Mapping[str, str], chosen: Mapping[End, int], axes: Sequence[int]
 ) -> Iterator[PointStatement]:
     """Yield the points that lists of names or nodes give for the chosen FRF among those of an array.
 
@@ -110,20 +111,47 @@ def points_of_columns(
         From fields of the FRF to the names of entries.
     chosen : mapping of str to int
         Numbers of the chosen response and force, or of the FRF, from 1.
+    axes : sequence of int
+        Lengths of the axes of responses and forces, or of the only axis of FRFs.
+
+    Warns
+    -----
+    UserWarning
+        A list has another length than its axis; it is not used.
     """
-    for name, cells in _cells_of_columns(archive, fields).items() if chosen else ():
-        number = chosen.get(end := end_of_key(_key(name, fields)))
-        if number is not None and number <= len(cells) and (value := _load(archive, cells[number - 1])) is not None:
-            yield from (PointStatement(end, text) for text in _texts(value)[:1])
-    for name in _concerned(archive, fields) if chosen else ():
-        key, value = _key(name, fields), _load(archive, name)
-        end = end_of_key(key) or ("point" if LISTS & set(words_of(key)) else "")
-        if value is None or value.dtype.kind not in "USiu" or value.size < _FEWEST_OF_LIST:
+    for name, (end, labels) in _lists_of_points(archive, fields).items():
+        lengths = {axes[0 if end == "response" else 1]} if len(axes) == 2 and end != "point" else set(axes)
+        if not axes and end == "point":
+            continue  # such as both channels of one FRF
+        if len(labels) not in lengths:
+            held = f"{' x '.join(map(str, axes))} FRFs" if axes else "one FRF"
+            text = f"the list names {len(labels)} points, and '{_values_of(fields)}' holds {held}; it is not used."
+            warnings.warn(f"{archive.path}  {name}: {text} Check which point belongs to which FRF.", stacklevel=3)
             continue
-        labels = _texts(value) if value.dtype.kind in "US" else list(map(str, value.ravel()))
         for one, number in chosen.items():
-            if end in (one, "point") or (one == "point" and end):
-                yield from [PointStatement(one if end == "point" else end, labels[number - 1])][: number <= len(labels)]
+            if (end in (one, "point") or one == "point") and number <= len(labels):
+                yield PointStatement(one if end == "point" else end, labels[number - 1])
+
+
+def _lists_of_points(archive: RecordedArrays, fields: Mapping[str, str]) -> dict[str, tuple[End, list[str]]]:
+    """Return each list with a point for each column: an array of texts or numbers, or a cell array of texts."""
+    lists: dict[str, tuple[End, list[str]]] = {}
+    cells = _cells_of_columns(archive, fields)
+    for base, names in cells.items():
+        values = [_load(archive, name) for name in names]
+        if all(value is not None and _texts(value) for value in values):
+            lists[base] = _end_of_list(_key(base, fields)), [_texts(value)[0] for value in values if value is not None]
+    for name in _concerned(archive, fields):
+        value = _load(archive, name)
+        if value is None or value.size < _FEWEST_OF_LIST or value.dtype.kind not in "USiu":
+            continue
+        if end := _end_of_list(_key(name, fields)):
+            lists[name] = end, _texts(value) if value.dtype.kind in "US" else list(map(str, value.ravel()))
+    return lists
+
+
+def _end_of_list(key: str) -> End:
+    return end_of_key(key) or ("point" if LISTS & set(words_of(key)) else "")
 
 
 def _cells_of_columns(archive: RecordedArrays, fields: Mapping[str, str]) -> dict[str, list[str]]:
@@ -131,7 +159,7 @@ def _cells_of_columns(archive: RecordedArrays, fields: Mapping[str, str]) -> dic
     cells: dict[str, list[str]] = {}
     for name in _concerned(archive, fields):
         base, _, number = name.removesuffix("}").rpartition("{")
-        if name.endswith("}") and number.isdecimal() and end_of_key(_key(base, fields)) in ("response", "force"):
+        if name.endswith("}") and number.isdecimal() and _end_of_list(_key(base, fields)):
             cells.setdefault(base, []).append(name)
     return {base: names for base, names in cells.items() if len(names) >= _FEWEST_OF_LIST}
 
