@@ -26,6 +26,8 @@ CHAIN = (
 """What may be unknown of a response's measurement chain; a description states the ranges."""
 SIGN = Parameter("sign", "1", -1.0, 1.0, "linear", "1, or -1 where the sensor or the force points the other way")
 """Known, or determined from the measurement before anything is fitted; NaN until then."""
+_ROUNDED = 1e-3
+"""Share by which 3.1416 may exceed half a turn."""
 
 
 def read_calibration(path: Path, faults: FaultList, others: Sequence[str] = ()) -> ParameterEntry:
@@ -65,7 +67,23 @@ def read_calibration(path: Path, faults: FaultList, others: Sequence[str] = ()) 
             problem = f"{name} must be {bound}, but is {format_quantity(lowest, parameter.unit)} here."
             remedy = "Write 'sign: unknown' or 'sign: -1' for the sign, and 'scale: log' with a wide 'sd'."
             faults.add((*path, name), problem, remedy=remedy if name == "gain" else "")
+    _check_phase(path, described, faults)
     return ParameterEntry(**described.entry)
+
+
+def _check_phase(path: Path, described: DescribedParameters, faults: FaultList) -> None:
+    """Report a phase of more than half a turn, which is hardly in radians, and one that is also the sign."""
+    if "phase" not in described.known:
+        return
+    parameter, value = described.known["phase"], described.fixed.get("phase")
+    largest = max(map(abs, (parameter.lower, parameter.upper) if value is None else (value,)))
+    if largest > np.pi * (1.0 + _ROUNDED):
+        problem = f"a phase of {largest:g} rad is more than half a turn."
+        remedy = f"Were {largest:g} deg meant? A number without a unit is in rad."
+        faults.add((*path, "phase"), problem, "-180 deg to 180 deg", remedy)
+    elif largest > np.pi / 2 and "sign" in described.known and described.fixed["sign"] != 1.0:
+        problem = "a phase of more than 90 deg turns the sign too, and 'sign' is given."
+        faults.add((*path, "phase"), problem, remedy="Keep one of the two, or a phase within 90 deg.")
 
 
 def shared_by(shared: ParameterEntry, own: ParameterEntry) -> ParameterEntry:

@@ -14,6 +14,8 @@ from dovetail.frf import HIGHEST_FREQUENCY, in_bands
 _MOST_LINES, _FEWEST_LINES = 1_000_000, 2
 _OFF_GRID = 1e-6
 """How far `stop` may be from a line, in steps."""
+_BEYOND = 1.5
+"""Ratio by which a band may reach beyond the lines, as round numbers do."""
 _FREQUENCY: Path = ("frequency",)
 _Bands = tuple[tuple[float, float], ...]
 
@@ -29,6 +31,8 @@ def read_frequency(faults: FaultList) -> tuple[NDArray[np.float64] | None, _Band
     lines = None if section is None else _read_axis(section, faults)
     if section is None or lines is None or not _is_low_enough(lines, (*_FREQUENCY, "stop"), faults):
         return None, ()
+    if not _check_parts(section, lines, faults):
+        return None, ()
     left_out = (*_between(section.bands, float(lines[0]), float(lines[-1])), *section.without)
     kept = lines[~in_bands(lines, left_out)]
     if kept.size < _FEWEST_LINES:
@@ -37,6 +41,24 @@ def read_frequency(faults: FaultList) -> tuple[NDArray[np.float64] | None, _Band
         return None, ()
     kept.setflags(write=False)
     return kept, left_out
+
+
+def _check_parts(section: FrequencySection, lines: NDArray[np.float64], faults: FaultList) -> bool:
+    """Report parts of the band that lie outside what is compared, and bands that reach far beyond it."""
+    whole, before = [(float(lines[0]), float(lines[-1]))], len(faults)
+    for key, parts, compared in (("bands", section.bands, whole), ("without", section.without, section.bands or whole)):
+        for index, (low, high) in enumerate(parts):
+            said = ""
+            if not any(max(low, start, whole[0][0]) <= min(high, end, whole[0][1]) for start, end in compared):
+                said = "lies outside of what is compared"
+            elif key == "bands" and (high > _BEYOND * whole[0][1] or _BEYOND * low < whole[0][0]):
+                said = "reaches beyond what is compared"
+            if said:
+                problem = (
+                    f"{low:.10g} to {high:.10g} Hz {said}: the lines go from {lines[0]:.10g} to {lines[-1]:.10g} Hz."
+                )
+                faults.add((*_FREQUENCY, key, index), problem, remedy="Correct it, leave it out, or change the lines.")
+    return len(faults) == before
 
 
 def _read_lines(faults: FaultList) -> NDArray[np.float64] | None:

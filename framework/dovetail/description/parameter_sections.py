@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
@@ -22,6 +23,9 @@ _KINDS = ("value", "about", "same_as", "range")
 _TOGETHER = {"range": ("scale",), "value": (), "about": ("sd", "scale"), "same_as": ("ratio",)}
 """Further keys that each of them allows."""
 
+_NUMBER = re.compile(r"\s*[-+]?[\d.]+(?:[eE][-+]?\d+)?\s*")
+_NARROWEST = 1e-6
+"""Standard deviation of a prior over its middle, below which nothing is known: its percent sign or unit is missing."""
 _WIDEST = 10.0
 """Standard deviation of a log-normal prior over its middle, above which its unit is wrong, or it says nothing."""
 
@@ -217,7 +221,7 @@ def _with_range(path: Path, parameter: Parameter, section: ParameterSection, fau
     if section.range:
         key = (*path, "range")
         ends = [_quantity((*key, index), end, parameter.unit, faults) for index, end in enumerate(section.range)]
-        if ends[0] is None or ends[1] is None:
+        if ends[0] is None or ends[1] is None or _lacks_unit(key, section.range, parameter.unit, faults):
             return parameter
         lower, upper = ends[0], ends[1]
     if lower >= upper:
@@ -250,6 +254,13 @@ def _with_normal_prior(path: Path, parameter: Parameter, section: ParameterSecti
     if deviation <= 0:
         faults.add((*path, "sd"), "a standard deviation must be greater than 0.")
         return parameter
+    if deviation < _NARROWEST * abs(middle):
+        problem = f"the standard deviation is {deviation / abs(middle):.2g} times the middle."
+        remedy = "Write it with its unit, or as a part of the middle: 'sd: 2 %'."
+        faults.add((*path, "sd"), problem, f"at least {_NARROWEST:g} times", remedy)
+        return parameter
+    if _lacks_unit((*path, "sd"), (section.about, section.sd), parameter.unit, faults):
+        return parameter
     if scale == "log" and middle <= 0:
         faults.add((*path, "about"), "a middle on a logarithmic scale must be positive.")
         return parameter
@@ -258,6 +269,23 @@ def _with_normal_prior(path: Path, parameter: Parameter, section: ParameterSecti
         faults.add((*path, "sd"), problem, f"at most {_WIDEST:g} times on a logarithmic scale", "Give a range instead.")
         return parameter
     return Parameter.with_normal_prior(parameter.name, parameter.unit, middle, deviation, scale, parameter.description)
+
+
+def _lacks_unit(path: Path, values: Sequence[object], unit: str, faults: FaultList) -> bool:
+    """Report a number without a unit next to one in another unit than that of SI, since it may be meant in that."""
+    bare = [value for value in values if _is_bare(value) and to_si(value, unit) != 0]
+    other = [value for value in values if isinstance(value, str) and not _is_bare(value)]
+    units = [re.sub(_NUMBER, "", value) for value in other]
+    if not bare or all(not text or text == "%" or to_si(f"1 {text}", unit) == 1.0 for text in units):
+        return False
+    problem = f"{format_value(bare[0])} has no unit, and {format_value(other[0])} has one."
+    remedy = f"A number without a unit is in SI; write its unit, {units[0]} or {unit}."
+    faults.add(path, problem, remedy=remedy)
+    return True
+
+
+def _is_bare(value: object) -> bool:
+    return not isinstance(value, str) or re.fullmatch(_NUMBER, value) is not None
 
 
 def _deviation(path: Path, value: object, middle: float, unit: str, faults: FaultList) -> float | None:

@@ -69,7 +69,12 @@ def _read_sensors(
         faults.add(path, f"{format_value(section.value)} is not a list of places.", key=True)
         return ()
     places = [_read_sensor((*path, index), substructures, faults) for index in range(len(section.value))]
-    return tuple(dict.fromkeys(place for place in places if place is not None))
+    first_at: dict[Place, int] = {}
+    for index, place in enumerate(places):
+        if place is not None and (first := first_at.setdefault(place, index)) != index:
+            remedy = "Its mass counts once; leave one of them out, or add a 'lumped' mass."
+            faults.add((*path, index), f"this is the same place as {format_path((*path, first))}.", remedy=remedy)
+    return tuple(first_at)
 
 
 def _read_sensor(path: Path, substructures: Substructures, faults: FaultList) -> Place | None:
