@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dovetail.inference.posterior.annealing import anneal
-from dovetail.inference.posterior.drawn_samples import move_by_weight
+from dovetail.inference.posterior.drawn_samples import SearchEnds, move_by_weight
 from dovetail.inference.posterior.evidence import Evidence
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints
 from dovetail.inference.posterior.tangent_mixture import TangentMixture
@@ -105,23 +105,23 @@ def test_annealed_points_of_a_normal_posterior_have_its_mean_and_covariance(seed
 
 def test_samples_are_drawn_from_what_searches_missed():
     posterior, random = PeakOnPlain(-6.0), np.random.default_rng(2)
-    mixture = searched(posterior, random)
+    ends = SearchEnds.of(searched(posterior, random))
     exact = np.log(posterior.parts.sum())
-    assert mixture.log_evidence < exact - 2.0
-    moved = move_by_weight(posterior, mixture, 400, random)
+    assert ends.log_evidence < exact - 2.0
+    moved = move_by_weight(Density.of(posterior), ends, 400, random)
     assert np.mean(posterior.is_on_plain(moved.z)) > 0.95
     assert np.abs(moved.z.std(axis=0) - 1.0).max() < 0.25
-    assert moved.doubted(Evidence(mixture.log_evidence, 0.1)) is None
+    assert moved.doubted(Evidence(ends.log_evidence, 0.1)) is None
     assert exact - 6.0 < moved.least_log_evidence < exact
 
 
 def test_searches_that_missed_nothing_are_kept():
     posterior, random = PeakOnPlain(-30.0), np.random.default_rng(3)
-    mixture = searched(posterior, random)
-    assert mixture.log_evidence == pytest.approx(np.log(posterior.parts[0]), abs=0.3)
-    moved = move_by_weight(posterior, mixture, 400, random)
+    ends = SearchEnds.of(searched(posterior, random))
+    assert ends.log_evidence == pytest.approx(np.log(posterior.parts[0]), abs=0.3)
+    moved = move_by_weight(Density.of(posterior), ends, 400, random)
     assert not posterior.is_on_plain(moved.z).any()
-    evidence = Evidence(mixture.log_evidence, 0.1)
+    evidence = Evidence(ends.log_evidence, 0.1)
     assert moved.doubted(evidence) is evidence
 
 

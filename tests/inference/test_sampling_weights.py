@@ -40,7 +40,7 @@ def test_samples_are_moved_where_few_of_them_count_or_a_part_may_be_missing(
 
     class Sampler(sampling._Sampler):
         lines, missing, _limit, _random = 9, 0, NO_LIMIT, np.random.default_rng(1)
-        _posterior = _progress = None
+        _posterior, _progress = SimpleNamespace(residuals=None), None
         _outside = 0.0
         _likelihood = SimpleNamespace(log=lambda fraction: squared_norms(normal_from_unit(fraction)) / 2.0)
 
@@ -57,7 +57,7 @@ def test_samples_are_moved_where_few_of_them_count_or_a_part_may_be_missing(
                 is_complete=complete,
             )
 
-    def move_by_weight(_posterior, _mixture, count, *_):
+    def move_by_weight(_density, _ends, count, *_):
         calls.append(count)
         return MovedSamples(z, np.zeros(100), 100.0, 0.0, -np.inf)
 
@@ -81,12 +81,9 @@ def test_weights_are_cut_where_fewer_than_a_tenth_of_the_samples_count(monkeypat
     monkeypatch.setattr(drawn_samples, "decorrelate", decorrelate)
     monkeypatch.setattr(drawn_samples, "anneal", lambda *_, **__: None)
     log_weight = np.where(np.arange(1000) < 20, 0.0, -light)
-    ends = SimpleNamespace(z=np.arange(1000.0)[:, np.newaxis])
-    mixture = SimpleNamespace(
-        ends=ends, modes=ends, log_weight=log_weight, begun=1000, is_complete=True, log_evidence=0.0
-    )
-    posterior = SimpleNamespace(residuals=None)
-    drawn_samples.move_by_weight(posterior, mixture, 1000, np.random.default_rng(0))
+    ends = drawn_samples.SearchEnds(np.arange(1000.0)[:, np.newaxis], log_weight, 1000, complete=True)
+    density = SimpleNamespace(residuals=None)
+    drawn_samples.move_by_weight(density, ends, 1000, np.random.default_rng(0))
     share = np.mean(chosen[0][:, 0] < 20)
     weight = np.exp(log_weight)
     assert share == pytest.approx(weight[:20].sum() / weight.sum() if kept else 0.02, abs=0.002)

@@ -7,7 +7,7 @@ from dovetail.registry import installed_components
 from dovetail.series.description import Role
 from dovetail.series.fitting import fit_series
 from dovetail.series.residuals import SeriesResiduals
-from dovetail.series.sampling import sample_series
+from dovetail.series.sampling import _Sampler, sample_series
 from dovetail.series.unknowns import SeriesUnknowns
 from support.mounts_in_series import NORMAL, mount, series
 
@@ -62,6 +62,27 @@ def test_samples_and_evidence_of_a_linear_series_are_those_of_the_closed_form(ro
     np.testing.assert_allclose(posterior.weight @ centred**2, 1.0, atol=5.0 * np.sqrt(2.0 / 380.0))
     assert posterior.evidence.log == pytest.approx(log_evidence, abs=0.02)
     assert posterior.evidence.error < 0.02
+
+
+def test_annealed_draws_of_the_prior_find_what_the_searches_missed(monkeypatch):
+    """Three ends of searches, of which one counts, with an e^20th of the marginal likelihood."""
+    search = _Sampler.search
+
+    def found_little(sampler, count):
+        points, log_density = search(sampler, count)
+        rows = np.arange(count) % 3
+        return points.at_rows(rows), log_density[rows] + 20.0 + 5.0 * rows
+
+    monkeypatch.setattr(_Sampler, "search", found_little)
+    truths = [{"k": 1.0001e6, "c": 20.02}, {"k": 0.9999e6, "c": 19.97}, {"k": 1.0002e6, "c": 20.0}]
+    unknowns, posterior = sampled(*(found := series(mount(NORMAL, LINES), truths, LINEAR["shared"], 0.02)))
+    mean, covariance, log_evidence = gaussian(unknowns, found[1], np.zeros(unknowns.count))
+    centred = (posterior.z - mean) @ np.linalg.cholesky(np.linalg.inv(covariance))
+    assert np.abs(posterior.weight @ centred).max() < 0.3
+    np.testing.assert_allclose(posterior.weight @ centred**2, 1.0, atol=0.4)
+    assert posterior.effective_sample_size > 100
+    assert posterior.evidence is None
+    assert posterior.least_log_evidence == pytest.approx(log_evidence + np.log(0.01), abs=1.0)
 
 
 def test_the_scatter_and_the_evidence_are_those_of_integration_over_the_scatter():

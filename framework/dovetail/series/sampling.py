@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.inference.posterior import ModelError, Posterior
+from dovetail.inference.posterior.drawn_samples import SearchEnds, move_by_weight
 from dovetail.inference.posterior.evidence import Evidence, least_log_evidence
 from dovetail.inference.posterior.likelihood import Z_LIMIT, ReducedResiduals, squared_norms, unit_from_normal
-from dovetail.inference.posterior.metropolis import Chains, decorrelate
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, nearest_rows
 from dovetail.inference.posterior.tangent_steps import Density
-from dovetail.inference.posterior.weights import drawn_by_weight, effective_after_moves, effective_sample_size
+from dovetail.inference.posterior.weights import are_even, effective_sample_size, from_logarithms
 from dovetail.interfaces import Progress, logged, silent
 from dovetail.series.fitted_tests import FittedTest
 from dovetail.series.fitting import SeriesFit, minimise, normal_equations
@@ -47,12 +47,11 @@ class Settings:
     """Searches at a time."""
     iterations: int = 60
     """Largest number of iterations of the search for one sample, as for one measurement."""
-    even_weights: float = 0.4
-    """Effective samples over searches above which samples need no Metropolis steps."""
+    complete: float = 0.7
+    """Part of the searches that must converge, or else the samples may lack a part of the posterior; as for one
+    measurement."""
     fewest_effective: float = 50.0
     """Effective sample size below which the ends of the intervals are rough."""
-    clipped: float = 0.975
-    """Quantile at which weights are clipped before samples are moved."""
 
 
 _SETTINGS = Settings()
@@ -141,25 +140,29 @@ def sample_series(
     Notes
     -----
     As for one measurement, by randomize-then-optimize on a few lines of each test, weighted with all lines. The mean
-    weight is the marginal likelihood. Where the weights are uneven, samples are drawn by weight and moved by Metropolis
-    steps.
+    weight is the marginal likelihood. Where the weights are uneven, samples are drawn by weight, from annealed draws of
+    the prior too, and moved by Metropolis steps.
     """
     began = time.perf_counter()
     with logged(__name__, f"{samples} samples of a series"):
         sampler = _Sampler(unknowns, tests, fit, np.random.default_rng([seed, 21]), progress)
-        points, log_weight = sampler.search(samples)
-        log_density = log_weight + sampler.log_constant
-        evidence = Evidence.from_weights(log_density, samples), least_log_evidence(log_density, samples)
+        points, log_density = sampler.search(samples)
+        z, log_weight = points.z, sampler.log_posterior(points.z) - log_density
+        on_all_lines = log_weight + sampler.log_constant
+        evidence, least = Evidence.from_weights(on_all_lines, samples), least_log_evidence(on_all_lines, samples)
         effective = effective_sample_size(log_weight)
-        z, efficiency = points.z, effective / samples
-        if efficiency < _SETTINGS.even_weights:
-            chains, log_weight, moved = sampler.move(points, log_weight, samples)
-            z, effective = chains.z, min(moved, effective_sample_size(log_weight))
-        weight = np.exp(log_weight - log_weight.max())
+        efficiency, complete = effective / samples, len(z) >= _SETTINGS.complete * samples
+        if not complete or not are_even(log_weight, samples):
+            ends = SearchEnds(z, points.log_posterior - log_density, samples, complete)
+            moved = move_by_weight(sampler.density, ends, samples, sampler.random, progress)
+            z, log_weight = moved.z, sampler.log_posterior(moved.z) - moved.log_posterior
+            effective = min(moved.effective, effective_sample_size(log_weight))
+            evidence, least = moved.doubted(evidence), max(least, moved.least_log_evidence + sampler.left_out)
+        weight = from_logarithms(log_weight)
         weight /= weight.sum()
         seconds = time.perf_counter() - began
         parts = sampler.posteriors(z, weight, samples, seconds)
-    return SeriesPosterior(z, weight, *parts, *evidence, effective, efficiency, samples, seconds)
+    return SeriesPosterior(z, weight, *parts, evidence, least, effective, efficiency, samples, seconds)
 
 
 class _Sampler:
@@ -173,7 +176,7 @@ class _Sampler:
         random: np.random.Generator,
         progress: Progress,
     ) -> None:
-        self._unknowns, self._tests, self._random, self._progress = unknowns, tests, random, progress
+        self._unknowns, self._tests, self.random, self._progress = unknowns, tests, random, progress
         self._likelihoods = [test.likelihood() for test in tests]
         self._exact = SeriesResiduals(unknowns, [one.marginalised for one in self._likelihoods])
         self.log_constant = sum(one.log_constant for one in self._likelihoods)
@@ -194,7 +197,7 @@ class _Sampler:
             self._outside = [residuals.outside for residuals in reduced]
             self._mode = minimise(self.residuals, mode)
             mode = self._mode.z
-            self._scatter = ScatterProposal.near(self.residuals, mode[0], self._random, before)
+            self._scatter = ScatterProposal.near(self.residuals, mode[0], self.random, before)
             before = self._scatter
             pilots, _ = self._searched(_SETTINGS.pilots)
             self._pool = np.concatenate([self._pool, pilots.z])[-_SETTINGS.most_snapshots :]
@@ -220,10 +223,10 @@ class _Sampler:
 
     def _searched(self, count: int) -> tuple[LinearisedPoints, Array]:
         """Return the ends of the searches for samples that converged, and the logarithms of their density."""
-        target = self._random.standard_normal((count, self._unknowns.count))
+        target = self.random.standard_normal((count, self._unknowns.count))
         held = self._scatter.columns
         if held:
-            target[:, held] = self._scatter.draw(count, self._random)
+            target[:, held] = self._scatter.draw(count, self.random)
             start = conditional_modes(self.residuals, self._mode.z[0], held, target[:, held])
             tangent_map = ArrowTangentMap(self.residuals, start, held)
         else:
@@ -236,44 +239,34 @@ class _Sampler:
         return ends, tangent_map.log_density(ends) + self._scatter.log_ratio(ends.z[:, held])
 
     def search(self, count: int) -> tuple[LinearisedPoints, Array]:
-        """Return the ends of the searches that converged, and the logarithms of their weights with all lines."""
-        batches, weights = [], []
+        """Return the ends of the searches that converged, and the logarithms of their density."""
+        batches = []
         for first in range(0, count, _SETTINGS.batch):
             self._progress("samples", first, count)
-            ends, log_density = self._searched(min(_SETTINGS.batch, count - first))
-            batches.append(ends)
-            weights.append(self._log_posterior(ends.z) - log_density)
+            batches.append(self._searched(min(_SETTINGS.batch, count - first)))
         self._progress("samples", count, count)
-        if not any(len(ends.z) for ends in batches):
+        points, log_density = zip(*batches, strict=True)
+        if not any(map(len, log_density)):
             return self._about_the_mode(count)
-        return LinearisedPoints.joined(batches), np.concatenate(weights)
+        return LinearisedPoints.joined(points), np.concatenate(log_density)
 
     def _about_the_mode(self, count: int) -> tuple[LinearisedPoints, Array]:
-        """Return samples of the normal approximation at the mode, and the logarithms of their weights."""
-        z, log_density = _drawn_about(self.residuals, self._mode, count, self._random)
-        ends = self.residuals.linearise(np.clip(z, -Z_LIMIT, Z_LIMIT))
-        return ends, self._log_posterior(ends.z) - log_density
+        """Return samples of the normal approximation at the mode, and the logarithms of their density."""
+        z, log_density = _drawn_about(self.residuals, self._mode, count, self.random)
+        return self.residuals.linearise(np.clip(z, -Z_LIMIT, Z_LIMIT)), log_density
 
-    def move(self, points: LinearisedPoints, log_weight: Array, count: int) -> tuple[Chains, Array, float]:
-        """Move samples drawn by weight by Metropolis steps.
-
-        Returns
-        -------
-        Chains
-        (n,) array
-            Logarithms of the new weights.
-        float
-            Effective number of samples, if few of the steps were accepted: between that of the starts and `count`.
-        """
-        clipped = np.minimum(log_weight, np.quantile(log_weight, _SETTINGS.clipped))
-        chosen = drawn_by_weight(np.exp(clipped - clipped.max()), count, self._random)
+    @property
+    def density(self) -> Density:
+        """That of the posterior, from few lines."""
         residuals = self.residuals
-        density = Density(residuals.residuals, residuals.linearise, partial(ArrowTangentMap, residuals))
-        ends = decorrelate(density, points.z[chosen], self._random, self._progress)
-        size = effective_after_moves(effective_sample_size(clipped), count, ends.correlation)
-        return ends, self._log_posterior(ends.z) - ends.log_posterior + sum(self._outside) / 2.0, size
+        return Density(residuals.residuals, residuals.linearise, partial(ArrowTangentMap, residuals))
 
-    def _log_posterior(self, z: Array) -> Array:
+    @property
+    def left_out(self) -> float:
+        """What the other lines add to the logarithm of the likelihood, with `log_constant`."""
+        return self.log_constant - sum(self._outside) / 2.0
+
+    def log_posterior(self, z: Array) -> Array:
         """Return the log density (n,), up to a constant, of z (n, d), from all lines of all tests."""
         pairs = zip(self._likelihoods, self._exact.fractions(z), strict=True)
         return np.asarray(sum(one.log(fractions) for one, fractions in pairs) - squared_norms(z) / 2.0)

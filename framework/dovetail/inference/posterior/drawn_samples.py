@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,7 +82,7 @@ def draw_about_modes(posterior: PosteriorResiduals, modes: NDArray[np.float64], 
         order = random.permutation(len(log_weight))
         z, log_weight = points.z[order], log_weight[order]
         return DrawnSamples(z, log_weight, None, evidence, mixture.begun, converged, np.inf, least)
-    moved = move_by_weight(posterior, mixture, count, random)
+    moved = move_by_weight(Density.of(posterior), SearchEnds.of(mixture), count, random)
     evidence, least = moved.doubted(evidence), max(least, moved.least_log_evidence)
     return DrawnSamples(moved.z, np.zeros(count), None, evidence, mixture.begun, converged, moved.effective, least)
 
@@ -119,9 +120,42 @@ class MovedSamples:
         return self.annealed + float(np.log(RISK))
 
 
+class SearchEnds(NamedTuple):
+    """Where searches for samples ended.
+
+    Parameters
+    ----------
+    z : (n, p) array
+        Ends; modes, if no search came to one.
+    log_weight : (n,) array
+        Logarithms of their weights as samples, by the residuals with which they will move.
+    begun : int
+        Number of searches, those that came to no end included; 0 for modes.
+    complete : bool
+        Whether they hardly lack a part of the posterior.
+    """
+
+    z: NDArray[np.float64]
+    log_weight: NDArray[np.float64]
+    begun: int
+    complete: bool
+
+    @staticmethod
+    def of(mixture: TangentMixture) -> SearchEnds:
+        """Return those of one measurement."""
+        if not len(mixture.ends.z):
+            return SearchEnds(mixture.modes.z, mixture.modes.log_posterior, 0, complete=False)
+        return SearchEnds(mixture.ends.z, mixture.log_weight, mixture.begun, mixture.is_complete)
+
+    @property
+    def log_evidence(self) -> float:
+        """Logarithm of the marginal likelihood, by the mean of the weights; -inf without searches."""
+        return float(np.logaddexp.reduce(self.log_weight) - np.log(self.begun)) if self.begun else -np.inf
+
+
 def move_by_weight(
-    posterior: PosteriorResiduals,
-    mixture: TangentMixture,
+    density: Density,
+    ends: SearchEnds,
     count: int,
     random: np.random.Generator,
     progress: Progress = silent,
@@ -133,40 +167,39 @@ def move_by_weight(
 
     Parameters
     ----------
-    posterior : PosteriorResiduals
-    mixture : TangentMixture
-        Searches whose weights are uneven, or that may have missed a part of the posterior.
+    density : Density
+    ends : SearchEnds
+        Of searches whose weights are uneven, or that may have missed a part of the posterior.
     count : int
     random : numpy.random.Generator
     progress : Progress
     limit : TimeLimit
     """
-    density, size = Density.of(posterior), mixture.modes.z.shape[1]
-    annealed = anneal(density, size, mixture.log_evidence, random, wanted=count, limit=limit)
-    whole = mixture.is_complete and annealed is None
-    z, log_weight, starts = _starts(mixture, annealed)
+    annealed = anneal(density, ends.z.shape[1], ends.log_evidence, random, wanted=count, limit=limit)
+    z, log_weight, starts = _starts(ends, annealed)
     chosen = random.permutation(drawn_by_weight(from_logarithms(log_weight), count, random))
-    enough = enough_correlation(mixture.log_weight, count, complete=whole)
+    whole = ends.complete and annealed is None
+    enough = enough_correlation(ends.log_weight if ends.begun else np.empty(0), count, complete=whole)
     chains = decorrelate(density, z[chosen], random, progress, limit, enough)
     return MovedSamples(
         chains.z,
         chains.log_posterior,
         effective_after_moves(starts, count, chains.correlation),
-        searched=mixture.log_evidence,
+        searched=ends.log_evidence,
         annealed=-np.inf if annealed is None else annealed.log_evidence,
     )
 
 
 def _starts(
-    mixture: TangentMixture, annealed: AnnealedPoints | None
+    ends: SearchEnds, annealed: AnnealedPoints | None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
     """Return points z (n, p), logarithms of the weights (n,) by which they are drawn, and how many of them count."""
-    log_weight = clipped(mixture.log_weight) - np.log(max(mixture.begun, 1))
-    effective = effective_sample_size(log_weight)
-    if annealed is None and not len(log_weight):
-        return mixture.modes.z, mixture.modes.log_posterior, 0.0
+    if annealed is not None and not ends.begun:
+        return annealed.z, annealed.log_weight, annealed.effective
+    log_weight = clipped(ends.log_weight) - np.log(max(ends.begun, 1))
+    effective = effective_sample_size(log_weight) if ends.begun else 0.0
     if annealed is None:
-        return mixture.ends.z, log_weight, effective
-    share = 1.0 / (1.0 + np.exp(np.logaddexp.reduce(log_weight, initial=-np.inf) - annealed.log_evidence))
-    effective = 1.0 / (share**2 / annealed.effective + (1.0 - share) ** 2 / max(effective, 1.0))
-    return np.concatenate([mixture.ends.z, annealed.z]), np.concatenate([log_weight, annealed.log_weight]), effective
+        return ends.z, log_weight, effective
+    share = 1.0 / (1.0 + np.exp(np.logaddexp.reduce(log_weight) - annealed.log_evidence))
+    effective = 1.0 / (share**2 / annealed.effective + (1.0 - share) ** 2 / effective)
+    return np.concatenate([ends.z, annealed.z]), np.concatenate([log_weight, annealed.log_weight]), effective

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from dovetail.inference.fitting import Fit
 from dovetail.inference.posterior.distribution import Posterior, check_options
-from dovetail.inference.posterior.drawn_samples import DrawnSamples, draw_about_modes, move_by_weight
+from dovetail.inference.posterior.drawn_samples import DrawnSamples, SearchEnds, draw_about_modes, move_by_weight
 from dovetail.inference.posterior.evidence import Evidence, least_log_evidence
 from dovetail.inference.posterior.fewer_lines import log_density_at_fit, with_fewer_lines
 from dovetail.inference.posterior.laplace import half_about_the_fit, laplace_posterior
@@ -32,6 +32,7 @@ from dovetail.inference.posterior.model_error import TYPICAL, ModelError
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, nearest_rows
 from dovetail.inference.posterior.separate_modes import separate_modes
 from dovetail.inference.posterior.tangent_mixture import TangentMixture
+from dovetail.inference.posterior.tangent_steps import Density
 from dovetail.inference.posterior.unknown_chain import UnknownChain
 from dovetail.inference.posterior.weights import are_counted, are_even, from_logarithms
 from dovetail.interfaces import Progress, logged, silent
@@ -294,7 +295,8 @@ class _Sampler:
         if not even and self._limit.is_over:
             self._limit.leave_out("steps that make the weights of samples even")
         elif not even:
-            moved = move_by_weight(self._posterior, mixture, count, self._random, self._progress, self._limit)
+            density, ends = Density.of(self._posterior), SearchEnds.of(mixture)
+            moved = move_by_weight(density, ends, count, self._random, self._progress, self._limit)
             evidence, least = moved.doubted(evidence), max(least, moved.least_log_evidence - self._outside / 2.0)
             z, log_density, effective = moved.z, moved.log_posterior, moved.effective
             log_likelihood = self._log_likelihood(z)

@@ -132,11 +132,6 @@ class TangentMixture:
         """(n,) logarithms of the weights of the ends as samples of the posterior."""
         return np.asarray(self.ends.log_posterior - self.log_density)
 
-    @property
-    def log_evidence(self) -> float:
-        """Logarithm of the marginal likelihood, by the mean of the weights; -inf if no search has converged."""
-        return float(np.logaddexp.reduce(self.log_weight, initial=-np.inf)) - float(np.log(max(self.begun, 1)))
-
     def sample(self, count: int, batch: int, progress: Progress = silent) -> int:
         """Search by maps anchored at the modes, then by others while the weights are uneven.
 
