@@ -96,3 +96,106 @@ SOUND = {
 @pytest.mark.parametrize("changes", SOUND.values(), ids=SOUND)
 def test_what_only_looks_like_one_is_accepted(changes):
     assert dovetail.find_warnings(dovetail.load(changed(changes))) == ()
+
+
+def remarks(changes: dict[str, Any]) -> str:
+    return "\n".join(dovetail.find_warnings(dovetail.load(changed(changes))))
+
+
+CLAMP = BAR["joints"]["clamp"]
+SPRINGS = {"model": "spring_damper", "connect": CLAMP["connect"]}
+TIP = {"to": "tip", "at": "0 mm"}
+REMARKED = {
+    "exponents of ten": ({K: {"range": [6, 9], "scale": "log"}}, "6 N/m to 9 N/m is far from 10000 N/m to 1e+10 N/m"),
+    "value of another unit": ({K: {"value": "1e13 N/m"}}, "parameters.k: 1e+13 N/m is far from"),
+    "loss factor for a frequency": (
+        {"joints/clamp/structural_damping": 0.02},
+        "structural_damping: 0.02 Hz is far from the lines",
+    ),
+    "joint twice": ({"joints/other": CLAMP}, "'clamp', 'other' are of the same model and connect the same nodes"),
+    "the same to two grounds": (
+        {
+            "substructures/floor": {"model": "ground"},
+            "joints/other": {**CLAMP, "connect": {**CLAMP["connect"], "b": {"to": "floor", "at": "0 mm"}}},
+        },
+        "clamp.k and other.k: they change all FRFs in the same way",
+    ),
+    "spring next to a rigid joint": (
+        {"joints/weld": {"model": "rigid", "connect": CLAMP["connect"]}},
+        "clamp: none of its parameters (k, kr) changes an FRF",
+    ),
+    "names": (
+        {
+            "response/name": "tip",
+            "substructures/Bar": {"model": "lumped", "masses": [{"mass": "1 kg"}]},
+            "joints/end": {
+                "model": "rigid",
+                "connect": {"a": {"to": "Bar", "at": "0 mm"}, "b": {"to": "bar", "at": "0 mm"}},
+            },
+        },
+        "substructures: the names 'bar' and 'Bar' differ by upper and lower case only.",
+    ),
+    "gain in percent": ({f"{CHAIN}gain": "5 %"}, "Was its uncertainty meant"),
+    "sensor in grams": ({f"{CHAIN}mass": 10}, "Were 10 g meant?"),
+    "delay in microseconds": ({f"{CHAIN}delay": 20}, "Were 20 us meant?"),
+    "final value of a window": ({f"{CHAIN}window": 0.01}, "a decay rate of 0.01 1/s changes nothing"),
+    "loss factor in percent": ({"substructures/bar/material/loss_factor": 0.3}, "Were 0.3 % meant? Write 0.003."),
+    "digit of the density": ({"substructures/bar/material/density": 785}, "nothing of 206 GPa is as light"),
+    "inertia in g mm^2": (
+        {
+            "substructures/tip": {"model": "lumped", "masses": [{"mass": "20 g", "inertia": 1}]},
+            "joints/end": {"model": "rigid", "connect": {"a": TIP, "b": {"to": "bar", "at": "0 mm"}}},
+        },
+        "a ring with a radius of 7.07 m",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("changes", "said"), REMARKED.values(), ids=REMARKED)
+def test_what_is_hardly_meant_is_reported(changes, said):
+    assert said in remarks(changes)
+
+
+UNREMARKED = {
+    "no spring": {K: {"value": 0}},
+    "soft mount": {K: {"range": ["500 N/m", "5e4 N/m"], "scale": "log"}},
+    "damping alloy": {"substructures/bar/material/loss_factor": 0.05},
+    "prior of the gain": {f"{CHAIN}gain": {"about": 1, "sd": "5 %"}},
+    "springs at two places": {
+        "joints/other": {**CLAMP, "connect": {**CLAMP["connect"], "a": {"to": "bar", "at": "100 mm"}}}
+    },
+    "known priors in parallel": {
+        "joints/other": {**CLAMP, "model": "spring_damper", "direction": "x", "parameters": {
+            "k": {"about": "1e7 N/m", "sd": "5 %"}, "c": {"value": 1.0}}},
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("changes", UNREMARKED.values(), ids=UNREMARKED)
+def test_what_is_usual_is_not_reported(changes):
+    assert remarks(changes) == ""
+
+
+AUGMENTED = {
+    "reuse": ({"reuse": 5}, "'reuse' has no effect without 'fresh: true'"),
+    "decades": ({"multiplicative": 0, "multiplicative_decades": 2}, "without 'multiplicative'"),
+    "number of a file": ({"like_index": 2}, "'like_index' has no effect without 'like'"),
+}
+
+
+@pytest.mark.parametrize(("section", "said"), AUGMENTED.values(), ids=AUGMENTED)
+def test_an_option_of_the_training_without_effect_is_refused(section, said):
+    with pytest.raises(dovetail.DescriptionError, match="has no effect") as caught:
+        dovetail.load(changed({"identification/augmentation": section}))
+    assert said in str(caught.value)
+
+
+def test_tensions_of_a_bolt_in_two_units_are_refused():
+    lap = {
+        "model": "bolted",
+        "nodes": 1,
+        "preload": {"force": 5, "reference": "10 kN"},
+        "connect": CLAMP["connect"],
+    }
+    with pytest.raises(dovetail.DescriptionError, match="the force is 5 N, the reference 10000 N"):
+        dovetail.load(changed({"joints/lap": lap}))

@@ -7,7 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 from pydantic import BaseModel
 
+from dovetail.assembly.influences import influence_warnings
 from dovetail.assembly.model import Assembly
+from dovetail.assembly.odd_joints import odd_joints
 from dovetail.assembly.placement import placement_warnings
 from dovetail.description import JointEntry
 from dovetail.documents.option_fields import numbers_within
@@ -66,8 +68,11 @@ def find_warnings(assembly: Assembly) -> tuple[str, ...]:
                 problem = f"its warnings are {problems!r:.60}."
                 raise PluginError(Fault(f"substructure '{name}' ({part.name})", problem, "a list of sentences"))
             warnings += [f"substructures.{name}: {problem}" for problem in problems]
+    warnings += odd_joints(assembly.description)
     warnings += placement_warnings(assembly)
-    warnings += _rounding_warnings(assembly)
+    few = _on_few_lines(assembly)
+    warnings += _rounding_warnings(few)
+    warnings += influence_warnings(few)
     return (*warnings, *_band_warnings(assembly))
 
 
@@ -113,12 +118,17 @@ def _range_warnings(parameter: Parameter) -> Iterator[str]:
         )
 
 
+def _on_few_lines(assembly: Assembly) -> Assembly:
+    """Return an assembly at a part of very many lines."""
+    count = len(assembly.frequency)
+    if count <= _MOST_LINES:
+        return assembly
+    return assembly.on(assembly.frequency[np.linspace(0, count - 1, _MOST_LINES).round().astype(int)])
+
+
 def _rounding_warnings(assembly: Assembly) -> tuple[str, ...]:
-    """Return what rounding takes from the FRF in the middle of the ranges, on a part of very many lines."""
-    middle, count = assembly.from_unit(np.full((1, len(assembly.parameters)), 0.5)), len(assembly.frequency)
-    if count > _MOST_LINES:
-        few = assembly.frequency[np.linspace(0, count - 1, _MOST_LINES).round().astype(int)]
-        assembly = assembly.on(few)
+    """Return what rounding takes from the FRF in the middle of the ranges."""
+    middle = assembly.from_unit(np.full((1, len(assembly.parameters)), 0.5))
     try:
         return lost_digits(assembly.engine, assembly.by_joint(middle))
     except PluginError:

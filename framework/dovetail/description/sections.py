@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, RootModel, model_validator
 
-from dovetail.description.noise_levels import NoiseLevel
+from dovetail.description.noise_levels import NoiseLevel, refuse_useless
 from dovetail.description.placed_parts import MovingDirection
 from dovetail.frf import Quantity
 from dovetail.interfaces import FileName
@@ -264,6 +264,8 @@ class AugmentationSection(Section):
     @model_validator(mode="before")
     @classmethod
     def _measured_noise_alone(cls, given: Any) -> Any:
+        if isinstance(given, Mapping):
+            refuse_useless(given)
         is_measured = isinstance(given, Mapping) and given.get("like")
         return {"additive": 0.0, "multiplicative": 0.0, **given} if is_measured else given
 

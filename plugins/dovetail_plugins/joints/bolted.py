@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from dovetail import (
     DIRECTIONS,
@@ -37,6 +37,10 @@ _SLIDING = (
 _MASS = Parameter("mb", "kg", 1e-3, 0.5, "linear", "mass of bolt, nut and washers")
 
 
+_MOST_TIGHTENED = 200.0
+"""Largest ratio of two tensions of one bolt."""
+
+
 class Preload(ComponentConfig):
     """Dependence of the stiffness on the bolt's tension: (force / reference)^exponent.
 
@@ -53,6 +57,13 @@ class Preload(ComponentConfig):
     force: Annotated[float, Field(gt=0), InUnit("N")]
     reference: Annotated[float, Field(gt=0), InUnit("N")]
     exponent: Annotated[float, Field(ge=0, le=2)] = 1.0
+
+    @model_validator(mode="after")
+    def _in_one_unit(self) -> Preload:
+        if not 1.0 / _MOST_TIGHTENED <= self.force / self.reference <= _MOST_TIGHTENED:
+            ends = f"{self.force:g} N, the reference {self.reference:g} N"
+            raise ValueError(f"the force is {ends}; a number without a unit is in N")
+        return self
 
 
 class Bolted(JointModel):

@@ -10,7 +10,7 @@ import numpy as np
 from dovetail import MatrixMeaning, MatrixReader, RecordedMatrix, RecordedModel
 from dovetail_plugins.substructures.dof_table import table_in
 from dovetail_plugins.substructures.matrix_files import archive_arrays, matrix_in, matrix_market
-from dovetail_plugins.substructures.matrix_remarks import comments_in, texts_in
+from dovetail_plugins.substructures.matrix_remarks import comments_in, texts_in, warn_of_unused
 
 _SPRING = 1e6 * np.array([[1.0, -1.0], [-1.0, 1.0]])
 
@@ -40,6 +40,7 @@ class ArchiveReader(MatrixReader):
             raise ValueError(f"there is no matrix '{missing[0]}'; there is: {names}.")
         shape = np.shape(arrays["K"])
         table = table_in(archive, str(path), shape[0] if shape else 0)
+        warn_of_unused(archive, shape, str(path))
         return RecordedModel(matrices, table, texts=[*texts_in(archive, str(path))])
 
     def samples(self, folder: Path) -> Sequence[Path]:

@@ -13,6 +13,9 @@ from pydantic import Field, model_validator
 
 from dovetail import ComponentConfig, InUnit, PartNode, StructuralMatrices, SubstructureModel
 
+_WIDEST = 2.0
+"""Radius of gyration [m] above which a unit is hardly right."""
+
 
 class LumpedMass(ComponentConfig):
     """A mass, with or without rotary inertia, at a position.
@@ -61,6 +64,15 @@ class Lumped(SubstructureModel):
         """Return a mass without rotary inertia, and two with it."""
         body = {"mass": "200 g", "inertia": "1e-4 kg m^2"}
         return {"masses": [{"mass": "1 kg"}]}, {"masses": [body, {**body, "position": "10 mm"}]}
+
+    def warnings(self, frequency: float) -> list[str]:  # noqa: ARG002
+        """Report rotary inertias that belong to a body much larger than its mass lets expect."""
+        return [
+            f"masses.{number}: {entry.mass:g} kg with {entry.inertia:g} kg m^2 is a ring with a radius of "
+            f"{np.sqrt(entry.inertia / entry.mass):.3g} m. Are the units right? A number without a unit is in SI."
+            for number, entry in enumerate(self.config.masses)
+            if entry.mass > 0 and entry.inertia > _WIDEST**2 * entry.mass
+        ]
 
     @cached_property
     def nodes(self) -> tuple[PartNode, ...]:

@@ -30,7 +30,7 @@ from dovetail import (
 from dovetail_plugins.craig_bampton import ReducedPart, reduce_part
 from dovetail_plugins.substructures.definiteness import check_definiteness, check_mass
 from dovetail_plugins.substructures.imported_model import NAMES, ImportedModel, SourceFiles, import_model
-from dovetail_plugins.substructures.matrix_remarks import check_stated_units
+from dovetail_plugins.substructures.matrix_remarks import check_stated_units, check_units_of_texts
 from dovetail_plugins.substructures.rigid_motions import check_places
 
 _WORD = r"^-?[^\s-].*$"
@@ -311,6 +311,8 @@ class Matrices(SubstructureModel):
                 )
                 raise DovetailError(Fault(where, problem, "'units' with length, mass and stiffness", remedy))
         units = self.config.units
+        if "units" in self.config.model_fields_set:
+            check_units_of_texts(iter(model.texts), {"length": units.length, "mass": units.mass})
         seconds = np.sqrt(units.mass / units.stiffness)
         if not model.has_units and not np.isclose(seconds, _SECONDS, rtol=1e-6).any():
             problem = f"with a unit of mass of {units.mass:g} kg and one of stiffness of {units.stiffness:g} N/m, "

@@ -124,6 +124,8 @@ class Measured(SubstructureModel):
         def _nodes_of_frfs(self) -> Measured.Config:
             if bool(self.nodes) != bool(self.frfs):
                 raise ValueError("give both 'nodes' and 'frfs' for a UFF file, and neither for an archive")
+            if self.ignore_dofs and not self.frfs:
+                raise ValueError("'ignore_dofs' is for the sets of a UFF file: list them in 'frfs'")
             for frf in self.frfs:
                 for node in (frf.response, frf.force):
                     if node not in self.nodes:

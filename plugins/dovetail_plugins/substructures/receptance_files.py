@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -104,6 +105,9 @@ def _with_table(archive: Mapping[str, NDArray[np.generic]], file: str) -> KnownR
         raise DovetailError(Fault(file, f"there is no '{missing[0]}'; there is: {', '.join(sorted(archive)[:12])}."))
     frequency, values = _numbers(archive["frequency"], "f", file), _numbers(archive["receptance"], "c", file)
     check_receptance_units(file, {name: array for name, array in archive.items() if name not in TABLE_ARRAYS})
+    for name in sorted(set(archive) & {"mobility", "accelerance", "inertance"}):
+        text = f"the array '{name}' is not used; the receptance is read."
+        warnings.warn(f"{file}: {text} Keep one of the two.", stacklevel=2)
     whole = receptance_matrix(frequency, values.astype(np.complex128), file)
     table = table_in(archive, file, values.shape[1])
     assert table is not None

@@ -13,6 +13,8 @@ from dovetail import DIRECTIONS, Direction, DofTable, DovetailError, Fault, is_r
 _INEXACT, _WRONG = 1e-5, 1e-3
 """Strain energy of a rotation over that of a shear of the same size from which it is reported, and from which it is an
 error. For coordinates that are off by 1 % it is 1e-4 and less."""
+_NONE, _SOME = 1e-11, 1e-8
+"""Relative strain energy that is none but for rounding, and one that is some."""
 _ABOVE_ROUNDING = 100.0
 """Strain energy of a rotation over that of displacements, which is rounding in a free part, from which it counts."""
 _SPEEDS = 10.0, 1e5
@@ -97,6 +99,28 @@ def strained_rotation(K: Any, placed: PlacedDofs) -> StrainedRotation | None:
         if turned.relative > floor and ratio > _INEXACT:
             strained.append(StrainedRotation(number, ratio, turned.row))
     return max(strained, key=lambda rotation: rotation.ratio, default=None)
+
+
+def exchanged_axis(K: Any, placed: PlacedDofs) -> int | None:
+    """Return the axis about which equal rotations, without displacements, strain nothing, as no body's do; or None.
+
+    Parameters
+    ----------
+    K : (d, d) sparse array
+        Symmetric.
+    placed : PlacedDofs
+    """
+    inner = np.setdiff1d(np.arange(K.shape[0]), placed.rows)
+    if not placed.turns.any() or placed.turns.all() or inner.size > _FEW:
+        return None
+    still, axes = np.zeros_like(placed.points), np.eye(3)
+    along = [_strain(K, placed, inner, still + axis, 0 * axis).relative for axis in axes]
+    for number, axis in enumerate(axes):
+        coupled = (abs(K) @ np.abs(_moved(K, placed, inner, still, axis)))[placed.rows[~placed.turns]]
+        turned = _strain(K, placed, inner, still, axis).relative
+        if coupled.any() and turned < _NONE and max(along) > _SOME:
+            return number
+    return None
 
 
 def wave_speed(M: Any, K: Any, placed: PlacedDofs) -> float | None:
@@ -194,6 +218,10 @@ def check_places(
     DovetailError
     """
     placed, warnings = _placed(table, words), list[str]()
+    if (axis := exchanged_axis(K, placed)) is not None:
+        problem = f"the part moves freely if all rotations about {DIRECTIONS[axis]} are equal, and not along its axes."
+        remedy = "Are rotations and displacements exchanged in the table of DOFs, or in the options?"
+        raise DovetailError(Fault(where, problem, "a stiffness without strain in displacements", remedy))
     if (rotation := strained_rotation(K, placed)) is not None:
         about, most = DIRECTIONS[rotation.axis], table.label(rotation.row)
         problem = f"the part moves freely along all axes, but a rotation about {about} strains it, most at {most}"

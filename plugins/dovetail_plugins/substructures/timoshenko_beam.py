@@ -26,7 +26,14 @@ _NO_PLASTIC = 2500.0
 """Density [kg/m^3] of metals, ceramics and concrete, but not of plastics."""
 _SOFTEST_METAL = 5e9
 """Smallest modulus [Pa] of such materials: lead has 16 GPa."""
-
+_LEAST = 10.0
+"""Density [kg/m^3] below which it is reported as such."""
+_LIGHTEST = 1.4e4
+"""Largest speed of sound sqrt(E / rho) [m/s] of materials other than diamond: boron carbide has 13 500."""
+_DIAMOND = 7e11
+"""Modulus [Pa] above which a material is diamond."""
+_STIFF, _LARGEST_LOSS = 1e10, 0.1
+"""Modulus [Pa] from which no material has a loss factor like that: damping alloys have 0.05."""
 _FLATTEST = 20.0
 """Size of a cross-section over the length of the whole beam above which one of the two is hardly meant."""
 
@@ -75,7 +82,7 @@ class TimoshenkoBeam(SubstructureModel):
                 f"material.young is {1e-6 * young:.4g} MPa; nothing of {density:.4g} kg/m^3 is as soft. "
                 f"Was {1e-6 * young:.4g} GPa meant?"
             ]
-        too_long = self._out_of_proportion()
+        too_long = [*self._unusual_material(), *self._out_of_proportion()]
         for number, section in enumerate(self.config.sections):
             shape, material = section.cross_section(self.config.material.poisson), self.config.material
             stiffness, mass = material.young * shape.inertia, material.density * shape.area
@@ -87,6 +94,22 @@ class TimoshenkoBeam(SubstructureModel):
                     f"{wave * 1e3:.3g} mm long. Take {int(np.ceil(6.0 * section.length / wave))} elements or more."
                 )
         return too_long
+
+    def _unusual_material(self) -> list[str]:
+        """Report a density too small for the modulus, and a loss factor in percent."""
+        material = self.config.material
+        said = []
+        if _LIGHTEST**2 * material.density < material.young < _DIAMOND and material.density >= _LEAST:
+            said.append(
+                f"material.density is {material.density:.4g} kg/m^3; nothing of {1e-9 * material.young:.4g} GPa is as "
+                "light. Is a digit missing?"
+            )
+        if material.young > _STIFF and material.loss_factor > _LARGEST_LOSS:
+            said.append(
+                f"material.loss_factor is {material.loss_factor:g}, and metals have less than {_LARGEST_LOSS:g}. "
+                f"Were {material.loss_factor:g} % meant? Write {0.01 * material.loss_factor:g}."
+            )
+        return said
 
     def _out_of_proportion(self) -> list[str]:
         """Report a cross-section many times larger than the whole beam is long."""
