@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -88,3 +89,41 @@ def test_damaged_tables_are_read_or_refused(tmp_path: Path, data: st.DataObject)
     except MeasurementError as error:
         message = str(error) if len(error.faults) == 1 else "several faults"
     assert str(path) in message or (modes is not None and np.all(np.isfinite(modes.frequency)))
+
+
+CONTRADICTIONS = {
+    "mode,f_Hz\n2,212\n1,812\n": "mode 1 follows mode 2",
+    "mode,f_Hz\n1,212\n1,812\n": "mode 1 follows mode 1",
+    "number of modes: 3\nmode,f_Hz\n1,212\n2,812\n": "there are 3 modes here, and 2 in the table.",
+    "Frequency range: 0 - 500 Hz\nmode,f_Hz\n1,212\n2,812\n": "the band ends at 500 Hz here, and a mode is at 812 Hz.",
+    "Start frequency: 300 Hz\nmode,f_Hz\n1,212\n2,812\n": "the band begins at 300 Hz here, and a mode is at 212 Hz.",
+}
+
+
+@pytest.mark.parametrize(("text", "said"), CONTRADICTIONS.items())
+def test_modes_that_contradict_their_numbers_or_the_band_are_refused(tmp_path: Path, text: str, said: str) -> None:
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.raises(MeasurementError) as caught:
+        read_modal_parameters(tmp_path / "a.csv")
+    assert said in str(caught.value)
+
+
+ODD = {
+    "f_Hz,zeta\n212,0.31\n": "a damping ratio of 0.31 is 31 %. Is the column in per cent?",
+    "f_Hz,damping_percent\n212,0.003\n": "no damping exceeds 0.003 %. Is the column a ratio?",
+    "f_Hz,frequency_sd_kHz\n212,0.2\n": "the standard deviation in row 1 is 200, of 212",
+    "f_Hz,damping_percent,damping_ratio_sd\n212,0.31,0.02\n": "the standard deviation in row 1 is 0.02, of 0.0031",
+}
+
+
+@pytest.mark.parametrize(("text", "said"), ODD.items())
+def test_sizes_whose_unit_is_hardly_right_are_reported(tmp_path: Path, text: str, said: str) -> None:
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.warns(UserWarning, match=re.escape(said)):
+        read_modal_parameters(tmp_path / "a.csv")
+
+
+def test_modes_with_names_gaps_and_a_band_that_holds_them_are_read(tmp_path: Path) -> None:
+    for rows in ("mode,f_Hz\n1,212\n4,812\n", "mode,f_Hz\nbending,212\ntorsion,812\n"):
+        (tmp_path / "a.csv").write_text(f"Frequency range: 0 - 1 kHz\nnumber of modes: 2\n{rows}")
+        assert read_modal_parameters(tmp_path / "a.csv").frequency.tolist() == [212, 812]

@@ -15,9 +15,9 @@ from dovetail.atomic_files import read_bounded
 from dovetail.errors import DovetailError, Fault, MeasurementError
 from dovetail.frf import refuse_masked
 from dovetail.measurement.content.column_names import names_and_units, plain_name
-from dovetail.measurement.content.text_tables import decode_text, find_table, read_rows
+from dovetail.measurement.content.text_tables import TextTable, decode_text, find_table, read_rows
 from dovetail.measurement.frf_units import frequency_factor
-from dovetail.measurement.modal_remarks import check_lines
+from dovetail.measurement.modal_remarks import check_lines, number_fault, warn_of_sizes
 
 _SUFFIXES = (".csv", ".tsv", ".txt")
 _NAMES = {
@@ -137,16 +137,35 @@ def read_modal_parameters(path: str | os.PathLike[str]) -> ModalParameters:
         problem = "the header names a parameter twice, or no frequency."
         raise MeasurementError(Fault(where, problem, _ACCEPTED))
     _, rows = read_rows(table, names, wanted)
+    if numbered := [column for column, (parameter, _) in enumerate(columns) if parameter == "mode"]:
+        _check_numbers(table, names, numbered[:1])
     if rows.shape[1] > _MOST_MODES:
         raise MeasurementError(
             Fault(str(source), f"the table has {rows.shape[1]:,} modes.", f"at most {_MOST_MODES:,}")
         )
     values = {columns[column][0]: row * columns[column][1] for column, row in zip(wanted, rows, strict=True)}
     factors = dict(zip(parameters, [columns[column][1] for column in wanted], strict=True))
-    check_lines(table, str(source), factors, float(np.max(values.get("damping_ratio", 0.0))))
+    check_lines(table, str(source), factors, values)
     if "frequency_sd" in values and _is_percent(*_split_unit(names, units, columns, "frequency_sd")):
         values["frequency_sd"] = values["frequency_sd"] * values["frequency"]
-    return ModalParameters(**values, label=str(source))
+    modes = ModalParameters(**values, label=str(source))
+    warn_of_sizes(str(source), values, factors)
+    return modes
+
+
+def _check_numbers(table: TextTable, names: Sequence[str], column: Sequence[int]) -> None:
+    """Refuse numbers of modes that do not increase; names of modes are accepted.
+
+    Raises
+    ------
+    MeasurementError
+    """
+    try:
+        numbers = read_rows(table, names, column)[1][0]
+    except MeasurementError:
+        return
+    if (fault := number_fault(table.where, numbers)) is not None:
+        raise MeasurementError(fault)
 
 
 def is_modal_table(path: str | os.PathLike[str]) -> bool:
