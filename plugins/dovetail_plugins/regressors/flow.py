@@ -16,10 +16,10 @@ from dovetail_plugins.arrays import checked_rows, state_array
 from dovetail_plugins.regressors.network_regressor import (
     LARGEST_FEATURE,
     NetworkRegressor,
-    TrainingConfig,
     normal_quantiles,
     one_thread,
 )
+from dovetail_plugins.regressors.training import TrainingConfig
 
 if TYPE_CHECKING:
     import torch

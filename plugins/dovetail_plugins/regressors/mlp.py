@@ -14,12 +14,8 @@ from pydantic import Field, PositiveInt
 
 import dovetail
 from dovetail_plugins.arrays import checked_rows, state_array
-from dovetail_plugins.regressors.network_regressor import (
-    LARGEST_FEATURE,
-    NetworkRegressor,
-    TrainingConfig,
-    normal_quantiles,
-)
+from dovetail_plugins.regressors.network_regressor import LARGEST_FEATURE, NetworkRegressor, normal_quantiles
+from dovetail_plugins.regressors.training import TrainingConfig
 
 if TYPE_CHECKING:
     import torch

@@ -7,14 +7,14 @@ import time
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, PositiveInt
 
 import dovetail
 from dovetail_plugins.arrays import checked_rows
+from dovetail_plugins.regressors.training import Adam, TrainingConfig
 
 if TYPE_CHECKING:
     import torch
@@ -27,51 +27,10 @@ _LARGEST_GRADIENT = 5.0
 """Norm to which gradients are clipped, so that a single batch cannot undo the training."""
 _MARGIN = 1e-3
 """Distance from the ends of the range, 0 and 1, to which targets are clipped: three standard deviations."""
-_RISE = 0.2
-"""Share of a one-cycle training in which the learning rate increases."""
 _FEWEST = 3
 """Samples: two to train on and one to validate with."""
 _LARGE = 500_000
 """Weights from which several threads train faster than one."""
-
-
-class TrainingConfig(dovetail.ComponentConfig):
-    """Options of training with Adam that ends when the validation loss no longer decreases."""
-
-    dropout: float = Field(
-        default=0.1, ge=0.0, lt=1.0, description="Share of hidden units left out at random in each training step."
-    )
-    weight_decay: float = Field(
-        default=1e-5,
-        ge=0.0,
-        description="Factor of the L2 regularisation of the weights; with 'optimizer: adamw' the share of the learning "
-        "rate by which each step shrinks them.",
-    )
-    optimizer: Literal["adam", "adamw"] = Field(
-        default="adam",
-        description="How weights are regularised: by the loss, whose gradients Adam scales, so that little is left of "
-        "it; or directly, by which a network learns few samples less by heart ('weight_decay' of about 0.2).",
-    )
-    schedule: Literal["plateau", "one_cycle"] = Field(
-        default="plateau",
-        description="The learning rate is halved each time the validation loss has not fallen for a third of "
-        "`patience`; or it grows in the first fifth of `max_epochs`, all of which are made, and falls like half a "
-        "cosine, which reaches nearly the same in a third of the epochs.",
-    )
-    learning_rate: float = Field(default=1e-3, gt=0.0, description="Of Adam, at its highest.")
-    batch_size: PositiveInt = Field(default=256, description="Samples of a training step.")
-    max_epochs: PositiveInt = Field(default=200, description="Passes over the training samples at most.")
-    patience: PositiveInt = Field(
-        default=20, description="Epochs without a better validation loss after which training stops."
-    )
-    validation_fraction: float = Field(
-        default=0.1, gt=0.0, lt=1.0, description="Share of the training samples held back for the validation loss."
-    )
-    device: Literal["cpu", "auto"] = Field(
-        default="cpu",
-        description="Where the network is trained: on the processor, or with 'auto' on a GPU (CUDA, MPS) if there is "
-        "one. A trained network answers on the processor.",
-    )
 
 
 class NetworkRegressor(dovetail.Regressor):
@@ -186,7 +145,7 @@ class NetworkRegressor(dovetail.Regressor):
         validation, training = (inputs[order[:held_back]], outputs[order[:held_back]]), order[held_back:]
         network = self.network(inputs.shape[1], outputs.shape[1]).to(device)
         _choose_threads(network)
-        optimizer = _Optimizer(network, config, began, seconds)
+        optimizer = Adam(network, config, began, seconds)
         best_loss, best_epoch, best = float("inf"), 0, _copied(network)
         for epoch in range(1, config.max_epochs + 1):
             if epoch > 1:
@@ -204,9 +163,7 @@ class NetworkRegressor(dovetail.Regressor):
         network.load_state_dict(best)
         return network.cpu(), (validation[0].cpu(), validation[1].cpu())
 
-    def _train_epoch(
-        self, network: torch.nn.Module, samples: Tensors, rows: torch.Tensor, optimizer: _Optimizer
-    ) -> None:
+    def _train_epoch(self, network: torch.nn.Module, samples: Tensors, rows: torch.Tensor, optimizer: Adam) -> None:
         """Make a step with each batch of rows of the samples, in random order."""
         import torch
 
@@ -215,11 +172,11 @@ class NetworkRegressor(dovetail.Regressor):
         for number, batch in enumerate(batches):
             if optimizer.set_learning_rate(number / len(batches)) == 1.0:
                 break
-            optimizer.adam.zero_grad()
+            network.zero_grad()
             torch.autograd.backward(self.loss(network, *(values[batch] for values in samples)))
             if self.is_distribution:  # one sample far from its mean may outweigh all others
                 torch.nn.utils.clip_grad_norm_(network.parameters(), _LARGEST_GRADIENT)
-            optimizer.adam.step()
+            optimizer.step()
 
     def _validation_loss(self, network: torch.nn.Module, validation: Tensors) -> float:
         import torch
@@ -234,66 +191,12 @@ class NetworkRegressor(dovetail.Regressor):
         return dovetail.Fault(self.owner, problem, remedy=remedy)
 
 
-class _Optimizer:
-    """Adam, and its learning rate from step to step.
-
-    The rate is halved when the validation loss no longer falls. With `one_cycle` or a time limit it follows a cycle
-    instead, down to zero at `max_epochs` or at the limit, whichever comes first, so that training ends in a minimum.
-
-    Parameters
-    ----------
-    network : torch.nn.Module
-    config : TrainingConfig
-    began : float
-        When the training began, s.
-    seconds : float, optional
-        Time limit of the training.
-    """
-
-    def __init__(self, network: torch.nn.Module, config: TrainingConfig, began: float, seconds: float | None) -> None:
-        import torch
-
-        kind = torch.optim.AdamW if config.optimizer == "adamw" else torch.optim.Adam
-        self.adam = kind(network.parameters(), config.learning_rate, weight_decay=config.weight_decay, fused=True)
-        self.follows_cycle = seconds is not None or config.schedule == "one_cycle"
-        self._plateau = torch.optim.lr_scheduler.ReduceLROnPlateau(self.adam, factor=0.5, patience=config.patience // 3)
-        self._config, self._began, self._seconds, self._epochs = config, began, seconds, 0
-
-    def set_learning_rate(self, part_of_epoch: float) -> float:
-        """Set the rate of the next step, and return the part of the cycle that is over; 0 without a cycle."""
-        if not self.follows_cycle:
-            return 0.0
-        part = (self._epochs + part_of_epoch) / self._config.max_epochs
-        if self._seconds is not None:
-            part = max(part, min((time.monotonic() - self._began) / self._seconds, 1.0))
-        rise = _RISE if self._config.schedule == "one_cycle" else 0.0
-        self.adam.param_groups[0]["lr"] = self._config.learning_rate * _cycle(part, rise)
-        return part
-
-    def end_epoch(self, validation_loss: float) -> None:
-        """Count an epoch, and halve the learning rate if the loss has not fallen for a third of `patience`."""
-        self._epochs += 1
-        if not self.follows_cycle:
-            self._plateau.step(validation_loss)
-
-    def is_out_of_time(self) -> bool:
-        """Return whether the time limit is reached."""
-        return self._seconds is not None and time.monotonic() - self._began >= self._seconds
-
-
 def _device(wanted: str) -> torch.device:
     """Return the device for training; an accelerator only if torch finds one."""
     import torch
 
     found = torch.accelerator.current_accelerator() if wanted == "auto" and torch.accelerator.is_available() else None
     return found or torch.device("cpu")
-
-
-def _cycle(part: float, rise: float) -> float:
-    """Return the learning rate relative to the highest, after a share of the training: up, then half a cosine down."""
-    if part < rise:
-        return part / rise
-    return 0.5 * (1.0 + math.cos(math.pi * (part - rise) / (1.0 - rise)))
 
 
 def normal_quantiles(targets: torch.Tensor) -> torch.Tensor:
