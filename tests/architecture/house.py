@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import ast
+import sys
 from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from support.syntax_trees import nodes, parsed
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = (
@@ -27,12 +31,6 @@ _SCOPES = _FUNCTIONS | ast.ClassDef
 def source_files() -> list[Path]:
     """Return the files of framework and plugins."""
     return sorted(file for package in PACKAGES for file in package.rglob("*.py"))
-
-
-@cache
-def parsed(file: Path) -> ast.Module:
-    """Return the syntax tree of a file."""
-    return ast.parse(file.read_text(encoding="utf-8"))
 
 
 def module_name(file: Path) -> str:
@@ -65,7 +63,8 @@ def imports() -> dict[str, set[str]]:
         package = module_name(stub.with_suffix(".py"))
         names = _handed_on(parsed(stub))
         handed_on[package] = {name: (f"{package}.{module}", called) for name, (module, called) in names.items()}
-    return {module: set(_imported(tree, trees, handed_on)) - {module} for module, tree in trees.items()}
+    modules = {module_name(file): nodes(file) for file in source_files()}
+    return {module: set(_imported(inside, trees, handed_on)) - {module} for module, inside in modules.items()}
 
 
 def _handed_on(tree: ast.Module) -> dict[str, tuple[str, str]]:
@@ -79,9 +78,9 @@ def _handed_on(tree: ast.Module) -> dict[str, tuple[str, str]]:
 
 
 def _imported(
-    tree: ast.Module, trees: Mapping[str, ast.Module], handed_on: Mapping[str, Mapping[str, tuple[str, str]]]
+    inside: list[ast.AST], trees: Mapping[str, ast.Module], handed_on: Mapping[str, Mapping[str, tuple[str, str]]]
 ) -> Iterator[str]:
-    for node in ast.walk(tree):
+    for node in inside:
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names if alias.name in trees)
         elif isinstance(node, ast.ImportFrom):
@@ -123,7 +122,7 @@ def _lines_of_code(file: Path) -> set[int]:
     source = file.read_text(encoding="utf-8")
     docstrings = {
         line
-        for node in ast.walk(parsed(file))
+        for node in nodes(file)
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
         for line in range(node.lineno, (node.end_lineno or node.lineno) + 1)
     }
@@ -137,7 +136,7 @@ def function_lengths(file: Path) -> dict[str, int]:
         f"{file.relative_to(ROOT)}:{node.lineno} {node.name}": len(
             coded & set(range(node.lineno, (node.end_lineno or node.lineno) + 1))
         )
-        for node in ast.walk(parsed(file))
+        for node in nodes(file)
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
     }
 
@@ -154,7 +153,7 @@ def shares() -> dict[str, float]:
 
 def empty_names(file: Path) -> Iterator[str]:
     """Yield the uses of an empty name that live longer than `SHORT_LIFE` lines, as ``file:line name``."""
-    for scope in _scopes(parsed(file)):
+    for scope in (parsed(file), *(node for node in nodes(file) if isinstance(node, _SCOPES))):
         lines: dict[str, list[int]] = {}
         for name, line in _names(scope):
             if name in EMPTY_NAMES:
@@ -162,11 +161,6 @@ def empty_names(file: Path) -> Iterator[str]:
         for name, used in sorted(lines.items()):
             if max(used) - min(used) > SHORT_LIFE or not isinstance(scope, _FUNCTIONS):
                 yield f"{file.relative_to(ROOT)}:{min(used)}-{max(used)} {name}"
-
-
-def _scopes(tree: ast.Module) -> Iterator[ast.AST]:
-    yield tree
-    yield from (node for node in ast.walk(tree) if isinstance(node, _SCOPES))
 
 
 def _names(scope: ast.AST) -> Iterator[tuple[str, int]]:

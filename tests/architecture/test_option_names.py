@@ -5,11 +5,12 @@ import re
 
 import pytest
 import typer
-from house import ROOT, parsed, source_files
+from house import ROOT, source_files
 
 from dovetail.cli.app import app
 from dovetail.cli.option_names import with_options
 from dovetail.errors import argument
+from support.syntax_trees import nodes
 
 WRITTEN = re.compile(r"`\w+=[^`]*`")
 
@@ -37,7 +38,7 @@ def test_an_argument_becomes_the_option_that_sets_it(message, printed):
 def arguments_in_messages():
     """Return the arguments that strings of the library name, as they are in the source, and where."""
     for file in source_files():
-        for node in ast.walk(parsed(file)):
+        for node in nodes(file):
             if isinstance(node, ast.Constant) and isinstance(node.value, str) and "\n" not in node.value:
                 yield from ((text, f"{file.relative_to(ROOT)}:{node.lineno}") for text in WRITTEN.findall(node.value))
             elif isinstance(node, ast.Call) and getattr(node.func, "id", "") == "argument":
@@ -54,22 +55,21 @@ def test_every_argument_that_a_message_names_is_an_option():
     assert {text for text in printed if text.rpartition(" ")[2] not in options} == set()
 
 
-def strings(tree):
+def strings(file):
     """Return the strings of a module, docstrings among them."""
-    return [node for node in ast.walk(tree) if isinstance(node, ast.Constant) and isinstance(node.value, str)]
+    return [node for node in nodes(file) if isinstance(node, ast.Constant) and isinstance(node.value, str)]
 
 
-def is_command_line(file, tree):
-    imported = {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
+def is_command_line(file):
+    imported = {alias.name for node in nodes(file) if isinstance(node, ast.Import) for alias in node.names}
     return "cli" in file.relative_to(ROOT).parts or "typer" in imported
 
 
 def test_the_library_names_no_option_of_the_command_line():
-    trees = {file: parsed(file) for file in source_files()}
     assert [
         f"{file.relative_to(ROOT)}:{node.lineno}"
-        for file, tree in trees.items()
-        if not is_command_line(file, tree)
-        for node in strings(tree)
+        for file in source_files()
+        if not is_command_line(file)
+        for node in strings(file)
         if re.search(r"(^|[\s'\"`])--[a-z]", node.value)
     ] == []

@@ -20,6 +20,7 @@ from dovetail.interfaces import ComponentConfig, JointModel, JointPort, Paramete
 from dovetail.registry import Registry, components
 from dovetail.registry import loading as module
 from support.mass_on_mount import mass_on_mount
+from support.syntax_trees import nodes
 
 GOOD = '''
 import numpy as np
@@ -375,7 +376,7 @@ def test_no_file_of_the_framework_names_a_reducer_or_a_regressor():
         (file.name, constant.value)
         for file in sources
         if "testing" not in file.parts
-        for constant in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        for constant in nodes(file)
         if isinstance(constant, ast.Constant) and constant.value in names
     ]
     assert named == []

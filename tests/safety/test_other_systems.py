@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import functools
 import os
 import signal
 from collections.abc import Iterator
@@ -12,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from dovetail import atomic_files
+from support.syntax_trees import nodes, parsed
 
 FILES = sorted(
     file for folder in ("framework", "plugins") for file in (Path(__file__).parents[2] / folder).rglob("*.py")
@@ -27,11 +27,6 @@ OF_LINUX = frozenset(
     )
 )
 """Of the module os."""
-
-
-@functools.cache
-def tree(file: Path) -> ast.Module:
-    return ast.parse(file.read_text(encoding="utf-8"))
 
 
 def imports(node: ast.AST) -> Iterator[str]:
@@ -50,14 +45,14 @@ def imports(node: ast.AST) -> Iterator[str]:
 def test_no_module_is_imported_that_a_system_lacks(folder: str) -> None:
     files = [file for file in FILES if folder in file.parts]
     assert files
-    assert {file.name: found for file in files if (found := MODULES.intersection(imports(tree(file))))} == {}
+    assert {file.name: found for file in files if (found := MODULES.intersection(imports(parsed(file))))} == {}
 
 
 def test_no_signal_and_no_call_is_used_that_a_system_lacks() -> None:
     used = {
         f"{file.name}:{node.lineno} {node.value.id}.{node.attr}"
         for file in FILES
-        for node in ast.walk(tree(file))
+        for node in nodes(file)
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name)
         if (node.value.id == "os" and node.attr in OF_LINUX)
         or (

@@ -17,6 +17,7 @@ from dovetail.registry import Registry, installed_components
 from dovetail.testing import CheckResult, check_component, check_names, conformance
 from support.broken_plugins.joints import SoundJoint
 from support.broken_plugins.lists import BROKEN
+from support.syntax_trees import nodes
 
 SLOW = ("flow", "umap")
 """Of which `mlp`, whose training `flow` shares, and the tests of reducers show most."""
@@ -117,9 +118,8 @@ def test_no_check_knows_a_class_by_its_name():
     files = list(Path(dovetail.testing.__file__).parent.glob("*.py"))
     assert files
     for file in files:
-        nodes = list(ast.walk(ast.parse(file.read_text(encoding="utf-8"))))
-        texts = {node.value for node in nodes if isinstance(node, ast.Constant)}
-        names = {node.id for node in nodes if isinstance(node, ast.Name)}
+        texts = {node.value for node in nodes(file) if isinstance(node, ast.Constant)}
+        names = {node.id for node in nodes(file) if isinstance(node, ast.Name)}
         assert not texts & (words | classes), file
         assert not names & classes, file
 
