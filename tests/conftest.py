@@ -78,6 +78,14 @@ def pytest_collection_finish() -> None:
     gc.freeze()
 
 
+@pytest.hookimpl(trylast=True)
+def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
+    """Leave what a file of tests has loaded out of the collections that follow, each of which takes up to a second."""
+    if nextitem is not None and nextitem.path != item.path:
+        gc.collect()
+        gc.freeze()
+
+
 def cases_left_out(cases: list[pytest.Function]) -> list[pytest.Function]:
     """Return most combinations of a sweep; each value of each parameter is in some of the others.
 
