@@ -300,8 +300,8 @@ def test_a_separately_installed_package_comes_in(tmp_path):
         """)
     )
     site = tmp_path / "site"
-    install = [sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--target", str(site), str(package)]
-    subprocess.run(install, check=True)
+    install = [sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--no-build-isolation", "--no-index"]
+    subprocess.run([*install, "--target", str(site), str(package)], check=True)
     assembly = {
         "dovetail": 1,
         "name": "padded",
