@@ -102,6 +102,9 @@ def values_by_name(
         if name not in units:
             faults.append(unknown(key))
             continue
+        if name in values:
+            faults.append(Fault(f"parameter {key}", "it is given with and without the name of its joint.", "once"))
+            continue
         try:
             values[name] = si_value(value, units[name])
         except UnitError as error:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NoReturn, cast
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from dovetail.cli.commands import INTERRUPTED, TYPED
 from dovetail.cli.option_names import message_of, with_options
@@ -69,6 +69,21 @@ _OWN = {offer.command.called: offer for offer in OWN}
 
 loaded_commands: dict[str, CommandOffer] = {}
 """The commands that this process has loaded, by the modules of their functions."""
+
+
+class _SingleCommand(TyperCommand):
+    """A command whose options are given once, unless they may be repeated: of two values one would be ignored."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Refuse an option that is given twice."""
+        if not ctx.resilient_parsing:
+            given: list[Any] = [
+                p for p in self.make_parser(ctx).parse_args(args=list(args))[2] if p.param_type_name == "option"
+            ]
+            single = [p for p in given if not (p.multiple or p.count or (p.is_flag and not p.secondary_opts))]
+            if twice := next((p for p in single if single.count(p) > 1), None):
+                ctx.fail(f"{'/'.join([*twice.opts, *twice.secondary_opts])} is given twice; give it once.")
+        return super().parse_args(ctx, args)
 
 
 class Commands(TyperGroup):
@@ -153,7 +168,7 @@ def _loaded(offer: CommandOffer) -> Any:
 
 def _made(name: str, function: Callable[..., object], **settings: Any) -> Any:
     app = typer.Typer(rich_markup_mode=None, pretty_exceptions_enable=False, add_completion=False)
-    app.command(name, **settings)(cast("Callable[..., None]", function))
+    app.command(name, cls=_SingleCommand, **settings)(cast("Callable[..., None]", function))
     command = typer.main.get_command(app)
     plain_arguments(command)
     return command

@@ -112,7 +112,8 @@ def writing(
     FileError
         They cannot be written; the block has run nevertheless.
     """
-    from dovetail.report.result_files import MANIFEST, write_folder
+    from dovetail.identification.result_file import MANIFEST
+    from dovetail.report.result_files import write_folder
 
     if folder is None:
         yield

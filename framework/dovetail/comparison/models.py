@@ -146,6 +146,10 @@ def _assemblies(
         if assembly.description.responses != models[first].description.responses:
             problem = f"'{name}' has other responses than '{first}'."
             raise ParameterError(Fault("models", problem, "the same responses, since the measurements are the same"))
+    first_of: dict[str, str] = {}
+    for name, assembly in models.items():
+        if (other := first_of.setdefault(assembly.description.fingerprint, name)) != name:
+            raise ParameterError(Fault("models", f"'{other}' and '{name}' are the same model.", "models that differ"))
     return models
 
 

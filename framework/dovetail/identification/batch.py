@@ -132,6 +132,16 @@ def identify_many(
     )
 
 
+def _warn_of_copies(names: Sequence[str], measured: Sequence[Frf | Sequence[Frf] | None]) -> None:
+    """Warn of measurements of a batch that hold the same values, so that one counts twice."""
+    first_of: dict[bytes, str] = {}
+    for name, given in zip(names, measured, strict=True):
+        frfs = (given,) if isinstance(given, Frf) else tuple(given or ())
+        content = b"".join(frf.frequency.tobytes() + frf.values.tobytes() for frf in frfs)
+        if content and (first := first_of.setdefault(content, name)) != name:
+            warnings.warn(f"{name}: it holds the same values as {first}. Is one a copy of the other?", stacklevel=4)
+
+
 class _Work:
     """The identification from each measurement of a batch; its calls are made in other processes."""
 
@@ -144,7 +154,9 @@ class _Work:
     ) -> None:
         self._assembly, self._measurements, self._method, self._options = assembly, measurements, method, options
         self.names = unique_names(measurements)
-        self._faults = batch_contradictions(assembly.description, [_read(measurement) for measurement in measurements])
+        frfs = [_read(measurement) for measurement in measurements]
+        self._faults = batch_contradictions(assembly.description, frfs)
+        _warn_of_copies(self.names, frfs)
 
     def __call__(self, index: int) -> Identification | str:
         """Return the result of a measurement, or why there is none."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
@@ -15,13 +15,13 @@ from dovetail.assembly import Assembly, AssemblySource, ParameterScales, as_asse
 from dovetail.errors import Fault, ParameterError, UnitError, listing
 from dovetail.frf import Frf
 from dovetail.identification.joint_changes import joint_faults, joint_warnings
-from dovetail.identification.parameters import IdentifiedParameter
+from dovetail.identification.parameters import IdentifiedParameter, is_in_range
 from dovetail.identification.result import Identification
 from dovetail.identification.result_file import load_result
 from dovetail.inference.posterior import LEVEL, Posterior, with_model_error
 from dovetail.inference.posterior.likelihood import normal_from_unit, unit_from_normal
 from dovetail.inference.posterior.verdicts import ends_of
-from dovetail.units import to_si
+from dovetail.units import format_quantity, to_si
 
 _Number = TypeVar("_Number", np.float64, np.complex128)
 
@@ -163,9 +163,18 @@ def joint_values(assembly: Assembly, result: Joint) -> dict[str, float]:
     if faults:
         raise ParameterError(*faults)
     if not isinstance(result, Mapping):
-        for sentence in joint_warnings(assembly, result, sources):
+        for sentence in (*joint_warnings(assembly, result, sources), *_outside(assembly, matched)):
             warnings.warn(sentence, stacklevel=2)
     return matched
+
+
+def _outside(assembly: Assembly, values: Mapping[str, float]) -> Iterator[str]:
+    """Yield a sentence for each identified value outside of the range that the other description has."""
+    for parameter in assembly.parameters:
+        value, ends = values[parameter.name], (parameter.lower, parameter.upper)
+        if parameter.prior == "uniform" and not is_in_range(value, *ends, parameter.scale):
+            given, low, high = (format_quantity(each, parameter.unit) for each in (value, *ends))
+            yield f"{parameter.name}: {given} was identified, and its range in '{assembly.name}' is {low} to {high}."
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
+import warnings
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -35,6 +37,8 @@ from dovetail.measurement import ModalParameters
 
 RESULT_FILE = "result.json"
 """Name of the file within a folder of results."""
+MANIFEST = "SHA256SUMS"
+"""File with the names and hashes of all files of a run."""
 
 _LARGEST = 400_000_000
 """Bytes of the largest result that is read; that of a million lines has 140 million."""
@@ -216,7 +220,23 @@ def load_result(path: str | Path) -> Identification:
             problem = f"this folder has no {RESULT_FILE}, which 'identify' writes for a single measurement."
             remedy = "Of a batch, name one of its files, such as measured.csv.json."
             raise DovetailError(Fault(str(path), problem, remedy=remedy))
-    return result_from_json(read_bounded(file, _LARGEST), file)
+    content = read_bounded(file, _LARGEST)
+    result = result_from_json(content, file)
+    written = listed_hashes(file.parent).get(file.name)
+    if written is not None and written != hashlib.sha256(content).hexdigest():
+        text = f"{file}: the file was changed after it was written, as {MANIFEST} next to it shows."
+        warnings.warn(f"{text} Its numbers may contradict each other; identify again.", stacklevel=2)
+    return result
+
+
+def listed_hashes(folder: Path) -> dict[str, str]:
+    """Return the files that the manifest in a folder of results lists, with their hashes."""
+    listed: dict[str, str] = {}
+    with suppress(OSError, ValueError):
+        for line in (folder / MANIFEST).read_text(encoding="utf-8").splitlines():
+            digest, _, name = line.partition("  ")
+            listed[name] = digest
+    return listed
 
 
 def result_from_json(content: str | bytes, source: str | Path) -> Identification:

@@ -11,7 +11,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dovetail.identification.result_file import RESULT_FILE
+from dovetail.identification.result_file import MANIFEST, RESULT_FILE, listed_hashes
 from dovetail.plain_text import csv_cell, csv_comment
 
 if TYPE_CHECKING:
@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from dovetail.identification import AtPoint, Identification
     from dovetail.identification.truth import TrueValues
 
-MANIFEST = "SHA256SUMS"
-"""File with the names and hashes of all files of a run."""
 _MODE_COLUMNS = ("natural_frequency", "damping_ratio", "measured_frequency", "measured_damping")
 _LINES_PER_PIECE = 10_000
 """Lines of an FRF of which the text is in memory at once."""
@@ -87,7 +85,7 @@ def write_folder(folder: Path, write: Callable[[Path], None], mark: str, kept: C
     from dovetail.atomic_files import new_folder
     from dovetail.provenance import file_hash
 
-    hashes = {name: digest for name, digest in _listed(folder).items() if name in kept}
+    hashes = {name: digest for name, digest in listed_hashes(folder).items() if name in kept}
     with new_folder(folder, _unchanged(folder) - hashes.keys(), mark, MANIFEST) as fresh:
         write(fresh)
         hashes |= {file.name: file_hash(file) for file in fresh.iterdir()}
@@ -95,21 +93,11 @@ def write_folder(folder: Path, write: Callable[[Path], None], mark: str, kept: C
     return sorted(hashes)
 
 
-def _listed(folder: Path) -> dict[str, str]:
-    """Return the files that the manifest in a folder lists, with their hashes."""
-    listed: dict[str, str] = {}
-    with suppress(OSError, ValueError):
-        for line in (folder / MANIFEST).read_text(encoding="utf-8").splitlines():
-            digest, _, name = line.partition("  ")
-            listed[name] = digest
-    return listed
-
-
 def _unchanged(folder: Path) -> set[str]:
     """Return the names of files from an earlier run that have not been changed since."""
     from dovetail.provenance import file_hash
 
-    listed = _listed(folder)
+    listed = listed_hashes(folder)
     with suppress(OSError, ValueError):
         return {file.name for file in folder.iterdir() if file.is_file() and file_hash(file) == listed.get(file.name)}
     return set()

@@ -172,6 +172,10 @@ def select_set(path: Path, sets: Sequence[RecordedSet], options: ReadOptions) ->
         if not numbered or numbered[0].kind != "frf":
             what = "is not an FRF" if numbered else "is not in the file"
             raise MeasurementError(Fault(str(path), f"set {options.index} {what}; it holds:{inventory}"))
+        if not (is_dof(numbered[0].response, options.response) and is_dof(numbered[0].force, options.force)):
+            problem = f"set {options.index} is not from {options.force or 'any force'} to "
+            problem += f"{options.response or 'any response'}; it holds:{inventory}"
+            raise MeasurementError(Fault(str(path), problem, remedy="Choose by index, or by response and force."))
         return numbered[0]
     functions = [each for each in sets if each.kind == "frf"]
     if not functions:
