@@ -78,7 +78,7 @@ def test_an_edited_result_is_reported_and_an_untouched_one_is_not(folder, tmp_pa
 
 def test_a_value_outside_the_range_of_the_other_description_is_reported(folder):
     result = dovetail.load_result(folder / "result")
-    with pytest.warns(UserWarning, match=r"k: 2.5\d*e\+06 N/m was identified, and its range in 'sdof' is"):
+    with pytest.warns(UserWarning, match=r"k: 2.5\d*e\+06 N/m is outside of its range in 'sdof', "):
         dovetail.predict(folder / "narrow.yaml", result)
 
 
@@ -86,3 +86,26 @@ def test_a_copy_in_a_batch_is_reported(folder):
     files = [folder / "m.uff", folder / "copy.uff"]
     with pytest.warns(UserWarning, match="copy.uff: it holds the same values as m.uff"):
         dovetail.identify_many(folder / "sdof.yaml", files, "refined", processes=1)
+
+
+@pytest.mark.parametrize("seed", [-1, 1.5, "a"])
+def test_a_seed_that_is_not_one_is_refused(folder, tmp_path, seed):
+    with pytest.raises(dovetail.DovetailError, match="is not a seed"):
+        dovetail.identify(folder / "sdof.yaml", folder / "m.uff", "refined", seed=seed)
+    with pytest.raises(dovetail.DovetailError, match="is not a seed"):
+        dovetail.generate(folder / "sdof.yaml", tmp_path / "data.zarr", samples=10, seed=seed)
+
+
+def test_a_start_outside_its_range_is_reported(folder):
+    with pytest.warns(UserWarning, match="start: k = 1e\\+09 N/m is outside of its range"):
+        dovetail.identify(folder / "sdof.yaml", folder / "m.uff", "refined", start={"k": 1e9, "c": 10})
+
+
+def test_a_given_value_outside_its_range_is_reported(folder):
+    with pytest.warns(UserWarning, match="is outside of its range in 'sdof'"):
+        dovetail.predict(folder / "sdof.yaml", {"k": 2e12, "c": 10.0})
+
+
+def test_an_accelerometer_of_many_kilograms_is_reported(folder):
+    with pytest.warns(UserWarning, match="the accelerometer has 5 kg; were 5 g meant"):
+        dovetail.read_frf(folder / "m.uff", accelerometer_mass=5)

@@ -89,6 +89,8 @@ def generate(
         storage,
         interpolation,
     )
+    if not (isinstance(plan.seed, (int, np.integer)) and plan.seed >= 0):
+        raise DatasetError(Fault("seed", f"{plan.seed!r:.40} is not a seed.", "a whole number of 0 or more"))
     if not assembly.parameters:
         raise DatasetError(Fault(assembly.description.source, "there are no parameters to sample."))
     if plan.samples < 1:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -11,11 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly import Theta
+from dovetail.assembly import Assembly, Theta
 from dovetail.errors import Fault, Importance, MeasurementError, Note, PluginError, listing
 from dovetail.identification.measured_lines import MeasuredLines
 from dovetail.identification.measured_modes import MeasuredModes
-from dovetail.identification.parameters import ROUNDING
+from dovetail.identification.parameters import ROUNDING, is_in_range
 from dovetail.identification.reconstruction import reconstruct
 from dovetail.identification.result import Identification
 from dovetail.inference.adequacy import Adequacy
@@ -103,9 +104,19 @@ class Application:
         cut = CutShort.of(self.limit)
         return result if cut is None else replace(result, cut_short=cut, warnings=(*result.warnings, cut.note))
 
+    def _checked_start(self, assembly: Assembly) -> NDArray[np.float64]:
+        """Return the start (n_params,) [SI], and warn of values outside of their ranges, to whose ends they move."""
+        start = assembly.vector(self.start)
+        for parameter, value in zip(assembly.parameters, start, strict=True):
+            if not is_in_range(value, parameter.lower, parameter.upper, parameter.scale):
+                ends = f"{parameter.lower:g} to {parameter.upper:g} {parameter.unit}"
+                text = f"start: {parameter.name} = {value:g} {parameter.unit} is outside of its range, {ends}."
+                warnings.warn(f"{text} The fit starts from the nearer end.", stacklevel=5)
+        return start
+
     def _complete_result(self, measured: MeasuredLines | MeasuredModes) -> Identification:
         """Return the result of as many steps as the time allows."""
-        starts = [] if self.start is None else [measured.problem.assembly.vector(self.start)]
+        starts = [] if self.start is None else [self._checked_start(measured.problem.assembly)]
         network: NDArray[np.float64] | None = None
         notes: tuple[str, ...] = ()
         problem: Problem

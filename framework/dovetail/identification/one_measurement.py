@@ -213,7 +213,9 @@ def _application(
     judgement, limits = (
         {name: options[name] for name in names if options.get(name) is not None} for names in (_JUDGEMENT, _LIMITS)
     )
-    seed = options.get("seed")
+    seed: Any = options.get("seed")
+    if seed is not None and not (isinstance(seed, (int, np.integer)) and seed >= 0):
+        raise ParameterError(Fault("seed", f"{seed!r:.40} is not a seed.", "a whole number of 0 or more"))
     own = {name: value for name, value in options.items() if name in _option_names(method)}
     return Application(
         _with_options(method, own) if own else method,
@@ -221,7 +223,7 @@ def _application(
         options.get("start"),
         JudgementOptions(**judgement),
         VerdictLimits(**limits) if limits else VERDICT_LIMITS,
-        assembly.description.identification.seed if seed is None else seed,
+        assembly.description.identification.seed if seed is None else int(seed),
         progress,
     )
 

@@ -162,9 +162,9 @@ def joint_values(assembly: Assembly, result: Joint) -> dict[str, float]:
         faults.insert(0, Fault(f"{noun} {listing(missing, 20)}", problem, known, remedy))
     if faults:
         raise ParameterError(*faults)
-    if not isinstance(result, Mapping):
-        for sentence in (*joint_warnings(assembly, result, sources), *_outside(assembly, matched)):
-            warnings.warn(sentence, stacklevel=2)
+    changes = () if isinstance(result, Mapping) else joint_warnings(assembly, result, sources)
+    for sentence in (*changes, *_outside(assembly, matched)):
+        warnings.warn(sentence, stacklevel=2)
     return matched
 
 
@@ -174,7 +174,7 @@ def _outside(assembly: Assembly, values: Mapping[str, float]) -> Iterator[str]:
         value, ends = values[parameter.name], (parameter.lower, parameter.upper)
         if parameter.prior == "uniform" and not is_in_range(value, *ends, parameter.scale):
             given, low, high = (format_quantity(each, parameter.unit) for each in (value, *ends))
-            yield f"{parameter.name}: {given} was identified, and its range in '{assembly.name}' is {low} to {high}."
+            yield f"{parameter.name}: {given} is outside of its range in '{assembly.name}', {low} to {high}."
 
 
 @dataclass(frozen=True)

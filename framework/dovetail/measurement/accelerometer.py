@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +15,8 @@ from dovetail.measurement.roles import IGNORE, Role, check_roles, contradictions
 from dovetail.units import to_si
 
 _LARGEST_MASS = 1000.0
+_HEAVIEST = 1.0
+"""Mass [kg] above which an accelerometer is reported."""
 """kg; with a heavier one, the FRF would consist of rounding errors."""
 
 
@@ -104,6 +107,8 @@ def _with_mass(
     if not 0 <= mass <= _LARGEST_MASS:
         accepted = f"0 to {_LARGEST_MASS:g} kg"
         raise MeasurementError(Fault(frf.label, f"the accelerometer's mass is {mass!r} kg.", accepted))
+    if mass > _HEAVIEST:
+        warnings.warn(f"{frf.label}: the accelerometer has {mass:g} kg; were {mass:g} g meant?", stacklevel=4)
     if mass == 0:
         return frf
     for other in (frf, drive, to_response, from_force):
