@@ -64,6 +64,8 @@ _GLUED_POWER = re.compile(r"(?<=[a-z])(?=[234](?![\d.]))")
 """A power that follows its unit without a sign, as in kg/m3."""
 
 
+_CYCLES = re.compile(r"Hz|hertz|rad|rpm|rev|turn", re.IGNORECASE)
+"""Words of frequencies, which are no rates of decay."""
 _PLAIN = frozenset(
     ("m", "kg", "s", "rad", "N", "Pa", "Hz", "1/s", "N s", "N m", "N/m", "N s/m", "N/m^2", "N s/m^2", "N m/rad")
 ) | {"N m s/rad", "kg/m^3", "kg m^2", "m/s", "m/s^2"}
@@ -251,6 +253,8 @@ def _factor_by_pint(unit: str, target: str, text: str) -> float:
     spelled = _MIL.sub("thou", _GLUED_POWER.sub("^", unit) if text != unit else unit)
     if homonym := find_homonym(spelled):
         raise UnitError(f"in {text!r}, {homonym}")
+    if target == "1/s" and _CYCLES.search(spelled):
+        raise UnitError(f"{text!r} may be a rate or 2 pi times one. Write it in 1/s.")
     no_unit = UnitError(f"{unit!r} in {text!r} is not a unit; a unit of {target} was expected." + _decimal_mark(text))
     if not _UNIT.fullmatch(spelled):
         raise no_unit

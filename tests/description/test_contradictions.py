@@ -62,6 +62,8 @@ FAULTS = {
         {f"{CHAIN}phase": {"range": ["-180 deg", "180 deg"]}, f"{CHAIN}sign": "unknown"},
         "turns the sign too, and 'sign' is given.",
     ),
+    "rate of decay in Hz": ({f"{CHAIN}window": "12 Hz"}, "'12 Hz' may be a rate or 2 pi times one. Write it in 1/s."),
+    "rate of decay in rad/s": ({f"{CHAIN}window": "12 rad/s"}, "Write it in 1/s."),
     "sensors twice": (
         {"calibration": {"mass": "5 g", "at": 2 * [{"at": "bar", "position": "0 mm"}]}},
         "this is the same place as calibration.at[0].",
@@ -138,6 +140,10 @@ REMARKED = {
     "gain in percent": ({f"{CHAIN}gain": "5 %"}, "Was its uncertainty meant"),
     "sensor in grams": ({f"{CHAIN}mass": 10}, "Were 10 g meant?"),
     "delay in microseconds": ({f"{CHAIN}delay": 20}, "Were 20 us meant?"),
+    "mass of an augmentation": (
+        {"identification/augmentation": {"mass": 5}},
+        "identification.augmentation.mass: 5 kg; were 5 g meant?",
+    ),
     "final value of a window": ({f"{CHAIN}window": 0.01}, "a decay rate of 0.01 1/s changes nothing"),
     "loss factor in percent": ({"substructures/bar/material/loss_factor": 0.3}, "Were 0.3 % meant? Write 0.003."),
     "digit of the density": ({"substructures/bar/material/density": 785}, "nothing of 206 GPa is as light"),

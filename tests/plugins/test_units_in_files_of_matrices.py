@@ -95,3 +95,12 @@ def test_directions_of_a_plane_part_that_are_exchanged_are_refused(tmp_path: Pat
     part(tmp_path / "x.npz")
     with pytest.raises(DovetailError, match="Are rotations and displacements exchanged"):
         part(tmp_path / "rz.npz")
+
+
+def test_one_matrix_given_as_two_is_refused(tmp_path: Path) -> None:
+    mmwrite(tmp_path / "K.mtx", coo_array(SPRING))
+    mmwrite(tmp_path / "M.mtx", coo_array(np.diag([0.2, 0.2])))
+    (tmp_path / "dofs.csv").write_text("node,direction\n1,x\n2,x\n")
+    files = {"mass": "M.mtx", "stiffness": "K.mtx", "damping": "K.mtx", "dofs": "dofs.csv"}
+    with pytest.raises(DovetailError, match="the same matrix is given as 'stiffness' and as 'damping'"):
+        Matrices(Matrices.Config(**{name: str(tmp_path / file) for name, file in files.items()}))

@@ -39,6 +39,9 @@ def odd_joints(description: Description) -> Iterator[str]:
         yield from _far_from_band(name, joint, description)
     yield from _at_same_nodes(description)
     yield from _same_but_for_case(description)
+    augmentation = description.identification.augmentation
+    if augmentation is not None and augmentation.mass > _HEAVIEST:
+        yield f"identification.augmentation.mass: {augmentation.mass:g} kg; were {augmentation.mass:g} g meant?"
     for name, chain in description.calibrations.items():
         yield from (f"{name}.{text}" for text in _odd_chain(chain, description))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -83,6 +84,10 @@ def import_model(files: SourceFiles) -> ImportedModel:
         name: found for name, model in models.items() if (found := _chosen(name, model, files, files.matrices[name]))
     }
     where = {name: files.matrices[name] for name in chosen}
+    for first, second in combinations(chosen, 2):
+        if chosen[first] is chosen[second]:
+            problem = f"the same matrix is given as '{NAMES[first]}' and as '{NAMES[second]}'."
+            raise DovetailError(Fault(where[second], problem, remedy="Name the file, or the matrix, of each."))
     tables = [models[name].table for name in chosen]
     joined: DofTable | None
     if all(table is not None for table in tables) and len(set(where.values())) > 1:
