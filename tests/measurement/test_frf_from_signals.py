@@ -132,6 +132,14 @@ def test_the_force_window_takes_noise_away() -> None:
         frf_from_signals(*records, BENCH.rate, force_window=0.005)
 
 
+def test_a_force_window_that_is_longer_than_the_records_is_reported() -> None:
+    force = np.zeros(512)
+    force[10] = 1.0
+    response = np.exp(-0.02 * np.arange(512)) * np.sin(0.3 * np.arange(512))
+    said = [frf_from_signals(force, response, 1024.0, force_window=each).warnings for each in (0.02, 20.0)]
+    assert [any("is not shorter than the records, 0.5 s" in text for text in texts) for texts in said] == [False, True]
+
+
 def test_the_damping_of_an_exponential_window_is_removed() -> None:
     """A mode that rings beyond the record: H(i omega + decay) is found, and its damping comes back."""
     natural, loss = 700.0, 0.0035

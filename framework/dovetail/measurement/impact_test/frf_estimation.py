@@ -129,6 +129,11 @@ def frf_from_signals(
     if force_window is not None or exponential_window is not None:
         pulses, problems = remove_force_offset(pulses)
         warnings += problems
+    if force_window is not None and force_window >= signals.shape[1] / rate:
+        length = (
+            f"the force window of {force_window:g} s is not shorter than the records, {signals.shape[1] / rate:g} s"
+        )
+        warnings.append(f"{length}, and changes nothing. A number without a unit is in s.")
     windowed = _apply_windows(pulses, signals, rate, force_window, exponential_window, label)
     frf = _estimate_frf(*windowed, rate, chosen, estimator, label)
     warnings += [f"impact {number} is left out." for number in sorted(bad)]
