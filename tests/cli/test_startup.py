@@ -29,6 +29,7 @@ except SystemExit as exit:
         ("dovetail_plugins.readers.hdf5_file", ["scipy.special", "scipy.sparse", "dovetail.interfaces"]),
         ("dovetail.testing.another_process", ["scipy.special", "scipy.sparse", "dovetail.testing.kit"]),
         ("dovetail.identification", ["scipy.stats", "scipy.signal"]),
+        ("dovetail.commands", ["numpy", "pydantic", "dovetail.identification"]),
     ],
 )
 def test_what_many_short_processes_import_loads_little(module, unloaded):

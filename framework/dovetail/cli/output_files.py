@@ -112,7 +112,7 @@ def writing(
     FileError
         They cannot be written; the block has run nevertheless.
     """
-    from dovetail.identification.result_file import MANIFEST
+    from dovetail.documents.result_folder import MANIFEST
     from dovetail.report.result_files import write_folder
 
     if folder is None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import warnings
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -23,6 +23,7 @@ from pydantic import (
 
 from dovetail.assembly import ParameterScales
 from dovetail.atomic_files import read_bounded
+from dovetail.documents.result_folder import MANIFEST, RESULT_FILE, listed_hashes
 from dovetail.errors import DovetailError, Fault, damage_reported
 from dovetail.frf import Frf, Quantity
 from dovetail.identification.parameters import IdentifiedParameter
@@ -34,11 +35,6 @@ from dovetail.inference.posterior.distribution import central_fractions
 from dovetail.inference.posterior.evidence import Evidence
 from dovetail.interfaces import CutShort
 from dovetail.measurement import ModalParameters
-
-RESULT_FILE = "result.json"
-"""Name of the file within a folder of results."""
-MANIFEST = "SHA256SUMS"
-"""File with the names and hashes of all files of a run."""
 
 _LARGEST = 400_000_000
 """Bytes of the largest result that is read; that of a million lines has 140 million."""
@@ -227,16 +223,6 @@ def load_result(path: str | Path) -> Identification:
         text = f"{file}: the file was changed after it was written, as {MANIFEST} next to it shows."
         warnings.warn(f"{text} Its numbers may contradict each other; identify again.", stacklevel=2)
     return result
-
-
-def listed_hashes(folder: Path) -> dict[str, str]:
-    """Return the files that the manifest in a folder of results lists, with their hashes."""
-    listed: dict[str, str] = {}
-    with suppress(OSError, ValueError):
-        for line in (folder / MANIFEST).read_text(encoding="utf-8").splitlines():
-            digest, _, name = line.partition("  ")
-            listed[name] = digest
-    return listed
 
 
 def result_from_json(content: str | bytes, source: str | Path) -> Identification:

@@ -11,7 +11,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dovetail.identification.result_file import MANIFEST, RESULT_FILE, listed_hashes
+from dovetail.documents.result_folder import MANIFEST, RESULT_FILE, listed_hashes
 from dovetail.plain_text import csv_cell, csv_comment
 
 if TYPE_CHECKING:
