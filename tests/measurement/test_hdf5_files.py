@@ -104,10 +104,11 @@ def test_groups_without_end_are_refused(tmp_path: Path) -> None:
     assert "deeper groups than any FRF" in fault_of(tmp_path / "a.h5")
 
 
+@pytest.mark.usefixtures("unguarded")
 def test_every_truncation_is_refused(tmp_path: Path) -> None:
     saved(tmp_path / "a.h5", f=FREQUENCY, mobility=VALUES).close()
     whole = (tmp_path / "a.h5").read_bytes()
-    for length in range(1, len(whole) - 1, 397):
+    for length in range(1, len(whole), 31):
         (tmp_path / "a.h5").write_bytes(whole[:length])
         assert fault_of(tmp_path / "a.h5").startswith(
             ("a.h5\n  the HDF5 file is damaged", "a.h5\n  this is not an HDF5 file.")

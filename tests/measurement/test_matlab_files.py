@@ -179,12 +179,13 @@ def test_other_versions_are_refused(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.usefixtures("unguarded")
 @pytest.mark.parametrize("compressed", [False, True])
 def test_every_truncation_is_refused(tmp_path: Path, compressed: bool) -> None:
     stream = io.BytesIO()
     savemat(stream, {"f": FREQUENCY, "mobility": VALUES}, do_compression=compressed)
     whole = stream.getvalue()
-    for length in (*range(1, len(whole) - 1, 31), len(whole) - 1):
+    for length in range(1, len(whole)):
         (tmp_path / "a.mat").write_bytes(whole[:length])
         assert "a.mat" in fault_of(tmp_path / "a.mat")
 
