@@ -220,7 +220,7 @@ class MLP(NetworkRegressor):
     def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
         """Return a quick training, and a small network with intervals."""
         options = {"activation": "silu", "hidden": [64], "max_epochs": 25, "learning_rate": 1e-2}
-        return {"max_epochs": 20, "learning_rate": 3e-3}, {"uncertainty": _GAUSSIAN, **options}
+        return {"hidden": [64, 32], "max_epochs": 20, "learning_rate": 1e-2}, {"uncertainty": _GAUSSIAN, **options}
 
     def restore(self, state: dovetail.ComponentState) -> FittedMLP:
         """Rebuild the network from its weights and biases."""
