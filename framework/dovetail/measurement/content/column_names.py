@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -110,6 +111,7 @@ def plain_name(name: str) -> str:
     return re.sub(r"[^a-z0-9]+", "_", re.split(r"[/.]", name)[-1].lower()).strip("_")
 
 
+@lru_cache(maxsize=1000)
 def column_word(name: str, unit: str = "") -> str:
     """Return the word that identifies a column of a table, such as ``imag`` for ``Signal 2 (Imag.)``.
 
