@@ -62,6 +62,10 @@ FAULTS = {
         {f"{CHAIN}phase": {"range": ["-180 deg", "180 deg"]}, f"{CHAIN}sign": "unknown"},
         "turns the sign too, and 'sign' is given.",
     ),
+    "tie to nothing": (
+        {"joints/clamp/parameters/cr": {"same_as": "clamp.cr", "ratio": 0}},
+        "a ratio of 0 ties nothing.",
+    ),
     "rate of decay in Hz": ({f"{CHAIN}window": "12 Hz"}, "'12 Hz' may be a rate or 2 pi times one. Write it in 1/s."),
     "rate of decay in rad/s": ({f"{CHAIN}window": "12 rad/s"}, "Write it in 1/s."),
     "sensors twice": (

@@ -96,6 +96,11 @@ class DescribedParameters:
             accepted = "the name of a joint, substructure or response, a dot and the parameter: 'joint.k'"
             faults.add((*path, "same_as"), f"{format_value(section.same_as)} is not a parameter.", accepted)
             return
+        if section.ratio == 0.0:
+            faults.add(
+                (*path, "ratio"), "a ratio of 0 ties nothing.", remedy="Write 'value: 0' if it is known to be 0."
+            )
+            return
         self.ties[name] = Tie(owner, parameter, section.ratio)
 
 
