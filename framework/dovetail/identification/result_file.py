@@ -234,11 +234,11 @@ def result_from_json(content: str | bytes, source: str | Path) -> Identification
         It is not such a result.
     """
     file = Path(source)
-    try:
-        stored = _StoredIdentification.model_validate_json(content)
-    except ValidationError as error:
-        raise DovetailError(*_faults(file, error)) from None
     with _named(file):
+        try:
+            stored = _StoredIdentification.model_validate_json(content)
+        except ValidationError as error:
+            raise DovetailError(*_faults(file, error)) from None
         return _identification(file, stored)
 
 
