@@ -55,7 +55,10 @@ FAULTS = {
     "range with one unit": ({K: {"range": [1, "1000 N/um"]}}, "1 has no unit, and '1000 N/um' has one."),
     "range of an option": ({YOUNG: {"range": ["190 GPa", 215]}}, "215 has no unit, and '190 GPa' has one."),
     "deviation without percent": ({YOUNG: {"about": "206 GPa", "sd": 2}}, "is 9.7e-12 times the middle."),
-    "middle with another unit": ({K: {"about": "1 MN/m", "sd": 1e4}}, "10000.0 has no unit, and '1 MN/m' has one."),
+    "middle with another unit": (
+        {"substructures/bar/material/density": {"about": "7.85 g/cm^3", "sd": 2}},
+        "2 has no unit, and '7.85 g/cm^3' has one.",
+    ),
     "phase in degrees": ({f"{CHAIN}phase": 5}, "Were 5 deg meant?"),
     "phase and sign": ({f"{CHAIN}phase": "180 deg", f"{CHAIN}sign": -1}, "turns the sign too, and 'sign' is given."),
     "range of the phase and sign": (
@@ -90,6 +93,7 @@ def test_a_contradiction_is_refused(changes, said):
 
 SOUND = {
     "SI next to a unit": {K: {"range": [1e6, "1e9 N/m"]}},
+    "SI next to another unit": {K: {"range": ["1 kN/mm", "1e8"]}},
     "zero next to a unit": {f"{CHAIN}delay": {"range": [0, "20 us"]}},
     "part of the middle": {K: {"about": "10 MN/m", "sd": "10 %"}},
     "phase within a quarter": {f"{CHAIN}phase": {"about": "0 deg", "sd": "5 deg"}, f"{CHAIN}sign": "unknown"},

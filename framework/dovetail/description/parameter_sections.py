@@ -8,6 +8,8 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+
 from dovetail.description.checked import ParameterEntry, Tie, resolve
 from dovetail.description.component_sections import LabelledComponent
 from dovetail.description.sections import ParameterSection
@@ -277,14 +279,17 @@ def _with_normal_prior(path: Path, parameter: Parameter, section: ParameterSecti
 
 
 def _lacks_unit(path: Path, values: Sequence[object], unit: str, faults: FaultList) -> bool:
-    """Report a number without a unit next to one in another unit than that of SI, since it may be meant in that."""
-    bare = [value for value in values if _is_bare(value) and to_si(value, unit) != 0]
-    other = [value for value in values if isinstance(value, str) and not _is_bare(value)]
-    units = [re.sub(_NUMBER, "", value) for value in other]
-    if not bare or all(not text or text == "%" or to_si(f"1 {text}", unit) == 1.0 for text in units):
+    """Report a number without a unit that is closer to one with a unit if it is in that unit, too."""
+    bare = next((value for value in values if _is_bare(value)), None)
+    other = next((value for value in values if isinstance(value, str) and not _is_bare(value)), None)
+    if bare is None or other is None or "%" in other:
         return False
-    problem = f"{format_value(bare[0])} has no unit, and {format_value(other[0])} has one."
-    remedy = f"A number without a unit is in SI; write its unit, {units[0]} or {unit}."
+    number, given, word = to_si(bare, unit), to_si(other, unit), re.sub(_NUMBER, "", other, count=1)
+    factor = to_si(f"1 {word}", unit)
+    if number * given == 0 or abs(np.log(abs(number * factor / given))) >= abs(np.log(abs(number / given))):
+        return False
+    problem = f"{format_value(bare)} has no unit, and {format_value(other)} has one."
+    remedy = f"A number without a unit is in SI; write its unit, {word} or {unit}."
     faults.add(path, problem, remedy=remedy)
     return True
 
