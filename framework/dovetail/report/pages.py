@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 _WEB = Path(__file__).parent / "web"
 
 
+@cache  # it keeps compiled templates: a batch writes the same page many times
 def environment(*packages: str) -> Environment:
     """Return the environment of the templates, which escapes all inserted values; also with those of other packages."""
     from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
