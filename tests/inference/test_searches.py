@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from dovetail.inference.fitting.searches import different, evolved
-from dovetail.interfaces import TimeLimit
+from dovetail.inference.fitting.searches import Similar, Starts, different, evolved
+from dovetail.interfaces import NO_LIMIT, TimeLimit
 from dovetail.problem.definition import latin_hypercube
 from dovetail.problem.least_squares import Minima
 
@@ -43,10 +43,25 @@ def test_no_point_gets_worse_and_all_stay_in_the_cube():
     assert many.max() <= 1.0
 
 
-def test_points_that_are_returned_differ():
-    points = evolved(rastrigin, start(3), np.random.default_rng(3), 200)
-    apart = np.abs(points[:, np.newaxis] - points).max(axis=2) + np.eye(len(points))
+class Rastrigin:
+    """A misfit whose sum of squares is the function."""
+
+    limit = NO_LIMIT
+
+    def residuals(self, points):
+        return np.sqrt(rastrigin(points))[:, np.newaxis]
+
+
+def test_starts_are_random_points_and_those_that_differ_after_few_and_many_generations():
+    wanted = Similar(candidates=512, random=8, evolved=((0, 3), (10, 12), (200, 4)))
+    points = Starts(5, seed=3).similar(Rastrigin(), wanted)
+    few, last = points[11:-1], points[-1:]  # all points have come together after many
+    assert np.array_equal(points[:3], points[8:11])  # after none they are the most similar random points
+    assert 4 <= len(few) <= 12
+    apart = np.abs(few[:, np.newaxis] - few).max(axis=2) + np.eye(len(few))
     assert apart.min() > 0.1
+    assert (np.diff(rastrigin(few)) >= 0.0).all()
+    assert rastrigin(last)[0] < rastrigin(few)[0] < rastrigin(points)[0]
 
 
 def test_the_same_seed_gives_the_same_points():

@@ -67,17 +67,17 @@ class Similar:
     ----------
     candidates : int
         Random points, whose FRFs take less time than a few steps of a search. The most similar of them evolve.
-    generations : int
-        Times that each of these may move.
-    random, evolved : int
-        How many random and how many evolved points are wanted, the most similar ones. Evolved points are more similar,
-        but may all be in the valley of a wrong minimum.
+    random : int
+        How many of them are wanted, the most similar ones.
+    evolved : tuple of (int, int)
+        How many evolved points are wanted, the most similar ones that differ, after a number of generations each: the
+        generations, in which each point may move once, and the points. The longer points evolve the more similar they
+        are, but they come together, perhaps in the valley of a wrong minimum.
     """
 
     candidates: int
-    generations: int
     random: int
-    evolved: int
+    evolved: tuple[tuple[int, int], ...]
 
 
 class Starts:
@@ -109,8 +109,12 @@ class Starts:
 
         points = latin_hypercube(wanted.candidates, self._size, self._candidates)
         points = points[np.argsort(squares(points), kind="stable")[: _SETTINGS.evolving]]
-        together = evolved(squares, points, self._candidates, wanted.generations, misfit.limit)
-        return np.concatenate([points[: wanted.random], together[: wanted.evolved]])
+        found, generation = [points[: wanted.random]], 0
+        for generations, count in wanted.evolved:
+            points = evolved(squares, points, self._candidates, generations - generation, misfit.limit)
+            found.append(different_points(points, _SETTINGS.apart)[:count])
+            generation = generations
+        return np.concatenate(found)
 
     def along_axes(self, misfit: FrfResiduals, position: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return points that differ from a minimum in one parameter only, at the minima along that parameter.
@@ -132,7 +136,7 @@ def evolved(
     generations: int,
     limit: TimeLimit = NO_LIMIT,
 ) -> NDArray[np.float64]:
-    """Let points of the unit cube evolve; return where they are then, those that differ, the lowest first.
+    """Let points of the unit cube evolve; return where they are then, the lowest first.
 
     Parameters
     ----------
@@ -147,7 +151,7 @@ def evolved(
 
     Returns
     -------
-    (k, p) array
+    (n, p) array
 
     Notes
     -----
@@ -172,7 +176,7 @@ def evolved(
         points, costs = np.where(lower[:, np.newaxis], tried, points), np.where(lower, costs_there, costs)
         order = np.argsort(costs, kind="stable")
         points, costs = points[order], costs[order]
-    return different_points(points, _SETTINGS.apart)
+    return points
 
 
 def _moved(points: NDArray[np.float64], random: np.random.Generator) -> NDArray[np.float64]:
