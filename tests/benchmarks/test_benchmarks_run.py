@@ -120,6 +120,12 @@ def test_residuals_that_are_hardly_noise_get_further_searches():
     assert rows[-1][:4] == ["all", "1 of 1", "1 of 1", "1 of 1"]
 
 
+def test_fits_of_a_wrong_model_are_compared_by_seed():
+    machine, whole = cells(run("wrong_minima.py", "--cases", 1, "--seed", 104, "--fits", 2))[2:]
+    assert machine[:3] == ["104", "2 of 2", "1.00"]
+    assert whole[:3] == ["all", "2 of 2", ""]
+
+
 @pytest.mark.slow
 def test_the_benchmark_of_a_second_point_prints_prediction_and_achievement():
     table = cells(run("second_point.py", "--cases", 1))[2:]

@@ -71,14 +71,14 @@ def _warnings_of_one_description_are_found_once() -> Iterator[None]:
 
     found, find = {}, package.find_warnings
 
-    def find_once(assembly: dovetail.Assembly) -> tuple[str, ...]:
+    def find_once(assembly: dovetail.Assembly, *, effects: bool = True) -> tuple[str, ...]:
         parts = assembly.description.substructures.values()
         if any(part.name in ("matrices", "measured") for part in parts):  # whose files may change
-            return find(assembly)
+            return find(assembly, effects=effects)
         models = [*parts, *(joint.connection.model for joint in assembly.description.joints.values())]
-        key = assembly.description.text, *map(type, models)
+        key = effects, assembly.description.text, *map(type, models)
         if key not in found:
-            found[key] = find(assembly)
+            found[key] = find(assembly, effects=effects)
         return found[key]
 
     with pytest.MonkeyPatch.context() as patch:

@@ -41,6 +41,9 @@ def test_finite_differences_give_another_flange(run, arguments, tmp_path):
     ],
 )
 def test_unusable_input_is_reported_and_nothing_is_written(run, arguments, tmp_path, more, code, found):
+    if (option := more[0]) in arguments:  # which is given once
+        first = arguments.index(option)
+        arguments = [*arguments[:first], *arguments[first + 2 :]]
     assert found in run(*arguments, *more, code=code).stderr
     assert not (tmp_path / "flange.npz").exists()
 

@@ -35,19 +35,22 @@ _MOST_LINES = 5_000
 """Lines on which digits are looked for that rounding takes; what they need of memory grows with their number."""
 
 
-def find_warnings(assembly: Assembly) -> tuple[str, ...]:
+def find_warnings(assembly: Assembly, *, effects: bool = True) -> tuple[str, ...]:
     """Return what looks wrong in an assembly's description, a sentence each; none of it is an error.
 
     Parameters
     ----------
     assembly : Assembly
+    effects : bool
+        Whether to compute the effect of each parameter on the FRFs too.
 
     Returns
     -------
     tuple of str
         Moduli, densities and lengths far from any material's or structure's, in parts, joints and places; wide ranges
         on a linear scale; a band without a natural frequency; parts in odd places, or without positions to compare;
-        digits that rounding takes; and those of the substructures themselves (`SubstructureModel.warnings`).
+        digits that rounding takes; parameters without an effect, and pairs with the same; and those of the
+        substructures themselves (`SubstructureModel.warnings`).
     """
     warnings = [
         f"substructures.{name}.{problem}"
@@ -72,7 +75,8 @@ def find_warnings(assembly: Assembly) -> tuple[str, ...]:
     warnings += placement_warnings(assembly)
     few = _on_few_lines(assembly)
     warnings += _rounding_warnings(few)
-    warnings += influence_warnings(few)
+    if effects:
+        warnings += influence_warnings(few)
     return (*warnings, *_band_warnings(assembly))
 
 

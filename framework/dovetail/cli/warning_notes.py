@@ -48,7 +48,7 @@ def suspicious_values_as_notes() -> Iterator[None]:
     def show(assembly: Assembly) -> None:
         from dovetail.assembly import find_warnings
 
-        for warning in find_warnings(assembly):
+        for warning in find_warnings(assembly, effects=False):  # `check` computes these: they take a tenth of a second
             if warning not in printed:
                 note(f"This looks wrong: {warning}")
             printed.add(warning)

@@ -24,7 +24,10 @@ NoiseLevel = Annotated[float, Field(ge=0, le=10), BeforeValidator(_fraction, jso
 
 
 def refuse_useless(section: Mapping[str, Any]) -> None:
-    """Raise a ValueError for an option of the augmentation without the one that gives it an effect."""
+    """Raise a ValueError for an option of the augmentation without the one that gives it an effect.
+
+    `section` has the options that differ from their defaults: a file may list all.
+    """
     like, multiplicative = section.get("like"), section.get("multiplicative", 0.0 if section.get("like") else 0.02)
     needed = {"like_index": (like, "'like'"), "like_decades": (like, "'like'")}
     needed |= {"reuse": (section.get("fresh"), "'fresh: true'")}

@@ -265,7 +265,8 @@ class AugmentationSection(Section):
     @classmethod
     def _measured_noise_alone(cls, given: Any) -> Any:
         if isinstance(given, Mapping):
-            refuse_useless(given)
+            defaults = {name: field.default for name, field in cls.model_fields.items()}
+            refuse_useless({name: value for name, value in given.items() if value != defaults.get(name)})
         is_measured = isinstance(given, Mapping) and given.get("like")
         return {"additive": 0.0, "multiplicative": 0.0, **given} if is_measured else given
 
