@@ -17,7 +17,7 @@ from dovetail.inference.posterior.evidence import Evidence, least_log_evidence
 from dovetail.inference.posterior.likelihood import Z_LIMIT, ReducedResiduals, squared_norms, unit_from_normal
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, nearest_rows
 from dovetail.inference.posterior.tangent_steps import Density
-from dovetail.inference.posterior.weights import are_even, effective_sample_size, from_logarithms
+from dovetail.inference.posterior.weights import are_complete, are_even, effective_sample_size, from_logarithms
 from dovetail.interfaces import Progress, logged, silent
 from dovetail.series.fitted_tests import FittedTest
 from dovetail.series.fitting import SeriesFit, minimise, normal_equations
@@ -46,10 +46,7 @@ class Settings:
     batch: int = 200
     """Searches at a time."""
     iterations: int = 60
-    """Largest number of iterations of the search for one sample, as for one measurement."""
-    complete: float = 0.7
-    """Part of the searches that must converge, or else the samples may lack a part of the posterior; as for one
-    measurement."""
+    """Largest number of iterations of the search for one sample."""
     fewest_effective: float = 50.0
     """Effective sample size below which the ends of the intervals are rough."""
 
@@ -151,7 +148,7 @@ def sample_series(
         on_all_lines = log_weight + sampler.log_constant
         evidence, least = Evidence.from_weights(on_all_lines, samples), least_log_evidence(on_all_lines, samples)
         effective = effective_sample_size(log_weight)
-        efficiency, complete = effective / samples, len(z) >= _SETTINGS.complete * samples
+        efficiency, complete = effective / samples, are_complete(len(z), samples)
         if not complete or not are_even(log_weight, samples):
             ends = SearchEnds(z, points.log_posterior - log_density, samples, complete)
             moved = move_by_weight(sampler.density, ends, samples, sampler.random, progress)

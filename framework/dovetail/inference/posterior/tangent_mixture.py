@@ -23,6 +23,7 @@ from dovetail.inference.posterior.likelihood import PosteriorResiduals, squared_
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, nearest_rows
 from dovetail.inference.posterior.separate_modes import nearest_modes
 from dovetail.inference.posterior.weights import (
+    are_complete,
     are_even,
     clipped,
     drawn_by_weight,
@@ -45,10 +46,6 @@ class Settings:
     too few, a part of the posterior is missing."""
     least_ended: float = 0.9
     """Searches that must end somewhere, or else further anchors are drawn."""
-    complete: float = 0.7
-    """Searches that must end, each about its own mode, or else the samples may lack a part of the posterior. In 200
-    cases of the collet (seed 3 of a calibration) 80 % of the intervals held the truth where fewer than half did, 89 to
-    93 % from here on."""
     wanted: float = 0.5
     """Effective samples over their number at which searches end."""
     most_searches: int = 3
@@ -221,7 +218,7 @@ class TangentMixture:
     @property
     def is_complete(self) -> bool:
         """Whether so many searches end that the samples hardly lack a part of the posterior."""
-        return len(self.ends.z) >= _SETTINGS.complete * self.begun
+        return are_complete(len(self.ends.z), self.begun)
 
     def next_anchors(self) -> LinearisedPoints:
         """Draw anchors by weight: ends of searches or, while there are few, other points that are known."""
