@@ -15,9 +15,9 @@ from dovetail.measurement.roles import IGNORE, Role, check_roles, contradictions
 from dovetail.units import to_si
 
 _LARGEST_MASS = 1000.0
-_HEAVIEST = 1.0
-"""Mass [kg] above which an accelerometer is reported."""
 """kg; with a heavier one, the FRF would consist of rounding errors."""
+_HEAVIEST = 1.0
+"""kg; a heavier accelerometer is reported."""
 
 
 def remove_accelerometer_mass(
