@@ -123,6 +123,15 @@ def test_sizes_whose_unit_is_hardly_right_are_reported(tmp_path: Path, text: str
         read_modal_parameters(tmp_path / "a.csv")
 
 
+def test_each_size_whose_unit_is_hardly_right_is_reported(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("f_Hz,frequency_sd_kHz,zeta\n212,0.2,0.31\n")
+    with (
+        pytest.warns(UserWarning, match="a damping ratio of 0.31"),
+        pytest.warns(UserWarning, match="the standard deviation in row 1"),
+    ):
+        read_modal_parameters(tmp_path / "a.csv")
+
+
 def test_modes_with_names_gaps_and_a_band_that_holds_them_are_read(tmp_path: Path) -> None:
     for rows in ("mode,f_Hz\n1,212\n4,812\n", "mode,f_Hz\nbending,212\ntorsion,812\n"):
         (tmp_path / "a.csv").write_text(f"Frequency range: 0 - 1 kHz\nnumber of modes: 2\n{rows}")

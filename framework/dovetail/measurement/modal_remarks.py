@@ -93,22 +93,22 @@ def warn_of_sizes(path: str, values: Mapping[str, NDArray[np.float64]], factors:
         What converts each parameter to Hz or ratios, as the header states it.
     """
     frequency, damping = values["frequency"], values.get("damping_ratio", np.zeros(0))
-    said = ""
+    said = list[str]()
     if damping.size and damping.max() > _LARGEST_USUAL:
-        said = f"a damping ratio of {damping.max():.3g} is {100 * damping.max():.3g} %. Is the column in per cent?"
+        largest = damping.max()
+        said.append(f"a damping ratio of {largest:.3g} is {100 * largest:.3g} %. Is the column in per cent?")
     elif damping.size and factors["damping_ratio"] != 1.0 and 0 < damping.max() < _LEAST_USUAL:
-        said = f"no damping exceeds {100 * damping.max():.2g} %. Is the column a ratio?"
-    for name, of, most in (
-        ("frequency_sd", frequency, _MOST_UNCERTAIN[0]),
-        ("damping_sd", damping, _MOST_UNCERTAIN[1]),
+        said.append(f"no damping exceeds {100 * damping.max():.2g} %. Is the column a ratio?")
+    for name, of, most, unit in (
+        ("frequency_sd", frequency, _MOST_UNCERTAIN[0], "Hz"),
+        ("damping_sd", damping, _MOST_UNCERTAIN[1], "as a ratio"),
     ):
-        if name in values and of.size and np.any(values[name] > most * of):
-            row = int(np.argmax(values[name] > most * of))
-            unit = "Hz" if name == "frequency_sd" else "as a ratio"
+        if name in values and of.size and np.any(large := values[name] > most * of):
+            row = int(np.argmax(large))
             text = f"the standard deviation in row {row + 1} is {values[name][row]:.3g}, of {of[row]:.3g} ({unit})"
-            said = f"{text}. Is its unit right?"
-    if said:
-        warnings.warn(f"{path}: {said}", stacklevel=3)
+            said.append(f"{text}. Is its unit right?")
+    for text in said:
+        warnings.warn(f"{path}: {text}", stacklevel=3)
 
 
 def _other_modes(key: str, value: str, frequency: NDArray[np.float64]) -> str:
