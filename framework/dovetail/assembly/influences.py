@@ -26,7 +26,7 @@ _SAME = 1e-7
 
 
 def influence_warnings(assembly: Assembly) -> Iterator[str]:
-    """Yield a warning about joints and others of which no parameter changes an FRF, and pairs that change all alike.
+    """Yield a warning about joints and others of which no parameter changes an FRF, and pairs with the same effect.
 
     Parameters
     ----------

@@ -74,13 +74,12 @@ def _far_from_band(name: str, joint: JointEntry, description: Description) -> It
 
 def _at_same_nodes(description: Description) -> Iterator[str]:
     """Yield joints of one model, with the same options, that connect the same nodes: they act in parallel."""
-    alike = defaultdict[object, list[str]](list)
+    equal = defaultdict[object, list[str]](list)
     for name, joint in description.joints.items():
-        nodes = [frozenset(zip([end.substructure] * len(end.nodes), end.nodes, strict=True))
-                 for end in joint.connection.attachments]  # fmt: skip
-        model = joint.connection.model
-        alike[model.name, str(getattr(model, "config", "")), frozenset(nodes)].append(name)
-    for names in alike.values():
+        model, ends = joint.connection.model, joint.connection.attachments
+        nodes = frozenset(frozenset((end.substructure, node) for node in end.nodes) for end in ends)
+        equal[model.name, str(getattr(model, "config", "")), nodes].append(name)
+    for names in equal.values():
         if len(names) > 1:
             which = listing(f"'{name}'" for name in names)
             yield f"joints: {which} are of the same model and connect the same nodes, so that they act in parallel."
