@@ -214,3 +214,10 @@ def test_moved_samples_of_one_measurement_report_what_they_have_in_common(sdof, 
     posterior = sample_posterior(Problem.of(sdof, frf), refine(Problem.of(sdof, frf)), samples=100)
     kish = 1.0 / np.sum(posterior.weight**2)
     assert 50.0 < posterior.effective_sample_size < kish
+
+
+@pytest.mark.parametrize(("ended", "complete"), [(69, False), (70, True)])
+def test_searches_of_which_seven_tenths_end_are_complete(ended, complete):
+    mixture = object.__new__(TangentMixture)
+    mixture.ends, mixture.begun = SimpleNamespace(z=np.zeros((ended, 1))), 100
+    assert mixture.is_complete is complete

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from dovetail.registry import installed_components
+from dovetail.series import sampling
 from dovetail.series.description import Role
 from dovetail.series.fitting import fit_series
 from dovetail.series.residuals import SeriesResiduals
@@ -83,6 +84,27 @@ def test_annealed_draws_of_the_prior_find_what_the_searches_missed(monkeypatch):
     assert posterior.effective_sample_size > 100
     assert posterior.evidence is None
     assert posterior.least_log_evidence == pytest.approx(log_evidence + np.log(0.01), abs=1.0)
+
+
+@pytest.mark.parametrize(("ended", "moved"), [(279, True), (281, False)])
+def test_samples_of_searches_of_which_many_find_no_end_are_moved(monkeypatch, ended, moved):
+    """Of 400, whose weights are even."""
+    search, move, calls = _Sampler.search, sampling.move_by_weight, []
+
+    def found(sampler, count):
+        points, log_density = search(sampler, count)
+        return points.at_rows(np.arange(ended)), log_density[:ended]
+
+    def watched(*arguments):
+        calls.append(arguments[1].complete)
+        return move(*arguments)
+
+    monkeypatch.setattr(_Sampler, "search", found)
+    monkeypatch.setattr(sampling, "move_by_weight", watched)
+    truths = [{"k": 1.0001e6, "c": 20.02}, {"k": 0.9999e6, "c": 19.97}]
+    _, posterior = sampled(*series(mount(NORMAL, LINES), truths, LINEAR["shared"], 0.02))
+    assert calls == ([False] if moved else [])
+    assert len(posterior.z) == (400 if moved else ended)
 
 
 def test_the_scatter_and_the_evidence_are_those_of_integration_over_the_scatter():
