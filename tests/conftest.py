@@ -18,7 +18,7 @@ import pytest
 from threadpoolctl import threadpool_limits
 
 import dovetail
-from dovetail.parallel import cores
+from dovetail.parallel import cores, use_cores
 from support.waiting import processor_time
 
 # Some surroundings forbid modules to be kept as bytecode. Each process that a test starts would then compile torch,
@@ -30,6 +30,9 @@ os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 # Matrices are small here: several threads gain nothing, and on a busy machine they make a test ten times slower.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+if "PYTEST_XDIST_WORKER" in os.environ:
+    use_cores(1)  # the other workers have the rest; results are the same on any number of cores
 
 ROOT = Path(__file__).resolve().parent.parent
 ASSEMBLIES = ROOT / "assemblies"

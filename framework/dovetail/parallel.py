@@ -10,7 +10,7 @@ import threading
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import AbstractContextManager, closing, contextmanager
-from functools import lru_cache
+from functools import lru_cache, partial
 from importlib.metadata import version
 from itertools import islice
 from typing import Any, TypeVar
@@ -39,10 +39,26 @@ _turn = threading.Lock()
 """Held by the task that is running in this worker: an assembly's engine is not made for several threads."""
 
 
+class _Share:
+    """How many cores this process uses at most, since others of this program use the rest."""
+
+    most = sys.maxsize
+
+
 def cores() -> int:
     """Return how many cores this process may use."""
     affinity = getattr(os, "sched_getaffinity", None)
-    return len(affinity(0)) if affinity else os.cpu_count() or 1
+    return min(len(affinity(0)) if affinity else os.cpu_count() or 1, _Share.most)
+
+
+def most_cores() -> int:
+    """Return the number that was given to `use_cores` last."""
+    return _Share.most
+
+
+def use_cores(most: int) -> None:
+    """Use no more than so many cores from now on."""
+    _Share.most = most
 
 
 def threads(purpose: str, count: int) -> ThreadPoolExecutor:
@@ -95,8 +111,15 @@ def side_by_side(
     elif workers == 1 or count <= 1 or sys.platform != "linux":
         yield from ((index, work(index)) for index in range(count))
     else:
-        with closing(run_tasks(work, count, workers, one_blas_thread, lost)) as done:
+        begin = partial(begin_worker, max(1, cores() // workers))
+        with closing(run_tasks(work, count, workers, begin, lost)) as done:
             yield from done
+
+
+def begin_worker(most_cores: int) -> None:
+    """Use no more than so many cores in this process, and one thread for linear algebra."""
+    use_cores(most_cores)
+    one_blas_thread()
 
 
 def one_blas_thread() -> AbstractContextManager[Any]:

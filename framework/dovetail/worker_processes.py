@@ -14,6 +14,7 @@ from contextlib import suppress
 from multiprocessing import get_context
 from multiprocessing.connection import wait
 from multiprocessing.reduction import ForkingPickler
+from pathlib import Path
 from typing import Any, TypeVar
 
 from dovetail.errors import DovetailError, Fault
@@ -21,7 +22,9 @@ from dovetail.errors import DovetailError, Fault
 Result = TypeVar("Result")
 
 _LOOK = 0.25
-"""Seconds between two looks whether the parent process is still there."""
+"""Seconds between two looks whether the parent process is still there, or a process still works."""
+_IDLE = 10.0
+"""Seconds without processor time after which a process is taken to wait for ever."""
 _MEMORY = "The system does this when memory runs short. Free some memory, or let fewer processes work at once."
 
 
@@ -84,6 +87,43 @@ def run_tasks(
                     yield index, lost(index, answer)
     finally:
         pool.end()
+
+
+class MeanwhileProcess:
+    """A forked process that does some work while its parent goes on.
+
+    Parameters
+    ----------
+    work : callable
+        Its result must be picklable.
+    begin : callable
+        Called first in the process.
+    given_up : callable
+        Asked while the result is awaited: whether the work is to end early, which the process cannot know.
+    """
+
+    def __init__(self, work: Callable[[], Any], begin: Callable[[], object], given_up: Callable[[], bool]) -> None:
+        self._work, self._given_up = work, given_up
+        self._worker: _Worker | None = None
+        with suppress(DovetailError):  # the parent does the work itself if no process can be started
+            self._worker = _Worker(lambda _: work(), begin)
+            self._worker.send(0)
+
+    def result(self) -> Any:
+        """Wait for the result; do the work here if that is given up, or the process was ended or waits for ever."""
+        if self._worker is not None and self._worker.will_answer(self._given_up):
+            answer = self._worker.receive()
+            if not isinstance(answer, Fault):
+                succeeded, value = answer
+                if succeeded:
+                    return value
+                raise value
+        return self._work()
+
+    def end(self) -> None:
+        """Kill the process."""
+        if self._worker is not None:
+            self._worker.end()
 
 
 class _Pool:
@@ -158,6 +198,19 @@ class _Worker:
             return False
         return True
 
+    def will_answer(self, given_up: Callable[[], bool]) -> bool:
+        """Wait until the process has answered or ended; return False if it is given up or has stopped working.
+
+        A process that is forked while another thread holds a lock may wait for it for ever.
+        """
+        used, idle = -1.0, 0
+        while not self.connection.poll(_LOOK):
+            before, used = used, _processor_time(self.process.pid)
+            idle = 0 if used != before else idle + 1
+            if given_up() or idle * _LOOK >= _IDLE:
+                return False
+        return True
+
     def receive(self) -> tuple[bool, Any] | Fault:
         """Return whether the task succeeded, with its result or its exception; or why the process ended."""
         content = None
@@ -180,6 +233,15 @@ class _Worker:
         self.process.kill()
         self.connection.close()
         self.process.join()
+
+
+def _processor_time(process: int | None) -> float:
+    """Return the time [clock ticks] that a process has used; 0 if it has ended."""
+    try:
+        words = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return 0.0
+    return float(words[11]) + float(words[12])
 
 
 def _reason(code: int) -> Fault:

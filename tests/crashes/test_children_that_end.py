@@ -53,7 +53,26 @@ main = read
 class Model:
     pass
 """
-STARTERS = {"pool": (POOL, 2), "guarded process": (GUARDED, 1), "process of check-plugin": (FRESH, 1)}
+MEANWHILE = """
+import os, time
+from pathlib import Path
+from dovetail.meanwhile import meanwhile
+
+os.sched_getaffinity = lambda _: range(2)
+
+def work():
+    Path(f"{os.getpid()}.child").touch()
+    time.sleep(600)
+
+with meanwhile(work) as found:
+    found()
+"""
+STARTERS = {
+    "pool": (POOL, 2),
+    "work meanwhile": (MEANWHILE, 1),
+    "guarded process": (GUARDED, 1),
+    "process of check-plugin": (FRESH, 1),
+}
 
 
 def is_alive(process: int) -> bool:
@@ -68,7 +87,7 @@ def is_alive(process: int) -> bool:
 @pytest.mark.parametrize("kind", STARTERS)
 def test_no_process_outlives_the_one_that_started_it(kind, sign, tmp_path):
     script, count = STARTERS[kind]
-    if kind == "pool" and sys.platform != "linux":
+    if kind in ("pool", "work meanwhile") and sys.platform != "linux":
         pytest.skip("processes are forked on Linux only")
     (tmp_path / "endless.py").write_text(ENDLESS)
     (tmp_path / "fresh").mkdir()

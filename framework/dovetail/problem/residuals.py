@@ -226,8 +226,9 @@ class FrfResiduals(SumOfSquares):
             part = self._linearised(theta[block], change)
             residuals[block], jacobian[block] = part.residuals, part.jacobian
 
+        starts, workers = range(size, len(theta), size), cores()
         with one_blas_thread():
-            list(threads("residuals", cores()).map(fill, range(size, len(theta), size)))
+            list(map(fill, starts) if workers == 1 else threads("residuals", workers).map(fill, starts))
         return Linearisation(residuals, jacobian)
 
     def _linearised(

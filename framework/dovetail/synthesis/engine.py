@@ -94,8 +94,6 @@ class Engine:
 
     Attributes
     ----------
-    threads : int
-        Number of threads, each of which computes a block of samples.
     pairs : tuple of (int, int)
     pivoted_lines : int
         Number of lines so far that were solved again with pivoting, because a pivot nearly vanished.
@@ -120,7 +118,7 @@ class Engine:
         self._lines = len(frequency)
         padded = np.concatenate([frequency, np.repeat(frequency[-1:], -len(frequency) % WIDTH)])
         self.graph = graph
-        self.threads = cores()
+        self._threads: int | None = None
         self.pivoted_lines = 0
         if jacobian_columns is None:
             jacobian_columns = {name: list(range(len(c.model.parameters))) for name, c in graph.connections.items()}
@@ -233,6 +231,15 @@ class Engine:
             jacobian[sample][..., lines] = derivatives if scales is None else derivatives * scales[sample][:, None]
         return result[..., : self._lines], np.swapaxes(jacobian, 2, 3)[:, :, : self._lines]
 
+    @property
+    def threads(self) -> int:
+        """Number of threads, each of which computes a block: the cores of this process, unless it is set."""
+        return self._threads or cores()
+
+    @threads.setter
+    def threads(self, count: int) -> None:
+        self._threads = count
+
     def _run(self, job: _Job) -> NDArray[np.intp]:
         """Fill the job's arrays; return the samples in which a pivot nearly vanished."""
         return self._planned(lambda plan: self._run_plan(plan, job))
@@ -282,10 +289,11 @@ class Engine:
                     (start + i, _samples(chunk, i, size), terms[i : i + size], weights[i : i + size])
                     for i in range(0, number, size)
                 ]
-                own = blocks[:: self.threads]  # this thread is one of them
-                others = [block for place, block in enumerate(blocks) if place % self.threads]
+                workers = self.threads if len(blocks) > 1 else 1
+                own = blocks[::workers]  # this thread is one of them
+                others = [block for place, block in enumerate(blocks) if place % workers]
                 _wait(running)
-                running = [threads("engine", self.threads - 1).submit(run_block, *block) for block in others]
+                running = [threads("engine", workers - 1).submit(run_block, *block) for block in others]
                 for block in own:
                     run_block(*block)
         finally:
