@@ -64,7 +64,7 @@ def searched(posterior, random):
 @pytest.mark.parametrize("plain", [-3.0, -6.0])
 def test_annealed_points_find_the_marginal_likelihood_and_the_posterior(plain):
     posterior = PeakOnPlain(plain)
-    annealed = anneal(Density.of(posterior), SIZE, -np.inf, np.random.default_rng(1))
+    annealed = anneal(Density.of(posterior), SIZE, lambda: -np.inf, np.random.default_rng(1))
     assert annealed.log_evidence == pytest.approx(np.log(posterior.parts.sum()), abs=0.3)
     share = posterior.parts[1] / posterior.parts.sum()
     assert share > 0.99
@@ -92,7 +92,7 @@ class Linear:
 @pytest.mark.parametrize("seed", range(3))
 def test_annealed_points_of_a_normal_posterior_have_its_mean_and_covariance(seed):
     posterior = Linear(np.random.default_rng(seed))
-    annealed = anneal(Density.of(posterior), SIZE, -np.inf, np.random.default_rng(seed))
+    annealed = anneal(Density.of(posterior), SIZE, lambda: -np.inf, np.random.default_rng(seed))
     precision = np.eye(SIZE) + posterior.slopes.T @ posterior.slopes
     mean = np.linalg.solve(precision, posterior.slopes.T @ posterior.values)
     marginal = np.eye(5) + posterior.slopes @ posterior.slopes.T
@@ -134,9 +134,9 @@ def test_annealing_ends_where_nearly_all_is_known_to_lie_elsewhere():
             return super().residuals(z)
 
     posterior = Counted(-200.0)
-    assert anneal(Density.of(posterior), SIZE, -4.0, np.random.default_rng(4)) is None
+    assert anneal(Density.of(posterior), SIZE, lambda: -4.0, np.random.default_rng(4)) is None
     soon = len(counted)
-    anneal(Density.of(posterior), SIZE, -np.inf, np.random.default_rng(4))
+    anneal(Density.of(posterior), SIZE, lambda: -np.inf, np.random.default_rng(4))
     assert soon < 0.6 * (len(counted) - soon)
 
 
@@ -145,7 +145,7 @@ def test_points_without_a_finite_frf_do_not_count():
         def residuals(self, z):
             return np.where(z[:, :1] > 0.0, super().residuals(z), np.nan)
 
-    annealed = anneal(Density.of(HalfDefined(-3.0)), SIZE, -np.inf, np.random.default_rng(6))
+    annealed = anneal(Density.of(HalfDefined(-3.0)), SIZE, lambda: -np.inf, np.random.default_rng(6))
     assert (annealed.z[:, 0] > 0.0).all()
     assert annealed.log_evidence == pytest.approx(np.log(PeakOnPlain(-3.0).parts.sum() / 2.0), abs=0.3)
 
@@ -153,9 +153,9 @@ def test_points_without_a_finite_frf_do_not_count():
 def test_a_posterior_that_is_too_narrow_is_left_to_searches():
     posterior = Linear(np.random.default_rng(0))
     posterior.slopes, posterior.values = 1e12 * posterior.slopes, 1e12 * posterior.values
-    assert anneal(Density.of(posterior), SIZE, -np.inf, np.random.default_rng(7)) is None
+    assert anneal(Density.of(posterior), SIZE, lambda: -np.inf, np.random.default_rng(7)) is None
 
 
 def test_annealing_ends_when_time_is_over():
     over = TimeLimit(0.0)
-    assert anneal(Density.of(PeakOnPlain(-3.0)), SIZE, -np.inf, np.random.default_rng(5), limit=over) is None
+    assert anneal(Density.of(PeakOnPlain(-3.0)), SIZE, lambda: -np.inf, np.random.default_rng(5), limit=over) is None

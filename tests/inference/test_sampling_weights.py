@@ -11,6 +11,7 @@ import pytest
 import dovetail
 from dovetail.inference.fitting import refine
 from dovetail.inference.posterior import (
+    annealing,
     drawn_samples,
     laplace_posterior,
     sample_posterior,
@@ -19,13 +20,13 @@ from dovetail.inference.posterior import (
 )
 from dovetail.inference.posterior.alternating import Alternating
 from dovetail.inference.posterior.drawn_samples import MovedSamples
+from dovetail.inference.posterior.exploration import Exploration
 from dovetail.inference.posterior.laplace import half_about_the_fit
-from dovetail.inference.posterior.likelihood import normal_from_unit, squared_norms
+from dovetail.inference.posterior.likelihood import squared_norms
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints
 from dovetail.inference.posterior.separate_modes import separate_modes
 from dovetail.inference.posterior.tangent_mixture import TangentMixture
 from dovetail.inference.posterior.weights import clipped, effective_after_moves
-from dovetail.interfaces import NO_LIMIT
 from dovetail.problem import Problem
 from dovetail.problem.least_squares import Linearisation
 from support.noisy_measurements import noisy
@@ -39,15 +40,10 @@ def test_samples_are_moved_where_few_of_them_count_or_a_part_may_be_missing(
     z, calls = np.random.default_rng(0).standard_normal((100, 2)), []
 
     class Sampler(sampling._Sampler):
-        lines, missing, _limit, _random = 9, 0, NO_LIMIT, np.random.default_rng(1)
-        _posterior, _progress = SimpleNamespace(residuals=None), None
-        _outside = 0.0
-        _likelihood = SimpleNamespace(log=lambda fraction: squared_norms(normal_from_unit(fraction)) / 2.0)
-
-        def __init__(self, *_):
+        def begin(self, _):
             pass
 
-        def _search(self, _):
+        def _search(self, *_):
             log_density = np.where(np.arange(100) < effective, 0.0, 50.0)
             return SimpleNamespace(
                 ends=SimpleNamespace(z=z),
@@ -62,6 +58,7 @@ def test_samples_are_moved_where_few_of_them_count_or_a_part_may_be_missing(
         return MovedSamples(z, np.zeros(100), 100.0, 0.0, -np.inf)
 
     monkeypatch.setattr(sampling, "_Sampler", Sampler)
+    monkeypatch.setattr(Exploration, "log_likelihood", lambda _, z: squared_norms(z) / 2.0)
     monkeypatch.setattr(sampling, "move_by_weight", move_by_weight)
     frf = noisy(sdof, sdof.frf(), 0.1)
     posterior = sample_posterior(Problem.of(sdof, frf), refine(Problem.of(sdof, frf)), samples=100)
@@ -79,7 +76,7 @@ def test_weights_are_cut_where_fewer_than_a_tenth_of_the_samples_count(monkeypat
         return SimpleNamespace(z=starts, log_posterior=np.zeros(1000), correlation=0.0)
 
     monkeypatch.setattr(drawn_samples, "decorrelate", decorrelate)
-    monkeypatch.setattr(drawn_samples, "anneal", lambda *_, **__: None)
+    monkeypatch.setattr(annealing, "anneal", lambda *_, **__: None)
     log_weight = np.where(np.arange(1000) < 20, 0.0, -light)
     ends = drawn_samples.SearchEnds(np.arange(1000.0)[:, np.newaxis], log_weight, 1000, complete=True)
     density = SimpleNamespace(residuals=None)
@@ -210,10 +207,11 @@ def test_samples_that_resemble_their_starts_count_less(drawn_from, correlation, 
 def test_moved_samples_of_one_measurement_report_what_they_have_in_common(sdof, monkeypatch):
     """The weights are even after the moves, and would count all of them."""
     monkeypatch.setattr(sampling, "are_even", lambda *_: False)
+    monkeypatch.setattr(drawn_samples, "effective_after_moves", lambda *_: 60.0)
     frf = noisy(sdof, sdof.frf(), 0.1)
     posterior = sample_posterior(Problem.of(sdof, frf), refine(Problem.of(sdof, frf)), samples=100)
-    kish = 1.0 / np.sum(posterior.weight**2)
-    assert 50.0 < posterior.effective_sample_size < kish
+    assert 1.0 / np.sum(posterior.weight**2) > 99.0
+    assert posterior.effective_sample_size == pytest.approx(60.0)
 
 
 @pytest.mark.parametrize(("ended", "complete"), [(69, False), (70, True)])

@@ -13,7 +13,10 @@ P. Del Moral, A. Doucet, A. Jasra, Sequential Monte Carlo samplers, Journal of t
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +31,8 @@ from dovetail.inference.posterior.weights import (
     largest_factor,
 )
 from dovetail.interfaces import NO_LIMIT, TimeLimit
+from dovetail.meanwhile import meanwhile, shared_numbers
+from dovetail.parallel import cores
 
 
 @dataclass(frozen=True)
@@ -76,10 +81,54 @@ class AnnealedPoints:
         return np.full(len(self.z), self.log_evidence - np.log(len(self.z)))
 
 
+class Annealing:
+    """Annealing that can begin in another process before it is known whether it is needed.
+
+    It is a context, at whose end that process ends too.
+
+    Parameters
+    ----------
+    density, size, random, wanted, limit
+        As in `anneal`.
+    """
+
+    def __init__(
+        self,
+        density: Density,
+        size: int,
+        random: np.random.Generator,
+        wanted: int,
+        limit: TimeLimit = NO_LIMIT,
+    ) -> None:
+        self._known = shared_numbers(1)
+        self._known[0] = -np.inf
+        self._work: Callable[[], AnnealedPoints | None]
+        self._work = partial(anneal, density, size, lambda: self._known[0], random, wanted=wanted, limit=limit)
+        self._limit, self._stack = limit, ExitStack()
+        self._result: Callable[[], AnnealedPoints | None] = self._work
+
+    def __enter__(self) -> Annealing:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._stack.close()
+
+    def begin(self) -> None:
+        """Begin now, if there is a core for it."""
+        if self._result is self._work and cores() > 1:
+            self._result = self._stack.enter_context(meanwhile(self._work, lambda: self._limit.was_stopped))
+
+    def points(self, known: float) -> AnnealedPoints | None:
+        """Return the points, given the logarithm of the marginal likelihood of what is known; None as `anneal`."""
+        self._known[0] = known
+        annealed = self._result()
+        return None if annealed is None or _misses_nearly_all(annealed.log_evidence, known) else annealed
+
+
 def anneal(
     density: Density,
     size: int,
-    known: float,
+    known: Callable[[], float],
     random: np.random.Generator,
     *,
     wanted: int = _SETTINGS.least_points,
@@ -93,8 +142,8 @@ def anneal(
         Of a posterior whose prior is standard normal; the first `size` residuals are those of the prior.
     size : int
         Number d of coordinates.
-    known : float
-        Logarithm of the marginal likelihood of samples that are known already.
+    known : callable
+        Returns the logarithm of the marginal likelihood of samples that are known already.
     random : numpy.random.Generator
     wanted : int
         Number of samples for which they are needed.
@@ -114,7 +163,7 @@ def anneal(
         growth = largest_factor(log_likelihood, _SETTINGS.effective * count, 1.0 - weight)
         weight = 1.0 if growth == 1.0 - weight else weight + growth
         log_evidence += float(np.logaddexp.reduce(growth * log_likelihood)) - np.log(count)
-        if limit.is_over or log_evidence < known - _SETTINGS.negligible:
+        if limit.is_over or _misses_nearly_all(log_evidence, known()):
             return None
         chosen = drawn_by_weight(from_logarithms(growth * log_likelihood), count, random)
         origin = origin[chosen]
@@ -125,6 +174,10 @@ def anneal(
             return AnnealedPoints(chains.z, log_evidence, effective_sample_size(np.log(descendants)))
         z, log_likelihood = chains.z, _log_likelihood(chains.log_posterior, chains.z) / weight
     return None
+
+
+def _misses_nearly_all(log_evidence: float, known: float) -> bool:
+    return log_evidence < known - _SETTINGS.negligible
 
 
 def _log_likelihood(log_posterior: NDArray[np.float64], z: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.inference.posterior.annealing import AnnealedPoints, anneal
+from dovetail.inference.posterior.annealing import AnnealedPoints, Annealing
 from dovetail.inference.posterior.evidence import RISK, Evidence, least_log_evidence
 from dovetail.inference.posterior.likelihood import PosteriorResiduals
 from dovetail.inference.posterior.metropolis import decorrelate
@@ -160,6 +160,7 @@ def move_by_weight(
     random: np.random.Generator,
     progress: Progress = silent,
     limit: TimeLimit = NO_LIMIT,
+    annealing: Annealing | None = None,
 ) -> MovedSamples:
     """Draw samples by weight and move them by Metropolis steps.
 
@@ -174,8 +175,12 @@ def move_by_weight(
     random : numpy.random.Generator
     progress : Progress
     limit : TimeLimit
+    annealing : Annealing, optional
+        Of the same density, for as many samples, if it may have begun.
     """
-    annealed = anneal(density, ends.z.shape[1], ends.log_evidence, random, wanted=count, limit=limit)
+    annealing = annealing or Annealing(density, ends.z.shape[1], random, count, limit)
+    with annealing:
+        annealed = annealing.points(ends.log_evidence)
     z, log_weight, starts = _starts(ends, annealed)
     chosen = random.permutation(drawn_by_weight(from_logarithms(log_weight), count, random))
     whole = ends.complete and annealed is None

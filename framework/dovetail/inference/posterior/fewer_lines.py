@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,8 +12,9 @@ from numpy.typing import NDArray
 
 from dovetail.inference.fitting import Fit
 from dovetail.inference.posterior.frequency_average import needs_average
-from dovetail.inference.posterior.likelihood import PRIOR_PRECISION, Likelihood
+from dovetail.inference.posterior.likelihood import PRIOR_PRECISION, Likelihood, build_likelihood
 from dovetail.inference.posterior.model_error import ModelError
+from dovetail.meanwhile import meanwhile
 from dovetail.problem import Problem
 from dovetail.problem.merged_lines import merged_lines
 from dovetail.problem.modal_observations import ModalProblem
@@ -47,7 +50,7 @@ def with_fewer_lines(problem: Problem, fit: Fit, model_error: ModelError) -> tup
     Notes
     -----
     The means of lines that are equally sensitive to the parameters have the same likelihood as the lines, up to the
-    density of the scatter of the lines within their groups (`log_density_at_fit`).
+    density of the scatter of the lines within their groups (`log_constant_meanwhile`).
     """
     same = problem, fit
     if isinstance(problem, ModalProblem) or problem.changed is not None or len(problem.measured) > 1:
@@ -75,6 +78,36 @@ def _information(problem: Problem, fit: Fit) -> NDArray[np.float64]:
     return np.asarray(linear.curvature[0] + PRIOR_PRECISION * np.eye(len(fit.theta)))
 
 
-def log_density_at_fit(likelihood: Likelihood, problem: Problem, fit: Fit) -> float:
+@contextmanager
+def log_constant_meanwhile(
+    likelihood: Likelihood, used: tuple[Problem, Fit], measured: tuple[Problem, Fit], model_error: ModelError
+) -> Iterator[Callable[[], float]]:
+    """Compute the constant of a likelihood while other work goes on.
+
+    Parameters
+    ----------
+    likelihood : Likelihood
+        Of what is used.
+    used, measured : (Problem, Fit)
+        Means of neighbouring lines, and these lines, of which the likelihood becomes a density; or twice the same.
+    model_error : ModelError
+
+    Yields
+    ------
+    callable
+        Waits for the constant and returns it.
+    """
+
+    def on_lines() -> float:
+        return _log_density_at_fit(build_likelihood(*measured, model_error), *measured)
+
+    if used == measured:
+        yield lambda: likelihood.log_constant
+        return
+    with meanwhile(on_lines, lambda: used[0].limit.was_stopped) as found:
+        yield lambda: likelihood.log_constant + found() - _log_density_at_fit(likelihood, *used)
+
+
+def _log_density_at_fit(likelihood: Likelihood, problem: Problem, fit: Fit) -> float:
     """Return the logarithm of the density of the measured values, of a line or a mean each, at the fit."""
     return float(likelihood.log(problem.to_unit(fit.theta)[np.newaxis])[0]) + likelihood.log_constant

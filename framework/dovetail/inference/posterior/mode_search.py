@@ -71,9 +71,6 @@ class Settings:
     tolerance: float = 0.3
     steps: int = 100
     """Limits of the searches on all lines."""
-    near: float = 3.0
-    """Tolerance of those from modes on few lines: sampling, which searches again near them, needs no more. Only the
-    search for the highest mode goes on from there."""
 
 
 _SETTINGS = Settings()
@@ -123,7 +120,8 @@ def search_modes(
     Returns
     -------
     (n, p) array
-        Normal quantiles of the fractions, the highest mode first. The same mode may occur several times.
+        Normal quantiles of the fractions, the highest mode first. The same mode may occur several times. The others
+        than the highest may be modes on the chosen lines only.
     """
     near_fit_starts, exchanged = starts_near(best), _within(_exchanged(problem.assembly, best), _SETTINGS.margin)
     refined = _SETTINGS.refined_modes + len(exchanged)
@@ -145,7 +143,6 @@ def search_modes(
         maxima = _maxima(tempered(weight), cooled, most_steps=_SETTINGS.tempering_steps, **rough)
         cooled = _different(maxima, rough["worth"])
     if problem.limit.is_over:
-        problem.limit.leave_out("the search for other groups of likely values")
         return maximise_posterior(likelihood.posterior, near_fit_starts)
     ends = np.concatenate([direct, cooled, exchanged])
     ends = _different(_maxima(tempered(1.0), ends, most_steps=_SETTINGS.rough_steps, **rough))
@@ -154,10 +151,8 @@ def search_modes(
         near_fit = maximise_posterior(likelihood.posterior, near_fit_starts, callback=callback)
         modes = _highest_first(likelihood.posterior, np.concatenate([near_fit, found]))
     else:
-        modes = maximise_posterior(likelihood.posterior, found, tolerance=_SETTINGS.near, callback=callback)
-        modes[:1] = maximise_posterior(likelihood.posterior, modes[:1])
-    if problem.limit.is_over:
-        problem.limit.leave_out("the search for other groups of likely values")
+        modes = _highest_first(likelihood.posterior, found)
+        modes[:1] = maximise_posterior(likelihood.posterior, modes[:1], callback=callback)
     progress("modes", total, total)  # fewer may have been different
     return modes
 

@@ -1,68 +1,54 @@
 """Samples of the posterior.
 
-After a search for the modes, pilot searches explore the region around them, and the misfit is reduced to the few lines
-that this region needs. Randomize-then-optimize then draws independent samples, which are weighted with all lines.
+Pilot searches explore the region around the best fit, and the misfit is reduced to the few lines that this region
+needs. Meanwhile, other modes are searched for; the regions around them are explored too. Randomize-then-optimize then
+draws independent samples, which are weighted with all lines.
 """
 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.inference.fitting import Fit
+from dovetail.inference.posterior.annealing import Annealing
 from dovetail.inference.posterior.distribution import Posterior, check_options
 from dovetail.inference.posterior.drawn_samples import DrawnSamples, SearchEnds, draw_about_modes, move_by_weight
 from dovetail.inference.posterior.evidence import Evidence, least_log_evidence
-from dovetail.inference.posterior.fewer_lines import log_density_at_fit, with_fewer_lines
+from dovetail.inference.posterior.exploration import Exploration
+from dovetail.inference.posterior.fewer_lines import log_constant_meanwhile, with_fewer_lines
 from dovetail.inference.posterior.laplace import half_about_the_fit, laplace_posterior
 from dovetail.inference.posterior.likelihood import (
-    PRIOR_PRECISION,
     Likelihood,
-    PosteriorResiduals,
-    ReducedResiduals,
-    build_likelihood,
     squared_norms,
     unit_from_normal,
 )
-from dovetail.inference.posterior.mode_search import likelihood_at_mode, maximise_posterior, search_modes
+from dovetail.inference.posterior.mode_search import (
+    likelihood_at_mode,
+    search_modes,
+    starts_near,
+)
 from dovetail.inference.posterior.model_error import TYPICAL, ModelError
-from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, nearest_rows
-from dovetail.inference.posterior.separate_modes import separate_modes
+from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints
 from dovetail.inference.posterior.tangent_mixture import TangentMixture
 from dovetail.inference.posterior.tangent_steps import Density
 from dovetail.inference.posterior.unknown_chain import UnknownChain
 from dovetail.inference.posterior.weights import are_counted, are_even, from_logarithms
 from dovetail.interfaces import Progress, logged, silent
+from dovetail.meanwhile import SharedProgress, meanwhile
 from dovetail.problem import Problem
 from dovetail.problem.modal_observations import ModalProblem
 
 
 @dataclass(frozen=True)
 class Settings:
-    """How the region of the posterior is explored, and how many samples are drawn at a time."""
+    """How many samples are drawn at a time."""
 
-    pilots: int = 48
-    """Number of searches in each round of exploration."""
-    pilot_iterations: int = 30
-    """Most steps of each."""
-    scatter: float = 0.3
-    """Distance of the first points from a mode, in standard deviations by the fit's information."""
-    margin: float = 1e-3
-    """Distance of these points from the ends of a range, as a fraction of it."""
-    rounds: tuple[int, int] = (2, 14)
-    """Smallest and largest number of rounds of exploration; they end when the reduced misfit is accurate."""
-    reduction_error: float = 0.05
-    """Largest accepted difference of chi-squared between the reduced misfit and all lines."""
-    checked: int = 64
-    """Samples whose likelihood is computed on all lines first: the reduced misfit has to be as accurate at these, in
-    the root mean square."""
-    region: float = 200.0
-    """Chi-squared above the best one up to which a point is in the region of interest."""
-    most_snapshots: int = 600
-    """Number of FRFs, the latest ones, from which the misfit is reduced."""
     batch: int = 400
     """Largest number of searches at a time; each batch starts from the samples of the batches before."""
     limited_batch: int = 25
@@ -72,8 +58,6 @@ class Settings:
     fewest: int = 50
     """Samples below which the Laplace approximation takes their place if time ends: with fewer, each end of an
     interval would rest on one or two of them."""
-    still: float = 0.1
-    """Decrease of chi-squared that the tangent promises below which an end of a search is a mode."""
 
 
 _SETTINGS = Settings()
@@ -135,24 +119,28 @@ def sample_posterior(
         return chain.without(posterior)
     measured, (problem, fit) = (problem, fit), with_fewer_lines(problem, fit, model_error)
     progress("modes", 0, 1)
-    with logged(__name__, "modes of the posterior"):
+    with logged(__name__, "likelihood of the parameters"):
         likelihood, best = likelihood_at_mode(problem, fit, model_error)
         random = np.random.default_rng([seed, 3])
-        modes = search_modes(problem, likelihood, best, random, progress)
+    shared = SharedProgress(progress)
+    search = partial(search_modes, problem, likelihood, best, random, shared)
     began = time.perf_counter()
-    with logged(__name__, f"{samples} samples of the posterior"):
-        drawn, lines, finished = _draw(problem, fit, likelihood, modes, samples, seed, progress)
-    z, weight = drawn.z, from_logarithms(drawn.log_weight)
-    if finished < samples:
-        if not len(z) or finished < min(_SETTINGS.fewest, samples):
+    with log_constant_meanwhile(likelihood, (problem, fit), measured, model_error) as log_constant:
+        with logged(__name__, f"{samples} samples of the posterior"):
+            drawn, lines, finished = _draw(problem, fit, likelihood, best, search, samples, seed, shared)
+        if len(drawn.z) and finished >= min(_SETTINGS.fewest, samples):
+            constant = log_constant()
+        else:
             problem.limit.leave_out("samples (a Gaussian at the best fit takes their place)")
             return laplace_posterior(problem, fit, samples=samples, model_error=model_error, seed=seed)
+    z, weight = drawn.z, from_logarithms(drawn.log_weight)
+    if finished < samples:
         problem.limit.leave_out(f"{finished} of {samples} samples")
     log_likelihood, evidence = drawn.log_likelihood, drawn.evidence
     if model_error.quantities:
         z, weight = half_about_the_fit(problem, fit, model_error, z, weight, seed)
         log_likelihood = None
-    fraction, constant = unit_from_normal(z), _log_constant(likelihood, (problem, fit), measured, model_error)
+    fraction = unit_from_normal(z)
     return Posterior.from_fractions(
         problem.parameters,
         fraction,
@@ -172,122 +160,78 @@ def _draw(
     problem: Problem,
     fit: Fit,
     likelihood: Likelihood,
-    modes: NDArray[np.float64],
+    best: NDArray[np.float64],
+    search: Callable[[], NDArray[np.float64]],
     samples: int,
     seed: int,
-    progress: Progress,
+    progress: SharedProgress,
 ) -> tuple[DrawnSamples, int, int]:
-    """Return samples near the modes, the number of lines they are from, and the searches that ended in time."""
+    """Return samples near the modes, the number of lines they are from, and the searches that ended in time.
+
+    While modes are searched for, the region about the best fit is explored, and samples from there are begun with.
+    """
+    limit = problem.limit
     if isinstance(problem, ModalProblem):
-        drawn = draw_about_modes(likelihood.posterior, modes, samples, seed)
-        return drawn, len(likelihood.variance), 0 if problem.limit.is_over else samples
-    sampler = _Sampler(likelihood, modes, fit.information, np.random.default_rng([seed, 2]), progress)
-    return sampler.draw(samples), sampler.lines, samples - sampler.missing
+        drawn = draw_about_modes(likelihood.posterior, search(), samples, seed)
+        return drawn, len(likelihood.variance), 0 if limit.is_over else samples
 
+    def is_given_up() -> bool:
+        progress.show("modes")
+        return limit.was_stopped
 
-def _log_constant(
-    likelihood: Likelihood, used: tuple[Problem, Fit], measured: tuple[Problem, Fit], model_error: ModelError
-) -> float:
-    """Return the constant of a likelihood, as a density of the measured lines if means of these were used."""
-    if used == measured:
-        return likelihood.log_constant
-    on_lines = log_density_at_fit(build_likelihood(*measured, model_error), *measured)
-    return likelihood.log_constant + on_lines - log_density_at_fit(likelihood, *used)
+    with logged(__name__, "modes of the posterior"), meanwhile(search, is_given_up) as found:
+        random = np.random.default_rng([seed, 2])
+        region = Exploration(likelihood, starts_near(best), fit.information, random, progress)
+        sampler = _Sampler(region, random, progress)
+        sampler.begin(samples)
+        modes = found()
+    progress.show("modes")
+    if limit.is_over:
+        limit.leave_out("the search for other groups of likely values")
+    region.include(modes)
+    return sampler.draw(samples), region.reduced.lines, samples - sampler.missing
 
 
 class _Sampler:
-    """Explores the region of one posterior and draws samples z of it.
+    """Draws samples z of one posterior.
 
     Parameters
     ----------
-    likelihood : Likelihood
-    modes : (n, p) array
-        Modes of the posterior as normal quantiles of the fractions of the ranges, the highest first.
-    information : (p, p) array
-        Fisher information of the fractions at the best fit.
+    region : Exploration
     random : numpy.random.Generator
     progress : Progress
 
     Attributes
     ----------
-    lines : int
-        Number of lines from which the reduced misfit is computed.
     missing : int
         Searches that the time limit left out.
     """
 
-    def __init__(
-        self,
-        likelihood: Likelihood,
-        modes: NDArray[np.float64],
-        information: NDArray[np.float64],
-        random: np.random.Generator,
-        progress: Progress,
-    ) -> None:
-        self._likelihood = likelihood
-        self._random, self._progress, self._limit = random, progress, likelihood.model.limit
-        began = self._limit.elapsed
-        log_posterior = self._log_posterior(modes)
-        self._modes = self._points = modes[log_posterior >= log_posterior.max() - _SETTINGS.region / 2.0]
-        origin = likelihood.frf(unit_from_normal(self._points[:1]))[0]
-        snapshots = self._first_snapshots(unit_from_normal(self._points), information)
-        for number in range(1, _SETTINGS.rounds[1] + 1):
-            progress("exploration", number - 1, _SETTINGS.rounds[1])
-            reduced = ReducedResiduals(likelihood, snapshots, origin)
-            self._adopt(reduced)
-            target, starts = self._starts(_SETTINGS.pilots, self._tangent_map, self._points)
-            pilots, _ = self._tangent_map.solve(target, starts, _SETTINGS.pilot_iterations, self._limit)
-            fraction = unit_from_normal(pilots.z)
-            frfs, on_few = likelihood.frf(fraction), reduced.residuals(fraction)
-            squares = likelihood.marginalised.squares(likelihood.residual.of(frfs))
-            error = np.abs(squared_norms(on_few) + reduced.outside - squares)
-            near = squares <= squares.min() + _SETTINGS.region
-            self._points = np.concatenate([self._points, pilots.z[near]])
-            if number >= _SETTINGS.rounds[0] and error[near].max(initial=0.0) < _SETTINGS.reduction_error:
-                break
-            if self._limit.is_over:
-                break
-            snapshots = np.concatenate([snapshots, frfs[near]])[-_SETTINGS.most_snapshots :]
-        self.lines, self.missing = reduced.lines, 0
-        ample = self._limit.remaining > _SETTINGS.ample * (self._limit.elapsed - began)
-        self._batch = _SETTINGS.batch if ample else _SETTINGS.limited_batch
+    def __init__(self, region: Exploration, random: np.random.Generator, progress: Progress) -> None:
+        self._region, self._random, self._progress = region, random, progress
+        self._limit, self.missing = region.likelihood.model.limit, 0
+        self._begun: TangentMixture | None = None
 
-    def _first_snapshots(self, modes: NDArray[np.float64], information: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Return the FRFs at the modes, given as fractions of the ranges, and at points scattered around them."""
-        values, vectors = np.linalg.eigh(information + PRIOR_PRECISION * np.eye(modes.shape[1]))
-        steps = self._random.standard_normal((_SETTINGS.pilots, len(values))) / np.sqrt(
-            np.maximum(values, PRIOR_PRECISION)
-        )
-        scattered = modes[np.arange(len(steps)) % len(modes)] + _SETTINGS.scatter * (steps @ vectors.T)
-        points = np.concatenate([modes, scattered])
-        return self._likelihood.frf(np.clip(points, _SETTINGS.margin, 1.0 - _SETTINGS.margin))
-
-    def _adopt(self, reduced: ReducedResiduals) -> None:
-        """Replace the residuals by these reduced ones, with their mode and the tangent map there."""
-        self._posterior, self._outside = PosteriorResiduals(reduced), reduced.outside
-        residuals = self._posterior.residuals(self._points)
-        best = self._points[[np.argmin(squared_norms(residuals))]]
-        self._mode = maximise_posterior(self._posterior, best, tolerance=1e-3)
-        self._tangent_map = TangentMap(self._posterior, LinearisedPoints.at(self._posterior, self._mode))
-        self._points = np.concatenate([self._points, self._mode])
-
-    def _starts(
-        self, count: int, tangent_map: TangentMap, points: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], LinearisedPoints]:
-        """Return randomly drawn components (n, p), and for each the point whose components are the nearest."""
-        target = self._random.standard_normal((count, self._mode.shape[1]))
-        components = tangent_map.components(self._posterior.residuals(points))
-        return target, LinearisedPoints.at(self._posterior, points[nearest_rows(components, target)])
+    def begin(self, count: int) -> None:
+        """Search for samples about the highest mode that is known, which need not be the only one."""
+        self._begun = self._mixture()
+        self._begun.search(self._begun.modes, min(count, self._batch))
 
     def draw(self, count: int) -> DrawnSamples:
         """Return samples with their weights and log-likelihoods by all lines.
 
         If the weights of the ends of searches are uneven, samples are drawn by weight and moved by Metropolis steps.
         """
-        mixture = self._search(count)
+        density = Density.of(self._region.posterior)
+        size, random = self._region.mode.shape[1], self._random.spawn(1)[0]
+        with Annealing(density, size, random, count, self._limit) as annealing:
+            return self._weighted(density, self._search(count, annealing.begin), annealing, count)
+
+    def _weighted(self, density: Density, mixture: TangentMixture, annealing: Annealing, count: int) -> DrawnSamples:
+        """Return the ends of searches with their weights; if these are uneven, samples that Metropolis steps move."""
         order = self._random.permutation(np.flatnonzero(are_counted(mixture.log_weight)))
         z, log_density, log_weight = mixture.ends.z[order], mixture.log_density[order], mixture.log_weight[order]
-        log_likelihood, effective = self._log_likelihood(z), np.inf
+        log_likelihood, effective = self._region.log_likelihood(z), np.inf
         on_all_lines = log_likelihood - squared_norms(z) / 2.0 - log_density
         evidence = Evidence.from_weights(on_all_lines, mixture.begun)
         least = least_log_evidence(on_all_lines, mixture.begun)
@@ -295,50 +239,42 @@ class _Sampler:
         if not even and self._limit.is_over:
             self._limit.leave_out("steps that make the weights of samples even")
         elif not even:
-            density, ends = Density.of(self._posterior), SearchEnds.of(mixture)
-            moved = move_by_weight(density, ends, count, self._random, self._progress, self._limit)
-            evidence, least = moved.doubted(evidence), max(least, moved.least_log_evidence - self._outside / 2.0)
+            ends = SearchEnds.of(mixture)
+            moved = move_by_weight(density, ends, count, self._random, self._progress, self._limit, annealing)
+            evidence, least = (
+                moved.doubted(evidence),
+                max(least, moved.least_log_evidence - self._region.reduced.outside / 2.0),
+            )
             z, log_density, effective = moved.z, moved.log_posterior, moved.effective
-            log_likelihood = self._log_likelihood(z)
+            log_likelihood = self._region.log_likelihood(z)
         weight = log_likelihood - squared_norms(z) / 2.0 - log_density
         converged = len(mixture.ends.z)
         return DrawnSamples(z, weight, log_likelihood, evidence, mixture.begun, converged, effective, least)
 
-    def _search(self, count: int) -> TangentMixture:
+    def _search(self, count: int, on_uneven: Callable[[], object]) -> TangentMixture:
         """Search for samples about the separate modes.
 
         A curved valley has many points that seem to be modes, but searches about them end elsewhere: it counts as one.
         """
-        highest = LinearisedPoints.at(self._posterior, self._mode)
-        for modes in (self._separate(), highest):
-            mixture = TangentMixture(self._posterior, modes, self._points, self._random, self._limit)
-            self.missing = mixture.sample(count, self._batch, self._progress)
+        modes = self._region.separate_modes()
+        if len(modes.z) > 1:
+            mixture = self._mixture(modes)
+            self.missing = mixture.sample(count, self._batch, self._progress, on_uneven)
             if not mixture.is_one_valley:
-                break
+                return mixture
+        is_same = self._begun is not None and self._begun.posterior is self._region.posterior
+        mixture = self._begun if self._begun is not None and is_same else self._mixture()
+        self.missing = mixture.sample(count, self._batch, self._progress, on_uneven)
         return mixture
 
-    def _separate(self) -> LinearisedPoints:
-        """Return the separate modes of the reduced posterior; the highest alone if there are no others."""
-        others = maximise_posterior(self._posterior, self._modes, tolerance=1e-3)
-        ends = LinearisedPoints.at(self._posterior, np.concatenate([self._mode, others]))
-        steps = squared_norms(TangentMap(self._posterior, ends).components(ends.residuals))
-        modes = separate_modes(ends.at_rows(np.flatnonzero(steps < _SETTINGS.still)))
-        return modes if len(modes.z) > 1 else LinearisedPoints.at(self._posterior, self._mode)
+    def _mixture(self, modes: LinearisedPoints | None = None) -> TangentMixture:
+        """Return searches about some modes, or about the highest one."""
+        region, random = self._region, self._random.spawn(1)[0]
+        modes = modes or LinearisedPoints.at(region.posterior, region.mode)
+        return TangentMixture(region.posterior, modes, region.points, random, self._limit)
 
-    def _log_likelihood(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the log-likelihood (n,) at z (n, p), from the few lines if a part of the points shows them to do."""
-        exact = self._likelihood.log
-        if len(z) <= 2 * _SETTINGS.checked:
-            return exact(unit_from_normal(z))
-        on_few = -(squared_norms(self._posterior.residuals(z)[:, z.shape[1] :]) + self._outside) / 2.0
-        checked = np.linspace(0, len(z) - 1, _SETTINGS.checked).astype(np.intp)
-        right = exact(unit_from_normal(z[checked]))
-        error = np.sqrt(np.mean((right - on_few[checked]) ** 2))
-        if error > _SETTINGS.reduction_error / 2.0:
-            return exact(unit_from_normal(z))
-        on_few[checked] = right
-        return on_few
-
-    def _log_posterior(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the log density (n,), up to a constant, of z (n, p), from all lines."""
-        return np.asarray(self._likelihood.log(unit_from_normal(z)) - squared_norms(z) / 2.0)
+    @property
+    def _batch(self) -> int:
+        """Number of searches at a time."""
+        ample = self._limit.remaining > _SETTINGS.ample * self._region.seconds
+        return _SETTINGS.batch if ample else _SETTINGS.limited_batch

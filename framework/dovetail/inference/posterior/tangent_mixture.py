@@ -13,6 +13,7 @@ A. Owen, Y. Zhou, Safe and effective importance sampling, J. Am. Stat. Assoc. 95
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -98,6 +99,7 @@ class TangentMixture:
 
     Attributes
     ----------
+    posterior : PosteriorResiduals
     modes : LinearisedPoints
     ends : LinearisedPoints
         Of the searches that converged.
@@ -115,8 +117,9 @@ class TangentMixture:
         random: np.random.Generator,
         limit: TimeLimit = NO_LIMIT,
     ) -> None:
-        self._posterior, self.modes, self._random, self._limit = posterior, modes, random, limit
-        self._known, self._maps = (known, posterior.residuals(known)), list[_Maps]()
+        self.posterior, self.modes, self._random, self._limit = posterior, modes, random, limit
+        self._anchors, self._maps = modes, list[_Maps]()
+        self._known = known, posterior.residuals(known)
         self.ends, self._log_sum, self.begun = modes.at_rows(np.arange(0)), np.empty(0), 0
 
     @property
@@ -129,8 +132,12 @@ class TangentMixture:
         """(n,) logarithms of the weights of the ends as samples of the posterior."""
         return np.asarray(self.ends.log_posterior - self.log_density)
 
-    def sample(self, count: int, batch: int, progress: Progress = silent) -> int:
+    def sample(
+        self, count: int, batch: int, progress: Progress = silent, on_uneven: Callable[[], object] = lambda: None
+    ) -> int:
         """Search by maps anchored at the modes, then by others while the weights are uneven.
+
+        It goes on from what `search` has found.
 
         Parameters
         ----------
@@ -139,20 +146,23 @@ class TangentMixture:
         batch : int
             Number of searches at a time.
         progress : Progress
+        on_uneven : callable
+            Called before further searches if the weights of the ends so far are uneven.
 
         Returns
         -------
         int
             Number of searches that the time limit left out.
         """
-        anchors = self.modes
         while not (self._is_enough(count) or self.is_one_valley):
             progress("samples", min(self.begun, count), count)
             left = count - self.begun if self.begun < count else count
+            anchors = self._anchors
+            if self._is_uneven:
+                on_uneven()
+                anchors = self.next_anchors()
             if not self.search(anchors, min(batch, left)):
                 return max(count - self.begun, 0)
-            if self.misses_a_part or not are_even(self.log_weight, self.begun):
-                anchors = self.next_anchors()
         progress("samples", count, count)
         return 0
 
@@ -170,12 +180,12 @@ class TangentMixture:
 
     def search(self, anchors: LinearisedPoints, number: int) -> bool:
         """Begin a number of searches by the maps of some anchors; return False if the time limit ended them."""
-        searches = np.bincount(np.arange(number) % len(anchors.z))
+        self._anchors, searches = anchors, np.bincount(np.arange(number) % len(anchors.z))
         anchors = anchors.at_rows(np.arange(len(searches)))
         maps, anchored = self._maps_at(anchors, searches), np.repeat(np.arange(len(searches)), searches)
         self._learn(anchors)
         target = self._random.standard_normal((number, anchors.z.shape[1]))
-        nearest = LinearisedPoints.at(self._posterior, self._nearest(maps, anchored, target))
+        nearest = LinearisedPoints.at(self.posterior, self._nearest(maps, anchored, target))
         ends, ended = self._found(maps, anchored, target, nearest)
         missed = np.flatnonzero(~ended)
         if missed.size and not self._limit.is_over:  # the path from the anchor may lead there
@@ -202,8 +212,13 @@ class TangentMixture:
         return ends, ended & (nearest_modes(self.modes, ends.z) == maps.modes[anchored])
 
     def _maps_at(self, anchors: LinearisedPoints, searches: NDArray[np.intp]) -> _Maps:
-        maps = TangentMap(self._posterior, anchors)
+        maps = TangentMap(self.posterior, anchors)
         return _Maps(maps, nearest_modes(self.modes, anchors.z), maps.signed_log_determinant(anchors)[0], searches)
+
+    @property
+    def _is_uneven(self) -> bool:
+        """Whether the weights of the ends so far are uneven, or the ends lack a part of the posterior."""
+        return self.begun > 0 and (self.misses_a_part or not are_even(self.log_weight, self.begun))
 
     @property
     def is_one_valley(self) -> bool:
@@ -225,7 +240,7 @@ class TangentMixture:
         points, log_weight = self.ends, self.log_weight
         if len(points.z) < _SETTINGS.anchors:
             z, residuals = self._known
-            points, log_weight = LinearisedPoints.at(self._posterior, z), -squared_norms(residuals) / 2.0
+            points, log_weight = LinearisedPoints.at(self.posterior, z), -squared_norms(residuals) / 2.0
         chosen = drawn_by_weight(from_logarithms(tempered(log_weight)), _SETTINGS.anchors, self._random)
         return points.at_rows(np.unique(chosen))
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from dovetail.inference.posterior.likelihood import PosteriorResiduals, squared_norms
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, TangentSearches
 from dovetail.interfaces import NO_LIMIT, TimeLimit
+from dovetail.meanwhile import in_parts
 
 
 @dataclass(frozen=True)
@@ -90,9 +91,17 @@ def tangent_steps(
     int
         Iterations of the searches of all points.
     """
-    walk = _Walk(density, points, random, steps)
-    walk.run(limit)
-    return walk.points, walk.accepted / (steps * len(points.z)), walk.iterations
+    shape = (steps, *points.z.shape)
+    drawn, levels = random.standard_normal(shape), np.log(random.random(shape[:2]))
+
+    def walk(rows: NDArray[np.intp]) -> tuple[LinearisedPoints, int, int]:
+        chains = _Walk(density, points.at_rows(rows), drawn[:, rows], levels[:, rows])
+        chains.run(limit)
+        return chains.points, chains.accepted, chains.iterations
+
+    parts = in_parts(walk, len(points.z), points.fewest_apart, lambda: limit.was_stopped)
+    moved, accepted, iterations = zip(*parts, strict=True)
+    return LinearisedPoints.joined(moved), sum(accepted) / (steps * len(points.z)), sum(iterations)
 
 
 class _Walk:
@@ -103,8 +112,12 @@ class _Walk:
 
     Parameters
     ----------
-    density, points, random, steps
+    density, points
         As in `tangent_steps`.
+    drawn : (steps, n, d) array
+        Standard normal draws.
+    levels : (steps, n) array
+        Logarithms of draws between 0 and 1, above which a step is accepted.
 
     Attributes
     ----------
@@ -116,10 +129,15 @@ class _Walk:
         Iterations of the searches.
     """
 
-    def __init__(self, density: Density, points: LinearisedPoints, random: np.random.Generator, steps: int) -> None:
-        shape = (steps, *points.z.shape)
-        self._drawn, self._levels = random.standard_normal(shape), np.log(random.random(shape[:2]))
-        self._map_at, self._steps = density.map_at, steps
+    def __init__(
+        self,
+        density: Density,
+        points: LinearisedPoints,
+        drawn: NDArray[np.float64],
+        levels: NDArray[np.float64],
+    ) -> None:
+        self._drawn, self._levels = drawn, levels
+        self._map_at, self._steps = density.map_at, len(drawn)
         self.points, self._proposed, self.accepted = points.copy(), points.copy(), 0
         self.iterations = 0
         self._maps = density.map_at(points)  # anchored at the points
