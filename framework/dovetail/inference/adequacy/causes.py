@@ -8,7 +8,8 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import takewhile
+from functools import partial
+from itertools import islice, takewhile
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ from dovetail.inference.adequacy.verdict import Cause
 from dovetail.inference.fitting import Fit
 from dovetail.inference.fitting.fit import without
 from dovetail.interfaces import Progress, silent
+from dovetail.meanwhile import in_turn
 from dovetail.problem import Problem
 
 
@@ -239,19 +241,13 @@ def _phases(fits: QuickFits) -> Iterator[Candidate]:
     labels = fits.assembly.description.response_labels if len(frfs) > 1 else ()
     for number, label in enumerate(labels):
         signs = np.where(np.arange(len(frfs)) == number, -1.0, 1.0)
-        with_other_signs = [replace(frf, values=sign * frf.values) for frf, sign in zip(frfs, signs, strict=True)]
-        yield (
-            "sign",
-            f"the sign at {label} reversed",
-            fits.fit(fits.problem.with_frfs(with_other_signs), starts),
-        )
+        changed = [replace(frf, values=sign * frf.values) for frf, sign in zip(frfs, signs, strict=True)]
+        yield "sign", f"the sign at {label} reversed", fits.fit(fits.problem.with_frfs(changed), starts)
 
 
 def _gains_and_masses(fits: QuickFits) -> Iterator[Candidate]:
     yield from _gains(fits)
-    for perturbation in fits.perturbations:
-        if perturbation.kind == "mass":
-            yield from _perturbed(fits, perturbation, (0.0,))
+    yield from _perturbed(fits, [each for each in fits.perturbations if each.kind == "mass"])
 
 
 def _gains(fits: QuickFits, power: int = 0) -> Iterator[Candidate]:
@@ -326,16 +322,14 @@ def _delays(fits: QuickFits) -> Iterator[Candidate]:
 
 
 def _overhangs(fits: QuickFits) -> Iterator[Candidate]:
-    for perturbation in fits.perturbations:
-        if perturbation.kind == "overhang":
-            yield from _perturbed(fits, perturbation, _SETTINGS.overhangs)
+    overhangs = [each for each in fits.perturbations if each.kind == "overhang"]
+    yield from _perturbed(fits, overhangs, _SETTINGS.overhangs)
 
 
 def _parts(fits: QuickFits) -> Iterator[Candidate]:
     """Try the quantities of parts whose effect is most like the residuals."""
     parts = takewhile(lambda _: not fits.late, (p for p in fits.perturbations if p.kind == "part"))
-    for perturbation in sorted(parts, key=lambda p: -_alignment(fits, p))[: _SETTINGS.quantities]:
-        yield from _perturbed(fits, perturbation, (0.0,))
+    yield from _perturbed(fits, sorted(parts, key=lambda p: -_alignment(fits, p))[: _SETTINGS.quantities])
 
 
 def _alignment(fits: QuickFits, perturbation: Perturbation) -> float:
@@ -351,22 +345,31 @@ def _alignment(fits: QuickFits, perturbation: Perturbation) -> float:
     )
 
 
-def _perturbed(fits: QuickFits, perturbation: Perturbation, amounts: tuple[float, ...]) -> Iterator[Candidate]:
-    """Fit the joint together with the amount of a perturbation, from several starting amounts; yield the best fit."""
-    candidates: list[Candidate] = []
-    for amount in amounts:
-        if fits.late or any(_is_noise(quick.misfit) for _, _, quick in candidates):
-            break
-        try:
-            perturbed = perturbation.apply(amount)
-            joint = fits.search(perturbed, fits.unchanged.theta) if amount else fits.unchanged.theta
-            found, theta = fits.fit_amount(perturbation, joint, amount)
-            if abs(found) >= perturbation.negligible:
-                quick = fits.fit(fits.problem.with_model(perturbation.apply(found)), [theta])
-                candidates.append((perturbation.kind, perturbation.describe(found), quick))
-        except (DovetailError, np.linalg.LinAlgError):
-            continue
-    yield from sorted(candidates, key=lambda candidate: candidate[2].misfit)[:1]
+def _perturbed(
+    fits: QuickFits, perturbations: Sequence[Perturbation], amounts: tuple[float, ...] = (0.0,)
+) -> Iterator[Candidate]:
+    """Fit the joint together with the amount of each perturbation; yield of each the best fit from several amounts."""
+    tasks = [(perturbation, amount) for perturbation in perturbations for amount in amounts]
+    fitted = in_turn(partial(_with_amount, fits), tasks, lambda: fits.problem.limit.was_stopped)
+    for _ in perturbations:
+        found = [candidate for candidate in islice(fitted, len(amounts)) if candidate is not None]
+        yield from sorted(found, key=lambda candidate: candidate[2].misfit)[:1]
+
+
+def _with_amount(fits: QuickFits, start: tuple[Perturbation, float]) -> Candidate | None:
+    """Fit the joint together with the amount of a perturbation; None if that is negligible, or time is over."""
+    perturbation, first = start
+    if fits.late:
+        return None
+    try:
+        perturbed, theta = perturbation.apply(first), fits.unchanged.theta
+        amount, theta = fits.fit_amount(perturbation, fits.search(perturbed, theta) if first else theta, first)
+        if abs(amount) < perturbation.negligible:
+            return None
+        quick = fits.fit(fits.problem.with_model(perturbation.apply(amount)), [theta])
+    except (DovetailError, np.linalg.LinAlgError):
+        return None
+    return perturbation.kind, perturbation.describe(amount), quick
 
 
 def _times(frfs: Sequence[Frf], factor: Callable[[NDArray[np.float64]], Any]) -> list[Frf]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, islice
+from itertools import chain, combinations, islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,7 @@ from dovetail.frf.resonances import Resonances, fit_resonances
 from dovetail.inference.adequacy.quick_fits import QuickFit, QuickFits
 from dovetail.inference.fitting.search_lines import SearchLines
 from dovetail.interfaces import Parameter
+from dovetail.meanwhile import in_parts, in_turn
 from dovetail.units import format_quantity
 
 
@@ -49,6 +50,8 @@ class Settings:
     """Of the FRF, evenly chosen."""
     samples: int = 16
     """Random joints whose FRFs are compared."""
+    joints_apart: int = 5
+    """Number of joints whose comparison is worth a process of its own."""
     most_difference: float = 1.0
     """Limit of the difference of logarithms of amplitudes at one line: a misplaced resonance makes larger ones."""
     most_exchanges: int = 15
@@ -91,23 +94,26 @@ def try_points(fits: QuickFits) -> Iterator[Candidate]:
     nodes = [] if len(fits.target.frfs) > 1 else movable_nodes(fits.assembly)
     ends = dict[tuple[bool, NodePlace], QuickFit]()
 
-    def at(node: NodePlace, with_force: bool, start: NDArray[np.float64]) -> Candidate:
+    def fitted(place: tuple[NodePlace, bool, NDArray[np.float64]]) -> QuickFit:
+        node, with_force, start = place
         moved = measured_at(fits.assembly, node, with_force=with_force)
-        quick = fits.fit(fits.problem.with_assembly(moved), [fits.search(moved, fits.shape, start)])
-        ends[with_force, node] = quick
-        which = "force and response" if with_force else "the response"
-        return "point", f"{which} {_words(fits.assembly, node)}", quick
+        return fits.fit(fits.problem.with_assembly(moved), [fits.search(moved, fits.shape, start)])
 
-    for node, with_force, start in _most_similar_points(fits, nodes) if nodes else ():
-        yield at(node, with_force, start)
+    def at(places: list[tuple[NodePlace, bool, NDArray[np.float64]]]) -> Iterator[Candidate]:
+        quick_fits = in_turn(fitted, places, lambda: fits.problem.limit.was_stopped)
+        for (node, with_force, _), quick in zip(places, quick_fits, strict=True):
+            ends[with_force, node] = quick
+            which = "force and response" if with_force else "the response"
+            yield "point", f"{which} {_words(fits.assembly, node)}", quick
+
+    yield from at(_most_similar_points(fits, nodes) if nodes else [])
     while ends:
         (with_force, best), quick = min(ends.items(), key=lambda end: end[1].misfit)
         neighbours = [(best[0], best[1] + step) for step in (-1, 1)]
         untried = [node for node in neighbours if node in nodes and (with_force, node) not in ends]
         if not untried or quick.misfit >= fits.unchanged.misfit:
             return
-        for node in untried:
-            yield at(node, with_force, quick.theta)
+        yield from at([(node, with_force, quick.theta) for node in untried])
 
 
 def _most_similar_points(fits: QuickFits, nodes: list[NodePlace]) -> list[tuple[NodePlace, bool, NDArray[np.float64]]]:
@@ -157,18 +163,19 @@ def _distances(
     engine = few.engine_of(between.points)
     measured = np.log(np.maximum(amplitude[lines], np.finfo(float).tiny))
     power = np.log(np.abs(conversion(few.frequency, "receptance", few.description.response.quantity)))
-    transfer: list[NDArray[np.float64]] = []
-    driven: list[NDArray[np.float64]] = []
-    for vector in joints:
+
+    def distances(vector: NDArray[np.float64]) -> list[NDArray[np.float64]]:
         receptance = between.at(engine, few.by_joint(vector[np.newaxis]))
-        for receptances, distances in (
-            (receptance[:, :, 0], transfer),
-            (np.einsum("fpp->fp", receptance[:, :, 1:]), driven),
-        ):
-            logarithms = np.log(np.maximum(np.abs(receptances), np.finfo(float).tiny)) + power[:, np.newaxis]
-            differences = np.minimum(np.abs(logarithms - measured[:, np.newaxis]), _SETTINGS.most_difference)
-            distances.append(differences.mean(axis=0))
-    return [np.stack(transfer), np.stack(driven)]
+        transfer, driven = receptance[:, :, 0], np.einsum("fpp->fp", receptance[:, :, 1:])
+        amplitudes = np.maximum(np.abs(np.stack([transfer, driven])), np.finfo(float).tiny)
+        differences = np.abs(np.log(amplitudes) + (power - measured)[:, np.newaxis])
+        return list(np.minimum(differences, _SETTINGS.most_difference).mean(axis=1))
+
+    def of_rows(rows: NDArray[np.intp]) -> list[list[NDArray[np.float64]]]:
+        return [distances(vector) for vector in joints[rows]]
+
+    every = chain.from_iterable(in_parts(of_rows, len(joints), _SETTINGS.joints_apart))
+    return [np.stack(kind) for kind in zip(*every, strict=True)]
 
 
 def _words(assembly: Assembly, place: NodePlace) -> str:
