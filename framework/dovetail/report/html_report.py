@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -90,9 +91,15 @@ def write_report(
     """
     context = _context(result, truth, command) | {"drawing": None, "shapes": None}
     if assembly is not None:
-        context["drawing"] = page_figure(assembly_figure(assembly), "assembly", drawing_text(assembly))
+        context["drawing"] = _drawing(assembly)
         context["shapes"] = _shapes(result, assembly)
     return write_page(path, "report.html.jinja", context)
+
+
+@lru_cache(maxsize=1)
+def _drawing(assembly: Assembly) -> Any:
+    """Return the drawing of an assembly, which is that of all reports of a batch."""
+    return page_figure(assembly_figure(assembly), "assembly", drawing_text(assembly))
 
 
 def _context(result: Identification, truth: TrueValues | None, command: str) -> dict[str, Any]:
