@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import tempfile
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ from typing import Any
 import numpy as np
 import scipy.io
 import yaml
+from processors import processor_time
 
 import dovetail
 from dovetail.registry import installed_components
@@ -93,7 +93,7 @@ def main() -> None:
     parser.add_argument("--samples", type=int, default=400)
     parser.add_argument("--compare", action="store_true", help="compare the laws by their marginal likelihoods too")
     options = parser.parse_args()
-    began = time.process_time()
+    began = processor_time()
     with tempfile.TemporaryDirectory() as place:
         file = write_series(options.clone, Path(place))
         laws(read_series(file))
@@ -106,7 +106,7 @@ def main() -> None:
             print(f"| {level:.1f} | {natural:.2f} | {c.estimate:.1f} | {c.low:.1f} to {c.high:.1f} |")
         if options.compare:
             print(dovetail.compare_models(file, roles={"c": LAWS}, samples=options.samples).sentence)
-    print(f"{time.process_time() - began:.0f} s of processor time")
+    print(f"{processor_time() - began:.0f} s of processor time")
 
 
 if __name__ == "__main__":

@@ -13,7 +13,6 @@ window, from the accelerations alone, and compared with the sensor.
 from __future__ import annotations
 
 import argparse
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +20,7 @@ from pathlib import Path
 import numpy as np
 import scipy.signal
 from numpy.typing import NDArray
+from processors import processor_time
 
 import dovetail
 from dovetail.identification.measured_modes import MeasuredModes
@@ -195,7 +195,7 @@ def main() -> None:
     parser.add_argument("--files", type=int, default=2, help="further files of both kinds that are tracked")
     parser.add_argument("--step", type=float, default=0.2, help="seconds from window to window")
     options = parser.parse_args()
-    began = time.process_time()
+    began = processor_time()
     slow = sorted((options.clone / SLOW).glob("test*.txt"))
     series = calibrated([read(file) for file in slow[: options.calibration]], options.step)
     for row in series.rows:
@@ -216,7 +216,7 @@ def main() -> None:
                 median, most = 1e3 * np.quantile(error[chosen], [0.5, 0.9])
                 cells = [kind, chosen.sum(), name, f"{median:.1f}", f"{most:.1f}", f"{inside[chosen].mean():.0%}"]
                 print(f"| {' | '.join(map(str, cells))} |", flush=True)
-    print(f"{time.process_time() - began:.0f} s of processor time")
+    print(f"{processor_time() - began:.0f} s of processor time")
 
 
 if __name__ == "__main__":

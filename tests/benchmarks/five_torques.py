@@ -15,13 +15,13 @@ extrapolated from the two nearest torques within its range.
 from __future__ import annotations
 
 import argparse
-import time
 from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from next_test import LINES, NOISE
+from processors import processor_time
 from scipy.special import ndtr
 
 import dovetail
@@ -129,7 +129,7 @@ def main() -> None:
     if options.leave_one_out:
         predictions(options.cases, options.seed, options.samples, options.trained_on)
         return
-    began, rows = time.process_time(), defaultdict[str, list[tuple[float, float, bool]]](list)
+    began, rows = processor_time(), defaultdict[str, list[tuple[float, float, bool]]](list)
     for number in range(options.cases):
         for name, row in case(number, options.seed, options.samples).items():
             rows[name].append(row)
@@ -138,7 +138,7 @@ def main() -> None:
         one, five = np.mean([row[:2] for row in of_cases], axis=0)
         held = sum(row[2] for row in of_cases)
         print(f"| `{name}` | {'' if np.isnan(one) else f'{one:.1%}'} | {five:.1%} | {held} of {len(of_cases)} |")
-    print(f"{(time.process_time() - began) / options.cases:.0f} s of processor time a case")
+    print(f"{(processor_time() - began) / options.cases:.0f} s of processor time a case")
 
 
 if __name__ == "__main__":

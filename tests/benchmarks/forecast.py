@@ -13,6 +13,7 @@ import time
 
 import numpy as np
 from interval_coverage import LINES, structure
+from processors import processor_time
 from random_structures import NOISES, draw_axis, draw_theta, measure
 
 import dovetail
@@ -33,9 +34,9 @@ def ratio(number: int, seed: int) -> float:
     measured = measure(assembly, theta, noise, rng, variance_given=number % 2 == 0)
     one = evaluation_seconds(Problem.of(assembly, measured), time.process_time)
     expected = FIXED + one * sum(PosteriorMethod(PosteriorMethod.Config()).evaluations)
-    began = time.process_time()
+    began = processor_time()
     dovetail.identify(assembly, measured, cause_seconds=0)
-    return (time.process_time() - began) / expected
+    return (processor_time() - began) / expected
 
 
 def main() -> None:

@@ -9,12 +9,12 @@ The first `sampled` of them are sampled as well, and the intervals of both forms
 from __future__ import annotations
 
 import argparse
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from processors import processor_time
 
 import dovetail
 from dovetail.dataset import latin_hypercube
@@ -66,9 +66,9 @@ def study(count: int, sampled: int, mesh: int, model_error: float) -> None:
     held, warned, seconds, compared, same = [], [], [], [], []
     allowed = typical_model_error(model_error)
     for case in cases(assembly, count, mesh):
-        began = time.process_time()
+        began = processor_time()
         found = laplace_posterior(Problem.of(assembly, case.measured), case.fit, model_error=allowed, seed=case.index)
-        seconds.append(time.process_time() - began)
+        seconds.append(processor_time() - began)
         low, high = ends(found)
         held.append((low < case.place) & (case.place < high))
         warned.append([name in found.unreliable for name in names])

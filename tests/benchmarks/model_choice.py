@@ -12,13 +12,14 @@ from __future__ import annotations
 
 import argparse
 import sys
-import time
 from collections import Counter
 from pathlib import Path
 
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
+from processors import processor_time
+
 from dovetail.comparison import ModelComparison
 from dovetail.comparison.series_models import compared_model
 from dovetail.interfaces import silent
@@ -84,7 +85,7 @@ if __name__ == "__main__":
         parser.add_argument(f"--{option}", type=int, default=value)
     parser.add_argument("--noise", type=float, default=0.05)
     options = parser.parse_args()
-    began = time.process_time()
+    began = processor_time()
     different, coinciding = study(options.comparisons, options.seed, options.samples, options.noise)
     print(f"Different models: {dict(different)}\nModels that coincide, preferred: {dict(coinciding)}")
-    print(f"{time.process_time() - began:.0f} s of processor time")
+    print(f"{processor_time() - began:.0f} s of processor time")

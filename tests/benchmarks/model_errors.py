@@ -37,6 +37,7 @@ from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
+from processors import processor_time
 from random_structures import JOINTS, NOISES, draw_axis, draw_theta, measure, random_structure
 from wrong_structures import ALTERATIONS, KINDS, SCALED, Poles, altered, dampers, pole_errors, wrong_structure
 
@@ -393,12 +394,12 @@ def caused(work: tuple[int, str, float], seed: int, limit: float) -> Named | Non
     if changed is None:
         return None
     measured = measure(changed, theta, NOISES[number // 2 % len(NOISES)], rng, variance_given=number % 2 == 0)
-    began = time.process_time()
+    began = processor_time()
     adequacy = dovetail.identify(assembly, measured, "refined", cause_seconds=limit).adequacy
     causes = adequacy.causes
     words = causes[0].words if causes else "-"
     names = tuple(cause.name for cause in causes)
-    return Named(number, alteration, size, adequacy.word, names, words, time.process_time() - began)
+    return Named(number, alteration, size, adequacy.word, names, words, processor_time() - began)
 
 
 def study_causes(

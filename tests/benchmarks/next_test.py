@@ -10,11 +10,11 @@ compared with the prediction, on average over the cases; and for all tools, the 
 from __future__ import annotations
 
 import argparse
-import time
 from collections import Counter
 from pathlib import Path
 
 import numpy as np
+from processors import processor_time
 
 import dovetail
 from dovetail.design import SeriesPlan, plan_next_test
@@ -79,7 +79,7 @@ def main() -> None:
     for option, value in (("cases", 8), ("seed", 0), ("samples", 200)):
         parser.add_argument(f"--{option}", type=int, default=value)
     options = parser.parse_args()
-    began = time.process_time()
+    began = processor_time()
     found = [case(number, options.seed, options.samples) for number in range(options.cases)]
     proposed = Counter(planned.tests[0].name for planned, _, _ in found)
     print(f"Proposed: {dict(proposed)}\n| parameter | width with T0 | with the next test | predicted | ratio |", end="")
@@ -93,7 +93,7 @@ def main() -> None:
         print(f"| {name} | {before:.1%} | {after:.1%} | {predicted:.1%} | {ratios[-1]:.2f} |", end="")
         print(" " + " | ".join(f"{one:.2f}" for one in each) + " |")
     print(f"Achieved over predicted: mean {np.mean(ratios):.2f}, from {min(ratios):.2f} to {max(ratios):.2f}")
-    print(f"{(time.process_time() - began) / options.cases:.0f} s of processor time a case")
+    print(f"{(processor_time() - began) / options.cases:.0f} s of processor time a case")
 
 
 def _narrowing(planned: SeriesPlan, name: str) -> dict[str, float]:

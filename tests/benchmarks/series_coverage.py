@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-import time
 from collections import defaultdict
 from collections.abc import Callable
 from pathlib import Path
@@ -21,6 +20,8 @@ import numpy as np
 from scipy.special import ndtr
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
+from processors import processor_time
+
 from dovetail.registry import installed_components
 from dovetail.series.description import Role, SeriesDescription, SeriesTest
 from dovetail.series.fitting import fit_series
@@ -90,7 +91,7 @@ def study(
     count: int, seed: int, samples: int, report: Callable[[str], object] = print
 ) -> dict[str, list[tuple[int, bool]]]:
     """Identify the series and print the table; return the outcomes by kind, each with the number of its series."""
-    groups, began = defaultdict[str, list[tuple[int, bool]]](list), time.process_time()
+    groups, began = defaultdict[str, list[tuple[int, bool]]](list), processor_time()
     for number in range(count):
         for kind, inside in identified(number, seed, samples):
             groups[kind].append((number, inside))
@@ -99,7 +100,7 @@ def study(
         numbers, inside = np.array([one for one, _ in outcomes]), np.array([held for _, held in outcomes], dtype=float)
         error = np.sqrt(np.sum(np.bincount(numbers, inside - inside.mean()) ** 2)) / len(inside)
         report(f"| {kind} | {len(inside)} | {inside.mean():.1%} +- {error:.1%} |")
-    report(f"{(time.process_time() - began) / count:.2f} s of processor time a series")
+    report(f"{(processor_time() - began) / count:.2f} s of processor time a series")
     return groups
 
 

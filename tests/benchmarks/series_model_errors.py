@@ -11,10 +11,10 @@ and in series whose tests have a rod of their own each (`--own`), errors are ind
 from __future__ import annotations
 
 import argparse
-import time
 from pathlib import Path
 
 import numpy as np
+from processors import processor_time
 from scipy.special import ndtr
 
 import dovetail
@@ -87,7 +87,7 @@ def outcomes(
 def study(count: int, seed: int, samples: int, tests_each: int, error: float, *, own: bool) -> dict[str, list[float]]:
     """Identify the series, print the shares, and return the outcomes by kind."""
     groups: dict[str, list[float]] = {}
-    began = time.process_time()
+    began = processor_time()
     for number in range(count):
         for kind, held in outcomes(number, seed, samples, tests_each, error, own=own).items():
             groups.setdefault(kind, []).extend(held)
@@ -97,7 +97,7 @@ def study(count: int, seed: int, samples: int, tests_each: int, error: float, *,
         error = np.sqrt(held.mean() * (1.0 - held.mean()) / len(held))
         print(f"| {kind} | {len(held)} | {held.mean():.1%} ± {error:.1%} |")
     print(f"Width of shared ones, over that of the first test alone: median {np.median(groups['width']):.2f}")
-    print(f"{(time.process_time() - began) / count:.1f} s of processor time a series")
+    print(f"{(processor_time() - began) / count:.1f} s of processor time a series")
     return groups
 
 

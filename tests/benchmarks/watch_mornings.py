@@ -26,6 +26,7 @@ from datetime import date, timedelta
 from pathlib import Path
 
 import numpy as np
+from processors import processor_time
 
 import dovetail
 from dovetail.monitoring import WatchOptions
@@ -134,9 +135,9 @@ def watched(place: Path, mornings: Mornings, changes: int) -> Run:
     tracker, seconds, alarms = Tracker(reference, OPTIONS), list[float](), list[int]()
     states = [tracker.start()]
     for number, file in enumerate(sorted((place / "files").iterdir())):
-        began = time.process_time()
+        began = processor_time()
         step = tracker.step(states[-1], reference.read([file]).observations, {})
-        seconds.append(time.process_time() - began)
+        seconds.append(processor_time() - began)
         states.append(step.state)
         alarms += [number] if step.alarm else []
     chosen = mornings.random.integers(OPTIONS.reference, len(states) - MOST_FILES, changes + changes // 2)

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -22,8 +21,10 @@ from unittest.mock import patch
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
+from processors import processor_time
+
 import dovetail
-from dovetail.inference.posterior import annealing, drawn_samples
+from dovetail.inference.posterior import annealing
 from support.end_mill import measured_with_another_tool
 
 THOROUGH = replace(annealing._SETTINGS, least_points=1600, steps=100)
@@ -34,7 +35,7 @@ def annealed(settings: annealing.Settings | None) -> Iterator[None]:
     """Anneal by other settings, or not at all."""
     with patch.object(annealing, "_SETTINGS", settings or annealing._SETTINGS):
         if settings is None:
-            with patch.object(drawn_samples, "anneal", lambda *_, **__: None):
+            with patch.object(annealing, "anneal", lambda *_, **__: None):
                 yield
         else:
             yield
@@ -59,10 +60,10 @@ def main() -> None:
         model, measured = measured_with_another_tool(case)
         found, seconds = [], []
         for settings in (None, annealing._SETTINGS, THOROUGH):
-            began = time.process_time()
+            began = processor_time()
             with annealed(settings):
                 found.append(dovetail.identify(model, measured, cause_seconds=0).posterior)
-            seconds.append(time.process_time() - began)
+            seconds.append(processor_time() - began)
         whole = widths(found[-1], model)
         few = [int(np.sum(widths(each, model) < whole / 2.0)) for each in found[:2]]
         ratio = np.exp(found[0].least_log_evidence - found[-1].least_log_evidence)

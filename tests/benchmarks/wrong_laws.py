@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-import time
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +24,8 @@ import numpy as np
 import scipy
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
+from processors import processor_time
+
 from dovetail.comparison import ModelComparison
 from dovetail.comparison.series_models import compared_model
 from dovetail.interfaces import silent
@@ -151,6 +152,6 @@ if __name__ == "__main__":
     for option, value in (("cases", 200), ("seed", 0), ("compared", 40), ("samples", 100)):
         parser.add_argument(f"--{option}", type=int, default=value)
     options = parser.parse_args()
-    began = time.process_time()
+    began = processor_time()
     print("\n".join(study(options.cases, options.seed, options.compared, options.samples)))
-    print(f"{time.process_time() - began:.0f} s of processor time")
+    print(f"{processor_time() - began:.0f} s of processor time")
