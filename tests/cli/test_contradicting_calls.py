@@ -47,6 +47,7 @@ REFUSED = {
     "identify sdof.yaml m.uff --method refined --method posterior": (2, "--method is given twice; give it once."),
     "identify sdof.yaml m.uff --network --no-network": (2, "--network/--no-network is given twice"),
     "simulate sdof.yaml --seed 1 --seed 2": (2, "--seed is given twice"),
+    "simulate sdof.yaml --seed 1": (2, "no noise is drawn without '--noise'"),
     "simulate sdof.yaml --set k=2e6 --set mount.k=3e6": (1, "with and without the name of its joint"),
     "plot m.uff --index 1 --response 5+x": (1, "set 1 is not from any force to 5+x"),
     "compare-models sdof.yaml m.uff --against sdof.yaml": (1, "are the same model"),

@@ -47,7 +47,7 @@ def simulate(
             help="Standard deviation of complex noise relative to that of the FRF, such as 1%.",
         ),
     ] = 0.0,
-    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of the noise.")] = 0,
+    seed: Annotated[int | None, typer.Option(metavar="N", min=0, help="Seed of the noise; 0 by default.")] = None,
     truth_output: Annotated[
         Path | None,
         typer.Option(
@@ -72,6 +72,8 @@ def simulate(
     from dovetail.measurement import noisy_frf
     from dovetail.report.frf_files import write_frf_files
 
+    if seed is not None and not noise:
+        raise typer.BadParameter("no noise is drawn without '--noise', such as '--noise 1%'.", param_hint="--seed")
     files = output or []
     check_frf_files(files, overwrite, plugin)
     if truth_output is not None:
@@ -82,7 +84,7 @@ def simulate(
     _note_missing_units(loaded, theta, chosen)
     frf = with_points(loaded.description, loaded.simulate(theta))
     if noise:
-        frf = noisy_frf(frf, noise, seed)
+        frf = noisy_frf(frf, noise, seed or 0)
     natural, damping, reason = natural_frequencies(loaded, theta)
     texts = {} if truth_output is None else {truth_output: truth_text(loaded, theta, natural, noise)}
     write_frf_files(frf, files, natural, texts, overwrite=overwrite, plugins=plugin or ())
