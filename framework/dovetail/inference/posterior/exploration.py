@@ -29,8 +29,11 @@ class Settings:
     """Number of searches in each round of exploration."""
     pilot_iterations: int = 30
     """Most steps of each."""
-    scatter: float = 0.3
-    """Distance of the first points from a mode, in standard deviations by the fit's information."""
+    scatter: float = 1.0
+    """Distance of the first points from a mode, in standard deviations by the fit's information. Of 14 random
+    structures (seed 515151 of the benchmark of genuine measurements), 1 takes an eighth less exploration than 0.3."""
+    mode_tolerance: float = 0.1
+    """Decrease of the sum of squares in one step at which the search for the mode of a reduced misfit ends."""
     margin: float = 1e-3
     """Distance of these points from the ends of a range, as a fraction of it."""
     rounds: tuple[int, int] = (2, 14)
@@ -171,7 +174,7 @@ class Exploration:
         self.reduced, self.posterior = reduced, PosteriorResiduals(reduced)
         residuals = self.posterior.residuals(self.points)
         best = self.points[[np.argmin(squared_norms(residuals))]]
-        self.mode = maximise_posterior(self.posterior, best, tolerance=1e-3)
+        self.mode = maximise_posterior(self.posterior, best, tolerance=_SETTINGS.mode_tolerance)
         self._tangent_map = TangentMap(self.posterior, LinearisedPoints.at(self.posterior, self.mode))
         self.points = np.concatenate([self.points, self.mode])
 
