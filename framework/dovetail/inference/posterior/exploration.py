@@ -145,7 +145,7 @@ class Exploration:
             self._snapshots = np.concatenate([self._snapshots, frfs[near]])[-_SETTINGS.most_snapshots :]
             reduced = ReducedResiduals(likelihood, self._snapshots, self._origin)
             self._adopt(reduced)
-            target, first = self._starts(_SETTINGS.pilots, self._tangent_map, self.points)
+            target, first = self._starts()
             pilots, _ = self._tangent_map.solve(target, first, _SETTINGS.pilot_iterations, self._limit)
             fraction = unit_from_normal(pilots.z)
             frfs, on_few = likelihood.frf(fraction), reduced.residuals(fraction)
@@ -178,13 +178,11 @@ class Exploration:
         self._tangent_map = TangentMap(self.posterior, LinearisedPoints.at(self.posterior, self.mode))
         self.points = np.concatenate([self.points, self.mode])
 
-    def _starts(
-        self, count: int, tangent_map: TangentMap, points: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], LinearisedPoints]:
+    def _starts(self) -> tuple[NDArray[np.float64], LinearisedPoints]:
         """Return randomly drawn components (n, p), and for each the point whose components are the nearest."""
-        target = self._random.standard_normal((count, self.mode.shape[1]))
-        components = tangent_map.components(self.posterior.residuals(points))
-        return target, LinearisedPoints.at(self.posterior, points[nearest_rows(components, target)])
+        target = self._random.standard_normal((_SETTINGS.pilots, self.mode.shape[1]))
+        components = self._tangent_map.components(self.posterior.residuals(self.points))
+        return target, LinearisedPoints.at(self.posterior, self.points[nearest_rows(components, target)])
 
     def _on_few_lines(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the log-likelihood (n,) at z (n, p) by the reduced misfit."""

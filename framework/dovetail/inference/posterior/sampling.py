@@ -241,10 +241,8 @@ class _Sampler:
         elif not even:
             ends = SearchEnds.of(mixture)
             moved = move_by_weight(density, ends, count, self._random, self._progress, self._limit, annealing)
-            evidence, least = (
-                moved.doubted(evidence),
-                max(least, moved.least_log_evidence - self._region.reduced.outside / 2.0),
-            )
+            evidence = moved.doubted(evidence)
+            least = max(least, moved.least_log_evidence - self._region.reduced.outside / 2.0)
             z, log_density, effective = moved.z, moved.log_posterior, moved.effective
             log_likelihood = self._region.log_likelihood(z)
         weight = log_likelihood - squared_norms(z) / 2.0 - log_density
