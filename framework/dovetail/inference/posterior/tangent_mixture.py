@@ -160,13 +160,13 @@ class TangentMixture:
         """
         while not (self._is_enough(count) or self.is_one_valley):
             progress("samples", min(self.begun, count), count)
-            left = count - self.begun if self.begun < count else count
+            wanted = count - self.begun if self.begun < count else count
             anchors = self._anchors
             if self._is_uneven:
                 if effective_sample_size(self.log_weight) < _SETTINGS.hopeless * self.begun:
                     on_uneven()
                 anchors = self.next_anchors()
-            if not self.search(anchors, min(batch, left)):
+            if not self.search(anchors, min(batch, wanted)):
                 return max(count - self.begun, 0)
         progress("samples", count, count)
         return 0
