@@ -15,7 +15,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.parallel import begin_worker, cores, most_cores, use_cores
+from dovetail.parallel import begin_worker, core_lent, cores
 from dovetail.worker_processes import MeanwhileProcess
 
 Result = TypeVar("Result")
@@ -46,25 +46,20 @@ def meanwhile(
     Without a second core no process is forked. Nor is one elsewhere than on Linux and outside the main thread, where
     that is not safe, and in a process that another one has started, which then has work for all cores.
     """
-    free = cores()
-    if free == 1 or not _can_fork():
+    if cores() == 1 or not _can_fork():
         yield work
         return
-    process, before = MeanwhileProcess(work, partial(begin_worker, 1), given_up), most_cores()
-    use_cores(free - 1)
+    process = MeanwhileProcess(work, partial(begin_worker, 1), given_up)
+    with ExitStack() as running:
+        running.enter_context(core_lent())
+        running.callback(process.end)
 
-    def result() -> Result:
-        try:
-            found: Result = process.result()
-            return found
-        finally:
-            use_cores(before)
+        def result() -> Result:
+            with running:
+                found: Result = process.result()
+                return found
 
-    try:
         yield result
-    finally:
-        use_cores(before)
-        process.end()
 
 
 def _can_fork() -> bool:

@@ -40,25 +40,31 @@ _turn = threading.Lock()
 
 
 class _Share:
-    """How many cores this process uses at most, since others of this program use the rest."""
+    """How many cores this process uses at most, and how many of them work for it in other processes."""
 
-    most = sys.maxsize
+    most, lent = sys.maxsize, 0
 
 
 def cores() -> int:
     """Return how many cores this process may use."""
     affinity = getattr(os, "sched_getaffinity", None)
-    return min(len(affinity(0)) if affinity else os.cpu_count() or 1, _Share.most)
-
-
-def most_cores() -> int:
-    """Return the number that was given to `use_cores` last."""
-    return _Share.most
+    there = len(affinity(0)) if affinity else os.cpu_count() or 1
+    return max(1, min(there, _Share.most) - _Share.lent)
 
 
 def use_cores(most: int) -> None:
     """Use no more than so many cores from now on."""
     _Share.most = most
+
+
+@contextmanager
+def core_lent() -> Iterator[None]:
+    """Leave one core to another process until the context ends."""
+    _Share.lent += 1
+    try:
+        yield
+    finally:
+        _Share.lent -= 1
 
 
 def threads(purpose: str, count: int) -> ThreadPoolExecutor:

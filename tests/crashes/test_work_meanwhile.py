@@ -21,7 +21,7 @@ from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoint
 from dovetail.inference.posterior.tangent_mixture import TangentMixture
 from dovetail.inference.posterior.tangent_steps import Density
 from dovetail.meanwhile import in_parts, in_turn, meanwhile
-from dovetail.parallel import cores, most_cores, use_cores
+from dovetail.parallel import _Share, cores, use_cores
 from dovetail.problem.least_squares import Linearisation
 from support.noisy_measurements import noisy
 from support.waiting import wait_until
@@ -33,7 +33,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are f
 def available(request, monkeypatch):
     """So many cores, whether this machine has them or not."""
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: range(request.param))
-    before = most_cores()
+    before = _Share.most
     use_cores(sys.maxsize)
     yield request.param
     assert cores() == request.param  # all are there again
