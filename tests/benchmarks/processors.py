@@ -1,11 +1,11 @@
-"""The processor time of a benchmark, with that of the processes that it starts."""
+"""The processor time of a benchmark, with that of the processes that it starts; benchmarks run from any folder."""
 
 from __future__ import annotations
 
-import os
-import time
+import sys
+from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from support.waiting import processor_time
 
-def processor_time() -> float:
-    """Return the processor time [s] of this process and of those that it has started and that have ended."""
-    return time.process_time() + sum(os.times()[2:4])
+__all__ = ["processor_time"]

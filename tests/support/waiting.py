@@ -23,4 +23,4 @@ def wait_until(condition: Callable[[], object], process: subprocess.Popen[bytes]
 
 def processor_time() -> float:
     """Seconds that the processors have worked for this process and for the children that have ended."""
-    return sum(os.times()[:4])
+    return time.process_time() + sum(os.times()[2:4])
