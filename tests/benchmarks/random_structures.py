@@ -227,16 +227,16 @@ def random_structure(rng: np.random.Generator, first: str | None = None) -> dict
 
 
 def _built(rng: np.random.Generator, first: str | None) -> dict[str, Any] | None:
-    """Return a structure, or None if it has too few unknowns or resonances."""
+    """Return a structure, or None if it has too few unknowns or resonances, or no node without a joint."""
     builder = _Builder(rng)
     builder.add_beam()
     builder.join(first or str(rng.choice(JOINTS)))
     for _ in range(4):
         if builder.unknown < builder.budget and (builder.unknown < _FEWEST or rng.random() < 0.7):
             builder.join(str(rng.choice(JOINTS)))
-    if builder.unknown < _FEWEST:
-        return None
     beam = builder.beams[0]
+    if builder.unknown < _FEWEST or not beam.free:
+        return None
     point = beam.free[0 if rng.random() < 0.6 else rng.integers(len(beam.free))]
     description = {
         "dovetail": 1,

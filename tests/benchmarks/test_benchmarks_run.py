@@ -114,6 +114,14 @@ def test_a_resonance_that_hardly_shows_is_looked_for_along_profiles(case, seed):
     assert rows[-1][:4] == ["all", "1 of 1", "1 of 1", "1 of 1"]
 
 
+@pytest.mark.sweep(keep=1)
+@pytest.mark.parametrize(("case", "seed"), [(242, 777), (69, 202614), (194, 202614)])
+def test_parameters_that_ran_away_to_ends_of_their_ranges_are_brought_back(case, seed):
+    """With them at the ends, the residuals are noise by all tests, and only other minima are better."""
+    rows = cells(run("genuine_measurements.py", "--only", case, "--seed", seed))[2:]
+    assert rows[-1][:4] == ["all", "1 of 1", "1 of 1", "1 of 1"]
+
+
 def test_residuals_that_are_hardly_noise_get_further_searches():
     """A chi-squared of 1.15 on 285 lines might be noise, but 0.99 is there too."""
     rows = cells(run("genuine_measurements.py", "--only", 16, "--seed", 9405))[2:]

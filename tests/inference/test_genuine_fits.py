@@ -11,7 +11,7 @@ import yaml
 
 import dovetail
 from dovetail.inference.fitting import refine
-from dovetail.inference.fitting.search_lines import SearchLines, Smoothed
+from dovetail.inference.fitting.lines import SearchLines, Smoothed
 from dovetail.inference.fitting.searches import Starts
 from dovetail.inference.fitting.whiteness import assess_runs, has_size_of_noise, is_white
 from dovetail.problem import Problem

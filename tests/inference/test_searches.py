@@ -106,3 +106,28 @@ def test_minima_near_a_lower_one_count_with_it():
     np.testing.assert_array_equal(apart.searches, [2, 3])
     np.testing.assert_array_equal(apart.steps, [2, 1])
     assert len(different(ends, 1.0).cost) == 4
+
+
+def minima_at(*positions: tuple[float, ...]) -> Minima:
+    position = np.array(positions)
+    count, width = position.shape
+    ones = np.ones(count, dtype=np.int64)
+    return Minima(position, np.arange(count, dtype=float), np.tile(np.eye(width), (count, 1, 1)), ones, ones)
+
+
+def test_parameters_that_ran_away_to_ends_of_their_ranges_are_drawn_anew():
+    minima = minima_at((0.4, 1.0, 0.001, 0.6), (0.2, 0.3, 0.5, 0.98), (0.995, 0.5, 0.5, 0.5))
+    points = Starts(4, seed=0).released(minima)
+    first, third = np.split(points, 2)  # none from the second
+    assert (first[:, [0, 3]] == (0.4, 0.6)).all()
+    assert (third[:, 1:] == 0.5).all()
+    for drawn in (first[:, 1], first[:, 2], third[:, 0]):  # all over the range
+        assert drawn.min() < 0.1
+        assert drawn.max() > 0.9
+    again = Starts(4, seed=0)
+    again.released(minima)
+    assert not np.array_equal(again.released(minima), points)  # of the next batch
+
+
+def test_nothing_is_drawn_anew_where_no_parameter_is_at_an_end():
+    assert Starts(2, seed=0).released(minima_at((0.4, 0.6), (0.011, 0.989))).shape == (0, 2)

@@ -26,7 +26,7 @@ from dovetail.errors import DovetailError
 from dovetail.frf import conversion
 from dovetail.frf.resonances import Resonances, fit_resonances
 from dovetail.inference.adequacy.quick_fits import QuickFit, QuickFits
-from dovetail.inference.fitting.search_lines import SearchLines
+from dovetail.inference.fitting.lines import SearchLines
 from dovetail.interfaces import Parameter
 from dovetail.meanwhile import in_parts, in_turn
 from dovetail.units import format_quantity

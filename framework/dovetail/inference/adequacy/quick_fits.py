@@ -14,7 +14,7 @@ from dovetail.assembly import Assembly, FrfModel
 from dovetail.frf import Frf, coherence_spectrum
 from dovetail.inference.adequacy.perturbations import Perturbation, PerturbedResiduals, list_perturbations
 from dovetail.inference.fitting import Fit
-from dovetail.inference.fitting.search_lines import SearchLines, lines_represented
+from dovetail.inference.fitting.lines import SearchLines, lines_represented
 from dovetail.inference.posterior.likelihood import MarginalisedResiduals
 from dovetail.problem import Problem
 from dovetail.problem.definition import latin_hypercube

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.inference.fitting.fit import SEARCH_SHARE, UNFINISHED, Fit, Pace, count_agreeing, highest_agreeing
+from dovetail.inference.fitting.lines import LineWeights, with_best_delays
 from dovetail.inference.fitting.modal_fit import fit_to_modes
-from dovetail.inference.fitting.search_lines import SearchLines, with_best_delays
-from dovetail.inference.fitting.searches import Similar, Starts, different, profiles
-from dovetail.inference.fitting.whiteness import NOISE_ALARM, has_size_of_noise, is_of_few_lines, is_white
+from dovetail.inference.fitting.profiles import profiles
+from dovetail.inference.fitting.searches import CONFIRMING, FIRST, FURTHER, Similar, Starts, different
 from dovetail.interfaces import FIT_OPTIONS, FitOptions, Progress, logged, silent
 from dovetail.problem import Problem
 from dovetail.problem.definition import WithPrior, bounds_reached, fractions_within
@@ -26,10 +26,11 @@ from dovetail.problem.residuals import FrfResiduals
 class Settings:
     """Tuning constants of the refinement."""
 
-    doubtful: float = 0.01
-    """Probability of so large a sum of squares under noise below which another batch follows nevertheless."""
     profiled_batch: int = 2
-    """The first of the further batches with profiles through the best minimum so far, on the same grid."""
+    """The first of the further batches with profiles through the best minimum so far. Others, on another grid, follow
+    before a search ends because most agree."""
+    profile_points: int = 64
+    """Points along the range of each parameter."""
     along_profiles: int = 8
     """Largest number of minima of the profiles from which searches begin."""
     profile_steps: int = 1
@@ -37,9 +38,16 @@ class Settings:
     widths: tuple[float, ...] = (0.01, 0.003)
     """Relative widths over which residuals are smoothed: along the profiles first, then in the searches from there."""
     first_carried: int = 2
-    """Searches of the first batch whose minima are fitted first: those with the most similar FRFs."""
+    """Searches of the first batch whose minima are fitted first, those with the most similar FRFs; as many of those
+    from parameters that are drawn anew."""
     carried: int = 4
     """Searches of each further batch whose minima are fitted."""
+    released: int = 3
+    """Largest number of minima, the best ones, in which parameters at ends of their ranges are drawn anew."""
+    releases: int = 3
+    """Largest number of times that this is done in succession, each time from better minima."""
+    lower: float = 1e-4
+    """Relative decrease of the lowest sum of squares since, with which it is done in a further batch."""
     same: float = 15.0
     """Standard deviations, by the curvature, within which two searches have ended in the same minimum."""
     least_batches: int = 3
@@ -54,24 +62,11 @@ class Settings:
     """Minima that are fitted again when the weights change, since another one may then be the best."""
     most_discrepancies: int = 8
     """Largest number of times that the discrepancy is estimated and the fit repeated; 2 or 3 are usually enough."""
-    least_freedom: int = 8
-    """Degrees of freedom that the residuals need for an estimate of the variance, to a half: sqrt(2 / 8)."""
     settled: float = 0.04
     """Relative change of the discrepancy's variances at which these repetitions end."""
 
 
 _SETTINGS = Settings()
-
-_FIRST = Similar(candidates=1024, random=2, evolved=((30, 1),))
-"""Starts of the first batch, besides the middle of the ranges: more random ones if more are asked for. Of the searches
-from the best of 1024 random points 86 % end in the right minimum; of those from any, 51 %."""
-_FURTHER = Similar(candidates=4096, random=8, evolved=((40, 24), (100, 4)))
-"""Starts of each further batch, besides those along the axes. Searches from many points that have evolved a little find
-more than those from a few that have evolved for long: on six wrong models of machines (of the seeds 100 to 111 of the
-benchmark of wide posteriors), three times as often the lowest minimum, in the same time. Some narrow valleys are found
-from the latter alone."""
-_CONFIRMING = Similar(candidates=4096, random=8, evolved=((100, 4),))
-"""Starts that a fit to the noise is confirmed by."""
 
 
 def refine(
@@ -122,16 +117,14 @@ def refine(
 
 
 class _Refinement:
-    """The state of one refinement: the weights and the lines that count."""
+    """One refinement: its searches and the weights of its fits."""
 
     def __init__(self, problem: Problem, options: FitOptions, seed: int, progress: Progress) -> None:
         target = problem.observations
         self._problem, self._target, self._options = problem, target, options
         self._from = Starts(len(problem.parameters), seed)
-        self._variance = target.variance()
-        self._model_variance = np.zeros_like(self._variance)
-        self._used = np.ones(len(target.frequency), dtype=np.bool_)
-        self._lines = SearchLines(target, self._variance)
+        self._weights = LineWeights(target, len(problem.parameters))
+        self._lines = self._weights.search_lines()
         self._few, self._some = self._lines.few, self._lines.thinned(_SETTINGS.fit_lines)
         self._on_fewest = self._on_lines(self._lines.fewest)
         self._on_few, self._on_some = self._on_lines(self._few), self._on_lines(self._some)
@@ -159,7 +152,7 @@ class _Refinement:
             others = ends.at(slice(0))
         if not (starts or self._is_doubtful(best)):
             minima, best = self._confirmed(minima, best, others)
-        chi_squared = float(np.sum(self._residuals(best) ** 2)) / self._freedom
+        chi_squared = float(np.sum(self._weights.whitened(self._values(best)) ** 2)) / self._weights.freedom
         discrepancy = background = 0.0
         if not self._is_noise(best):
             best, (discrepancy, background) = self._with_discrepancy(best, minima)
@@ -169,14 +162,14 @@ class _Refinement:
             theta=self._problem.from_unit(best.position[0]),
             information=best.curvature[0],
             chi_squared=chi_squared,
-            degrees_of_freedom=self._freedom,
-            variance=self._variance,
+            degrees_of_freedom=self._weights.freedom,
+            variance=self._weights.variance,
             variance_known=self._target.variance_known,
-            variance_assumed=self._target.assumes(self._variance),
+            variance_assumed=self._target.assumes(self._weights.variance),
             discrepancy=discrepancy,
             background=background,
-            ignored=self._target.frequency[~self._used],
-            used=self._used,
+            ignored=self._target.frequency[~self._weights.used],
+            used=self._weights.used,
             at_bounds=bounds_reached(self._problem.parameters, best.position[0]),
             starts=self._starts,
             agreeing=count_agreeing(minima),
@@ -194,9 +187,9 @@ class _Refinement:
         along, ends = self._along_axes(best), minima.at(slice(1, None))
         if len(along):
             ends = Minima.joined([ends, self._searched(along)])
-        minima = self._extended(here, ends)
+        minima = self._extended(self._with_released(here), ends)
         if not (self._most_agree(minima) or self._has_no_time()):
-            similar = self._searched(self._similar(_CONFIRMING)).at(slice(_SETTINGS.carried))
+            similar = self._searched(self._similar(CONFIRMING)).at(slice(_SETTINGS.carried))
             minima = self._extended(minima, Minima.joined([others, similar]))
         if here.cost[0] <= highest_agreeing(minima.cost[0]):
             return minima, best
@@ -207,9 +200,13 @@ class _Refinement:
 
         Returns all minima, and the best one fitted on all lines.
         """
-        profiled = np.inf
+        profiled = released = np.inf
+        profiled_again = False
         for batch in range(1, self._options.batches + 2):
             minima = self._compared(minima)  # the weights have changed
+            if minima.cost[0] < (1.0 - _SETTINGS.lower) * released:
+                minima = self._with_released(minima)
+                released = minima.cost[0]
             best = self._reweighted(self._fitted(minima.position[:1]))
             if not self._is_doubtful(best):
                 break
@@ -218,9 +215,13 @@ class _Refinement:
             if batch > last or self._has_no_time():
                 break
             enough = batch >= _SETTINGS.least_batches and self._most_agree(minima)
-            if enough and not self._lines.missed_resonances(self._variance, self._values(best)).size:
-                break
-            starts = np.concatenate([self._along_axes(best), self._similar(_FURTHER)])
+            if enough and not self._lines.missed_resonances(self._weights.variance, self._values(best)).size:
+                if profiled_again:
+                    break
+                profiled_again, minima = True, self._with_profiles(minima)
+                continue
+            profiled_again = False
+            starts = np.concatenate([self._along_axes(best), self._similar(FURTHER)])
             self._expected = self._searches + len(starts) + _SETTINGS.carried + len(minima.cost) + 1
             minima = self._extended(minima, self._searched(starts).at(slice(_SETTINGS.carried)))
             if batch >= first_profiled and profiled > highest_agreeing(minima.cost[0]):
@@ -240,12 +241,12 @@ class _Refinement:
             return fractions_within(self._problem.parameters, np.array(starts))
         middle = np.full((1, len(self._problem.parameters)), 0.5)
         others = self._options.first_starts - 1
-        wanted = replace(_FIRST, random=max(0, others - sum(count for _, count in _FIRST.evolved)))
+        wanted = replace(FIRST, random=max(0, others - sum(count for _, count in FIRST.evolved)))
         return np.concatenate([middle, self._similar(wanted)[:others]])
 
     def _similar(self, wanted: Similar) -> NDArray[np.float64]:
         """Return points with FRFs like the measured ones, by logarithms of amplitudes on the fewest lines."""
-        return self._from.similar(self._on_fewest.logarithms(self._variance[self._lines.fewest]), wanted)
+        return self._from.similar(self._on_fewest.logarithms(self._weights.variance[self._lines.fewest]), wanted)
 
     def _along_axes(self, best: Minima) -> NDArray[np.float64]:
         return self._from.along_axes(self._search, best.position[0])
@@ -257,10 +258,10 @@ class _Refinement:
         of the right minimum is narrow, but in a wrong minimum nearly all of the FRF is right, and it stays so along the
         profile. Smoothed residuals sense such a resonance from further away.
         """
-        residual = self._target.weighted(self._variance, self._used).at(self._few)
+        residual = self._weights.residual.at(self._few)
         smoothed = (self._lines.smoothed(residual, width) for width in _SETTINGS.widths)
         problems = [self._on_few.residuals(each) for each in smoothed]
-        position, grid = minima.position[0], self._from.grid()
+        position, grid = minima.position[0], self._from.grid(_SETTINGS.profile_points)
         self._expected = self._searches + len(grid) + len(problems) * _SETTINGS.along_profiles
         along = profiles(problems[0], position, grid, _SETTINGS.profile_steps, self._report_search)
         self._steps += along.steps
@@ -271,21 +272,39 @@ class _Refinement:
         if not len(points):
             return minima
         for problem in problems:
-            ends = self._search_ends(problem, points)
-            points = ends.position
-        self._starts += 1  # only the best one is kept
-        best = self._compared(ends).at(slice(1))
-        return Minima.ranked(minima, replace(best, searches=np.ones_like(best.searches)))
+            points = self._search_ends(problem, points).position
+        return self._with_lowest(minima, points)
+
+    def _with_released(self, minima: Minima) -> Minima:
+        """Add the best minimum with those parameters drawn anew that had run away to the ends of their ranges.
+
+        This is repeated as long as it finds a better one.
+        """
+        for _ in range(_SETTINGS.releases):
+            points = self._from.released(different(minima, _SETTINGS.same).at(slice(_SETTINGS.released)))
+            if not len(points):
+                break
+            residual = self._weights.residual.at(self._few)
+            ends = self._search_ends(self._on_few.residuals(residual), points).at(slice(_SETTINGS.first_carried))
+            lowest, minima = minima.cost[0], self._with_lowest(minima, ends.position)
+            if lowest <= highest_agreeing(minima.cost[0]):
+                break
+        return minima
+
+    def _with_lowest(self, minima: Minima, points: NDArray[np.float64]) -> Minima:
+        """Add the lowest minimum near some points, as that of one search."""
+        self._starts += 1
+        return Minima.ranked(minima, self._near(points).at(slice(1)))
 
     @property
     def _search(self) -> FrfResiduals:
         """The problem of the first searches: logarithms of amplitudes on few lines."""
-        return self._on_few.logarithms(self._variance[self._few])
+        return self._on_few.logarithms(self._weights.variance[self._few])
 
     def _searched(self, batch: NDArray[np.float64]) -> Minima:
         """Return the minima where searches by logarithms of amplitudes ended, the most promising first."""
         self._starts += len(batch)
-        residual = self._target.weighted(self._variance, self._used).at(self._some)
+        residual = self._weights.residual.at(self._some)
         ends = self._search_ends(self._search, batch)
         return replace(ends, position=with_best_delays(self._on_some.residuals(residual), self._turns, ends.position))
 
@@ -302,15 +321,19 @@ class _Refinement:
 
     def _compared(self, ends: Minima) -> Minima:
         """Fit on some of the lines, which suffice to compare the minima where searches ended."""
-        residual = self._target.weighted(self._variance + self._model_variance, self._used).at(self._some)
-        return self._minimised(self._on_some.residuals(residual), ends.position, ends.searches)
+        return self._near(ends.position, ends.searches)
+
+    def _near(self, points: NDArray[np.float64], searches: NDArray[np.int64] | None = None) -> Minima:
+        """Fit on some of the lines; `searches` have ended at each point, or one."""
+        residual = self._weights.residual.at(self._some)
+        return self._minimised(self._on_some.residuals(residual), points, searches)
 
     def _extended(self, minima: Minima, ends: Minima) -> Minima:
         return Minima.ranked(minima, self._compared(ends)) if len(ends.cost) else minima
 
     def _fitted(self, start: NDArray[np.float64]) -> Minima:
         """Fit on all lines."""
-        return self._minimised(self._problem.weighted(self._variance + self._model_variance, self._used), start)
+        return self._minimised(self._problem.residuals(self._weights.residual), start)
 
     def _minimised(
         self, misfit: FrfResiduals, start: NDArray[np.float64], searches: NDArray[np.int64] | None = None
@@ -324,77 +347,52 @@ class _Refinement:
         return Minima.ranked(minima if searches is None else replace(minima, searches=searches))
 
     def _on_lines(self, lines: NDArray[np.intp]) -> Problem:
-        return self._problem if len(lines) == len(self._variance) else self._problem.at(lines)
+        return self._problem if len(lines) == len(self._weights.variance) else self._problem.at(lines)
 
     def _reweighted(self, best: Minima) -> Minima:
         """Estimate the random error again from the best fit, leave out isolated lines, and fit again if needed."""
         if not self._target.variance_known:
-            self._variance = self._target.variance(self._values(best))
+            self._weights.estimate(self._values(best))
             best = self._with_residual_variance(best)
-        bad = np.zeros_like(self._used) if self._is_noise(best) else self._target.isolated(self._sizes(best))
-        if np.array_equal(bad, ~self._used):
+        if not self._weights.leave_out_isolated(self._values(best)):
             return best
-        self._used = ~bad
         best = self._fitted(best.position)
         return best if self._target.variance_known else self._with_residual_variance(best)
 
     def _with_residual_variance(self, best: Minima) -> Minima:
         """Estimate the random error from all residuals and fit again, if nothing but noise is left."""
-        if self._freedom < _SETTINGS.least_freedom or not self._has_size_of_noise(self._residuals(best)):
+        from_scatter = self._weights.variance
+        if not self._weights.estimate_from_residuals(self._values(best)):
             return best
-        from_scatter = self._variance
-        share = self._freedom / self._target.residual_count(self._used)
-        self._variance = self._target.residual_variance(self._values(best), self._used, share)
         refitted = self._fitted(best.position)
         if self._is_noise(refitted):
             return refitted
-        self._variance = from_scatter
+        self._weights.variance = from_scatter
         return best
 
     def _with_discrepancy(self, best: Minima, minima: Minima) -> tuple[Minima, tuple[float, float]]:
         """Estimate the errors of the model and fit with them, from several minima: another may then be the best."""
         starts = Minima.joined([best, minima.at(slice(1, _SETTINGS.refitted))])
         for _ in range(_SETTINGS.most_discrepancies):
-            before, values = self._model_variance, self._values(best)
+            before, values = self._weights.model_variance, self._values(best)
             magnitude = np.abs(values)
             if self._problem.assembly.description.unknown_gains:
                 magnitude = np.maximum(magnitude, self._target.amplitude)  # or a vanishing model would fit best
-            relative, background = self._target.discrepancy(values, magnitude, self._variance, self._used)
-            self._model_variance = (relative * magnitude) ** 2 + (background * self._target.level) ** 2
+            discrepancy = self._weights.estimate_model_errors(values, magnitude)
             starts = self._compared(starts)
             best = self._fitted(starts.position[:1])
-            settled = np.all(np.abs(self._model_variance - before) <= _SETTINGS.settled * self._model_variance)
-            if settled or self._problem.limit.is_over:
+            change = np.abs(self._weights.model_variance - before)
+            if np.all(change <= _SETTINGS.settled * self._weights.model_variance) or self._problem.limit.is_over:
                 break
-        return best, (relative, background)
+        return best, discrepancy
 
     def _values(self, minima: Minima) -> NDArray[np.complex128]:
         return self._problem.frf_at(self._problem.from_unit(minima.position[0]))
 
-    def _sizes(self, best: Minima) -> NDArray[np.float64]:
-        """Return the size of each line's whitened residual at the best fit."""
-        all_lines = self._target.weighted(self._variance, np.ones_like(self._used))
-        return np.asarray(all_lines.size(self._values(best)))
-
-    def _residuals(self, best: Minima) -> NDArray[np.float64]:
-        """Return the whitened residuals at the best fit."""
-        return np.asarray(self._target.weighted(self._variance, self._used).of(self._values(best)[np.newaxis])[0])
-
-    @property
-    def _freedom(self) -> int:
-        return max(1, self._target.residual_count(self._used) - len(self._problem.parameters))
-
-    def _is_noise(self, best: Minima, false_alarm: float = NOISE_ALARM) -> bool:
+    def _is_noise(self, best: Minima) -> bool:
         """Return whether the residuals of the best fit are no larger than the random error, and white."""
-        residuals = self._residuals(best)
-        return self._has_size_of_noise(residuals, false_alarm) and all(map(is_white, self._target.by_line(residuals)))
+        return self._weights.is_noise(self._values(best))
 
     def _is_doubtful(self, best: Minima) -> bool:
         """Return whether another minimum may be the right one."""
-        few_lines = not self._target.variance_known and is_of_few_lines(self._variance)
-        return few_lines or not self._is_noise(best, _SETTINGS.doubtful)
-
-    def _has_size_of_noise(self, residuals: NDArray[np.float64], false_alarm: float = NOISE_ALARM) -> bool:
-        squares = sum(float(np.sum(block**2)) for block in self._target.by_line(residuals))
-        lines, known = self._target.residual_count(self._used) // 2, self._target.variance_known
-        return has_size_of_noise(squares, self._freedom, lines, variance_known=known, false_alarm=false_alarm)
+        return self._weights.is_doubtful(self._values(best))

@@ -1,4 +1,7 @@
-"""The lines of a search, few, but those around each resonance; residuals smoothed over neighbours; and delays."""
+"""The lines of a measurement in a fit: those of a search, few, and the weights of all.
+
+With them, residuals smoothed over neighbours, and delays.
+"""
 
 from __future__ import annotations
 
@@ -12,14 +15,15 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from dovetail.frf.resonance_peaks import prominent_peaks
+from dovetail.inference.fitting.whiteness import NOISE_ALARM, has_size_of_noise, is_of_few_lines, is_white
 from dovetail.problem.least_squares import SumOfSquares
-from dovetail.problem.observations import Observations
-from dovetail.problem.residuals import Residual
+from dovetail.problem.observations import Observations, StackedResiduals
+from dovetail.problem.residuals import Residual, Weighted
 
 
 @dataclass(frozen=True)
 class Settings:
-    """Tuning constants of the lines of a search."""
+    """Tuning constants of the lines of a search, and of weights."""
 
     even: int = 300
     """Evenly spaced lines of each response."""
@@ -42,6 +46,10 @@ class Settings:
     """Distance, in widths, beyond which a line has no weight."""
     sums_at_once: int = 16
     """Number of sums of smoothed residuals in one dense product, so small that most of their weights are not 0."""
+    doubtful: float = 0.01
+    """Probability of so large a sum of squares under noise below which another minimum is looked for nevertheless."""
+    least_freedom: int = 8
+    """Degrees of freedom that the residuals need for an estimate of the variance, to a half: sqrt(2 / 8)."""
     most_delays: int = 100
     """Largest number of delays of a response that are tried, eight for each turn of the phase at the highest line."""
 
@@ -155,6 +163,106 @@ def _neighbours(position: NDArray[np.float64], width: float) -> scipy.sparse.csr
     distance = (position - middles[:, np.newaxis]) / width
     weight = np.exp(-0.5 * distance**2) * (np.abs(distance) <= _SETTINGS.cut)
     return scipy.sparse.csr_array(weight / np.linalg.norm(weight, axis=1, keepdims=True))
+
+
+class LineWeights:
+    """The weights of a measurement's lines.
+
+    Parameters
+    ----------
+    target : Observations
+    unknowns : int
+        Number of parameters that are fitted.
+
+    Attributes
+    ----------
+    variance : (n_lines,) array
+        E|random error|^2.
+    model_variance : (n_lines,) array
+        That of the model's errors, which is added: 0 unless it is set.
+    used : (n_lines,) bool array
+        Lines that count.
+    """
+
+    def __init__(self, target: Observations, unknowns: int) -> None:
+        self._target, self._unknowns = target, unknowns
+        self.variance = target.variance()
+        self.model_variance = np.zeros_like(self.variance)
+        self.used = np.ones_like(self.variance, dtype=np.bool_)
+
+    @property
+    def residual(self) -> StackedResiduals[Weighted]:
+        """The residuals of a fit, weighted by all errors."""
+        return self._target.weighted(self.variance + self.model_variance, self.used)
+
+    @property
+    def residual_count(self) -> int:
+        """Number of residuals that count."""
+        return self._target.residual_count(self.used)
+
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom of a fit, 1 or more."""
+        return max(1, self.residual_count - self._unknowns)
+
+    def search_lines(self) -> SearchLines:
+        """Choose the lines of searches."""
+        return SearchLines(self._target, self.variance)
+
+    def estimate(self, values: NDArray[np.complex128]) -> None:
+        """Estimate the random error by the scatter about FRFs (n_lines,)."""
+        self.variance = self._target.variance(values)
+
+    def estimate_from_residuals(self, values: NDArray[np.complex128]) -> bool:
+        """Estimate the random error from all residuals of FRFs, if these may be nothing else; return whether it was."""
+        if self.freedom < _SETTINGS.least_freedom or not self._has_size_of_noise(self.whitened(values), NOISE_ALARM):
+            return False
+        share = self.freedom / self.residual_count
+        self.variance = self._target.residual_variance(values, self.used, share)
+        return True
+
+    def leave_out_isolated(self, values: NDArray[np.complex128]) -> bool:
+        """Use all lines but isolated ones, or all if the residuals of FRFs are noise; return whether that differs."""
+        noise = self.is_noise(values)
+        used = np.ones_like(self.used) if noise else ~self._target.isolated(self._sizes(values))
+        differs = not np.array_equal(used, self.used)
+        self.used = used
+        return differs
+
+    def estimate_model_errors(
+        self, values: NDArray[np.complex128], magnitude: NDArray[np.float64]
+    ) -> tuple[float, float]:
+        """Estimate the variance of the model's errors from the residuals of FRFs.
+
+        Returns its part of each line's magnitude (n_lines,), and its part of the level everywhere.
+        """
+        relative, background = self._target.discrepancy(values, magnitude, self.variance, self.used)
+        self.model_variance = (relative * magnitude) ** 2 + (background * self._target.level) ** 2
+        return relative, background
+
+    def whitened(self, values: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return the residuals (m,) of FRFs (n_lines,) over the random error."""
+        return np.asarray(self._target.weighted(self.variance, self.used).of(values[np.newaxis])[0])
+
+    def _sizes(self, values: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return the size (n_lines,) of each line's residual over the random error, also where it does not count."""
+        return np.asarray(self._target.weighted(self.variance, np.ones_like(self.used)).size(values))
+
+    def is_noise(self, values: NDArray[np.complex128], false_alarm: float = NOISE_ALARM) -> bool:
+        """Return whether the residuals of FRFs are no larger than the random error, and white."""
+        residuals = self.whitened(values)
+        return self._has_size_of_noise(residuals, false_alarm) and all(map(is_white, self._target.by_line(residuals)))
+
+    def is_doubtful(self, values: NDArray[np.complex128]) -> bool:
+        """Return whether other parameters than those of these FRFs may be the right ones."""
+        few_lines = not self._target.variance_known and is_of_few_lines(self.variance)
+        return few_lines or not self.is_noise(values, _SETTINGS.doubtful)
+
+    def _has_size_of_noise(self, residuals: NDArray[np.float64], false_alarm: float) -> bool:
+        """Return whether whitened residuals (m,) are no larger than noise is."""
+        squares = sum(float(np.sum(block**2)) for block in self._target.by_line(residuals))
+        lines, known = self.residual_count // 2, self._target.variance_known
+        return has_size_of_noise(squares, self.freedom, lines, variance_known=known, false_alarm=false_alarm)
 
 
 def lines_represented(observations: Observations, lines: NDArray[np.intp]) -> NDArray[np.float64]:
