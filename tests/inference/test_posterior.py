@@ -229,6 +229,10 @@ def test_errors_of_the_model_scale_residuals_to_their_sum_of_squares(sdof):
     np.testing.assert_allclose(scaled.cost, squares, rtol=1e-9)
     weighted = MarginalisedResiduals(misfit, errors).weighted(3.0)
     np.testing.assert_allclose(weighted.squares(misfit.residuals(places)), weighted.linearise(places).cost, rtol=1e-9)
+    rough = MarginalisedResiduals(misfit, errors).weighted(0.1, least_error=1e-2)
+    exact, costs = marginalised_squares(0.1 * misfit.residuals(places), 0.1 * errors), rough.linearise(places).cost
+    assert (costs > 1.0000001 * exact).all()  # errors are left out
+    assert (costs <= 1.01 * exact).all()
     step = np.array([1e-6, 0.0])
     ahead, behind = (MarginalisedResiduals(misfit, errors).residuals(places + sign * step) for sign in (1, -1))
     np.testing.assert_allclose(

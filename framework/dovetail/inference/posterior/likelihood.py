@@ -189,16 +189,17 @@ class MarginalisedResiduals(SumOfSquares):
     """
 
     def __init__(self, misfit: FrfResiduals, errors: NDArray[np.float64], weight: float = 1.0) -> None:
-        self._misfit, self._weight = misfit, weight
-        self.limit = misfit.limit
+        self._misfit, self._weight, self.limit = misfit, weight, misfit.limit
         squares, mixing = np.linalg.eigh(errors @ errors.T)
         kept = squares > _SETTINGS.least_error
         self._squares, self._errors = squares[kept], mixing[:, kept].T @ errors
 
-    def weighted(self, factor: float) -> MarginalisedResiduals:
-        """Return the same residuals with a weight that is larger by a factor."""
+    def weighted(self, factor: float, least_error: float = 0.0) -> MarginalisedResiduals:
+        """Return the same residuals times a factor, without errors whose variance is then smaller than the least."""
         other = copy(self)
         other._weight = factor * self._weight
+        kept = other._weight**2 * self._squares > least_error
+        other._squares, other._errors = self._squares[kept], self._errors[kept]
         return other
 
     def residuals(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:

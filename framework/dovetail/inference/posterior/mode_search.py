@@ -42,7 +42,7 @@ class Settings:
 
     searches: int = 12
     """Searches from a Latin hypercube over the ranges, in addition to the best fit."""
-    lines: int = 1000
+    lines: int = 500
     """Evenly chosen lines of the FRF for the first searches."""
     margin: float = 0.02
     """Distance, as a fraction of a range, that starts keep from its ends, where z becomes infinite."""
@@ -61,6 +61,9 @@ class Settings:
     """Largest number of modes on the chosen lines, the best ones, from which the search continues on all lines."""
     most_orders: int = 24
     """Largest number of orders of the values of like joints from which a search begins: all of four joints."""
+    least_error: float = 1e-4
+    """Variance of an error of the model along a direction of the residuals that the searches on the chosen lines leave
+    out: it changes chi-squared by less than that part."""
     same: float = 1.0
     """Largest distance of two ends, in standard deviations by the curvature there, at which they are the same mode. A
     search comes within a third of that of a mode."""
@@ -179,7 +182,11 @@ def _on_few_lines(
         full_weight = float(np.sqrt(step))  # with which these lines weigh as much as all
     marginalised = MarginalisedResiduals(misfit, errors, full_weight)
     every = 1 if likelihood.by_line is None else step
-    return logarithms, lambda weight: PosteriorResiduals(marginalised.weighted(weight)), every
+
+    def tempered(weight: float) -> PosteriorResiduals:
+        return PosteriorResiduals(marginalised.weighted(weight, _SETTINGS.least_error))
+
+    return logarithms, tempered, every
 
 
 def _promising(posterior: PosteriorResiduals, z: NDArray[np.float64], every: int) -> NDArray[np.float64]:
