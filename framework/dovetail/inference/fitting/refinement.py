@@ -13,7 +13,7 @@ from dovetail.inference.fitting.fit import SEARCH_SHARE, UNFINISHED, Fit, Pace, 
 from dovetail.inference.fitting.lines import LineWeights, with_best_delays
 from dovetail.inference.fitting.modal_fit import fit_to_modes
 from dovetail.inference.fitting.profiles import profiles
-from dovetail.inference.fitting.searches import CONFIRMING, FIRST, FURTHER, Similar, Starts, different
+from dovetail.inference.fitting.searches import CONFIRMING, FURTHER, Starts, different
 from dovetail.interfaces import FIT_OPTIONS, FitOptions, Progress, logged, silent
 from dovetail.problem import Problem
 from dovetail.problem.definition import WithPrior, bounds_reached, fractions_within
@@ -46,6 +46,8 @@ class Settings:
     """Largest number of minima, the best ones, in which parameters at ends of their ranges are drawn anew."""
     releases: int = 3
     """Largest number of times that this is done in succession, each time from better minima."""
+    trial_steps: int = 6
+    """Times that derivatives are computed in a fit from there on some lines, which goes on only if it is the lowest."""
     lower: float = 1e-4
     """Relative decrease of the lowest sum of squares since, with which it is done in a further batch."""
     same: float = 15.0
@@ -184,12 +186,12 @@ class _Refinement:
         searches from similar FRFs.
         """
         here = self._compared(replace(minima.at(slice(1)), position=best.position))  # the weights may have changed
-        along, ends = self._along_axes(best), minima.at(slice(1, None))
+        along, ends = self._from.along_axes(self._search, best.position[0]), minima.at(slice(1, None))
         if len(along):
             ends = Minima.joined([ends, self._searched(along)])
         minima = self._extended(self._with_released(here), ends)
         if not (self._most_agree(minima) or self._has_no_time()):
-            similar = self._searched(self._similar(CONFIRMING)).at(slice(_SETTINGS.carried))
+            similar = self._searched(self._from.similar(self._similarity, CONFIRMING)).at(slice(_SETTINGS.carried))
             minima = self._extended(minima, Minima.joined([others, similar]))
         if here.cost[0] <= highest_agreeing(minima.cost[0]):
             return minima, best
@@ -200,8 +202,7 @@ class _Refinement:
 
         Returns all minima, and the best one fitted on all lines.
         """
-        profiled = released = np.inf
-        profiled_again = False
+        profiled, released, profiled_again = np.inf, np.inf, False
         for batch in range(1, self._options.batches + 2):
             minima = self._compared(minima)  # the weights have changed
             if minima.cost[0] < (1.0 - _SETTINGS.lower) * released:
@@ -221,7 +222,8 @@ class _Refinement:
                 profiled_again, minima = True, self._with_profiles(minima)
                 continue
             profiled_again = False
-            starts = np.concatenate([self._along_axes(best), self._similar(FURTHER)])
+            along = self._from.along_axes(self._search, best.position[0])
+            starts = np.concatenate([along, self._from.similar(self._similarity, FURTHER)])
             self._expected = self._searches + len(starts) + _SETTINGS.carried + len(minima.cost) + 1
             minima = self._extended(minima, self._searched(starts).at(slice(_SETTINGS.carried)))
             if batch >= first_profiled and profiled > highest_agreeing(minima.cost[0]):
@@ -239,17 +241,12 @@ class _Refinement:
         """Return the given starts, which are often enough, or else the middle of the ranges and similar points."""
         if starts:
             return fractions_within(self._problem.parameters, np.array(starts))
-        middle = np.full((1, len(self._problem.parameters)), 0.5)
-        others = self._options.first_starts - 1
-        wanted = replace(FIRST, random=max(0, others - sum(count for _, count in FIRST.evolved)))
-        return np.concatenate([middle, self._similar(wanted)[:others]])
+        return self._from.first(self._similarity, self._options.first_starts)
 
-    def _similar(self, wanted: Similar) -> NDArray[np.float64]:
-        """Return points with FRFs like the measured ones, by logarithms of amplitudes on the fewest lines."""
-        return self._from.similar(self._on_fewest.logarithms(self._weights.variance[self._lines.fewest]), wanted)
-
-    def _along_axes(self, best: Minima) -> NDArray[np.float64]:
-        return self._from.along_axes(self._search, best.position[0])
+    @property
+    def _similarity(self) -> FrfResiduals:
+        """The problem by which FRFs are like the measured ones: logarithms of amplitudes on the fewest lines."""
+        return self._on_fewest.logarithms(self._weights.variance[self._lines.fewest])
 
     def _with_profiles(self, minima: Minima) -> Minima:
         """Add the best minimum along profiles through the best one so far.
@@ -276,17 +273,18 @@ class _Refinement:
         return self._with_lowest(minima, points)
 
     def _with_released(self, minima: Minima) -> Minima:
-        """Add the best minimum with those parameters drawn anew that had run away to the ends of their ranges.
-
-        This is repeated as long as it finds a better one.
-        """
+        """Add a better minimum from those parameters that ran away to the ends of their ranges, drawn anew, if any."""
         for _ in range(_SETTINGS.releases):
             points = self._from.released(different(minima, _SETTINGS.same).at(slice(_SETTINGS.released)))
             if not len(points):
                 break
-            residual = self._weights.residual.at(self._few)
-            ends = self._search_ends(self._on_few.residuals(residual), points).at(slice(_SETTINGS.first_carried))
-            lowest, minima = minima.cost[0], self._with_lowest(minima, ends.position)
+            problem = self._on_few.residuals(self._weights.residual.at(self._few))
+            ends = self._search_ends(problem, points).at(slice(_SETTINGS.first_carried))
+            trials = self._minimised(self._comparison, ends.position, _SETTINGS.trial_steps)
+            lowest = minima.cost[0]
+            if trials.cost.min() >= lowest:
+                break
+            minima = self._with_lowest(minima, trials.position[[trials.cost.argmin()]])
             if lowest <= highest_agreeing(minima.cost[0]):
                 break
         return minima
@@ -294,19 +292,24 @@ class _Refinement:
     def _with_lowest(self, minima: Minima, points: NDArray[np.float64]) -> Minima:
         """Add the lowest minimum near some points, as that of one search."""
         self._starts += 1
-        return Minima.ranked(minima, self._near(points).at(slice(1)))
+        lowest = Minima.ranked(self._minimised(self._comparison, points)).at(slice(1))
+        return Minima.ranked(minima, lowest)
 
     @property
     def _search(self) -> FrfResiduals:
         """The problem of the first searches: logarithms of amplitudes on few lines."""
         return self._on_few.logarithms(self._weights.variance[self._few])
 
+    @property
+    def _comparison(self) -> FrfResiduals:
+        """The problem by which minima are compared: on some of the lines."""
+        return self._on_some.residuals(self._weights.residual.at(self._some))
+
     def _searched(self, batch: NDArray[np.float64]) -> Minima:
         """Return the minima where searches by logarithms of amplitudes ended, the most promising first."""
         self._starts += len(batch)
-        residual = self._weights.residual.at(self._some)
         ends = self._search_ends(self._search, batch)
-        return replace(ends, position=with_best_delays(self._on_some.residuals(residual), self._turns, ends.position))
+        return replace(ends, position=with_best_delays(self._comparison, self._turns, ends.position))
 
     def _search_ends(self, problem: FrfResiduals, start: NDArray[np.float64]) -> Minima:
         """Return the different minima where searches end, the most promising first."""
@@ -321,12 +324,7 @@ class _Refinement:
 
     def _compared(self, ends: Minima) -> Minima:
         """Fit on some of the lines, which suffice to compare the minima where searches ended."""
-        return self._near(ends.position, ends.searches)
-
-    def _near(self, points: NDArray[np.float64], searches: NDArray[np.int64] | None = None) -> Minima:
-        """Fit on some of the lines; `searches` have ended at each point, or one."""
-        residual = self._weights.residual.at(self._some)
-        return self._minimised(self._on_some.residuals(residual), points, searches)
+        return Minima.ranked(replace(self._minimised(self._comparison, ends.position), searches=ends.searches))
 
     def _extended(self, minima: Minima, ends: Minima) -> Minima:
         return Minima.ranked(minima, self._compared(ends)) if len(ends.cost) else minima
@@ -335,16 +333,17 @@ class _Refinement:
         """Fit on all lines."""
         return self._minimised(self._problem.residuals(self._weights.residual), start)
 
-    def _minimised(
-        self, misfit: FrfResiduals, start: NDArray[np.float64], searches: NDArray[np.int64] | None = None
-    ) -> Minima:
-        with_prior, pace = WithPrior(misfit, self._problem.parameters), Pace(highest_agreeing)
-        options, report = self._options, self._report_search
+    def _minimised(self, misfit: FrfResiduals, start: NDArray[np.float64], steps: int = 0) -> Minima:
         minima = minimise(
-            with_prior, start, tolerance=options.tolerance, most_steps=options.steps, superfluous=pace, callback=report
+            WithPrior(misfit, self._problem.parameters),
+            start,
+            tolerance=self._options.tolerance,
+            most_steps=steps or self._options.steps,
+            superfluous=Pace(highest_agreeing),
+            callback=self._report_search,
         )
         self._steps += int(minima.steps.sum())
-        return Minima.ranked(minima if searches is None else replace(minima, searches=searches))
+        return minima
 
     def _on_lines(self, lines: NDArray[np.intp]) -> Problem:
         return self._problem if len(lines) == len(self._weights.variance) else self._problem.at(lines)

@@ -103,6 +103,11 @@ class Starts:
         self._size = size
         self._candidates, self._random = np.random.default_rng(seed).spawn(1)[0], np.random.default_rng([seed, 1])
 
+    def first(self, misfit: FrfResiduals, count: int) -> NDArray[np.float64]:
+        """Return the middle of the ranges and points with FRFs like the measured ones, `count` in all."""
+        wanted = replace(FIRST, random=max(0, count - 1 - sum(number for _, number in FIRST.evolved)))
+        return np.concatenate([np.full((1, self._size), 0.5), self.similar(misfit, wanted)[: count - 1]])
+
     def similar(self, misfit: FrfResiduals, wanted: Similar) -> NDArray[np.float64]:
         """Return points (n, p) with FRFs like the measured ones, as many as wanted or fewer.
 
