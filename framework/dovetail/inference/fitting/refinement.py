@@ -278,7 +278,7 @@ class _Refinement:
             points = self._from.released(different(minima, _SETTINGS.same).at(slice(_SETTINGS.released)))
             if not len(points):
                 break
-            problem = self._on_few.residuals(self._weights.residual.at(self._few))
+            problem = self._on_fewest.residuals(self._weights.residual.at(self._lines.fewest))
             ends = self._search_ends(problem, points).at(slice(_SETTINGS.first_carried))
             trials = self._minimised(self._comparison, ends.position, _SETTINGS.trial_steps)
             lowest = minima.cost[0]
