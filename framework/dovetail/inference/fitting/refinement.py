@@ -282,11 +282,11 @@ class _Refinement:
                 break
             problem = self._on_fewest.residuals(self._weights.residual.at(self._lines.fewest))
             ends = self._search_ends(problem, points).at(slice(_SETTINGS.first_carried))
-            trials = self._minimised(self._comparison, ends.position, _SETTINGS.trial_steps)
+            trials = Minima.ranked(self._minimised(self._comparison, ends.position, _SETTINGS.trial_steps))
             lowest = minima.cost[0]
-            if trials.cost.min() >= lowest:
+            if not trials.cost[0] < lowest:  # or not finite
                 break
-            minima = self._with_lowest(minima, trials.position[[trials.cost.argmin()]])
+            minima = self._with_lowest(minima, trials.position[:1])
             if lowest <= highest_agreeing(minima.cost[0]):
                 break
         return minima
