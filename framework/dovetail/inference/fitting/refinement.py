@@ -29,7 +29,7 @@ class Settings:
     profiled_batch: int = 2
     """The first of the further batches with profiles through the best minimum so far. Others, on another grid, follow
     before a search ends because most agree."""
-    profile_points: int = 64
+    profile_points: int = 128
     """Points along the range of each parameter."""
     along_profiles: int = 8
     """Largest number of minima of the profiles from which searches begin."""
@@ -45,9 +45,9 @@ class Settings:
     released: int = 3
     """Largest number of minima, the best ones, in which parameters at ends of their ranges are drawn anew."""
     releases: int = 3
-    """Largest number of times that this is done in succession, each time from better minima. Chosen, as the numbers of
-    starts, on cases of seed 777 of the benchmark of genuine measurements and on the wrong models of 100 to 111 of that
-    of wrong minima; tested on seeds 202614 and 202616, and on the wrong models of 112 to 119."""
+    """Largest number of times that this is done in succession, each time from better minima. Chosen on cases of seed
+    777 of the benchmark of genuine measurements and on the wrong models 100 to 111 of that of wrong minima; tested on
+    seeds 202614 and 202616, and on the wrong models 112 to 119."""
     trial_steps: int = 6
     """Times that derivatives are computed in a fit from there on some lines, which goes on only if it is the lowest."""
     lower: float = 1e-4
