@@ -29,8 +29,6 @@ class Settings:
     profiled_batch: int = 2
     """The first of the further batches with profiles through the best minimum so far. Others, on another grid, follow
     before a search ends because most agree."""
-    profile_points: int = 128
-    """Points along the range of each parameter."""
     along_profiles: int = 8
     """Largest number of minima of the profiles from which searches begin."""
     profile_steps: int = 1
@@ -184,8 +182,8 @@ class _Refinement:
     def _confirmed(self, minima: Minima, best: Minima, others: Minima) -> tuple[Minima, Minima]:
         """Search for a better fit than one that reaches the noise, which a wrong minimum can do as well.
 
-        Searches along the axes come first. Unless most agree, those earlier ones that were not fitted follow, and
-        searches from similar FRFs.
+        Searches along the axes come first, and those from parameters that ran away. Unless most agree, those earlier
+        ones that were not fitted follow, and searches from similar FRFs.
         """
         here = self._compared(replace(minima.at(slice(1)), position=best.position))  # the weights may have changed
         along, ends = self._from.along_axes(self._search, best.position[0]), minima.at(slice(1, None))
@@ -260,7 +258,7 @@ class _Refinement:
         residual = self._weights.residual.at(self._few)
         smoothed = (self._lines.smoothed(residual, width) for width in _SETTINGS.widths)
         problems = [self._on_few.residuals(each) for each in smoothed]
-        position, grid = minima.position[0], self._from.grid(_SETTINGS.profile_points)
+        position, grid = minima.position[0], self._from.grid()
         self._expected = self._searches + len(grid) + len(problems) * _SETTINGS.along_profiles
         along = profiles(problems[0], position, grid, _SETTINGS.profile_steps, self._report_search)
         self._steps += along.steps

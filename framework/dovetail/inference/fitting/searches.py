@@ -79,7 +79,7 @@ class Similar:
     evolved: tuple[tuple[int, int], ...]
 
 
-FIRST = Similar(candidates=1024, random=2, evolved=((30, 1),))
+_FIRST = Similar(candidates=1024, random=2, evolved=((30, 1),))
 """Starts of the first batch, besides the middle of the ranges: more random ones if more are asked for. Of the searches
 from the best of 1024 random points 86 % end in the right minimum; of those from any, 51 %."""
 FURTHER = Similar(candidates=4096, random=8, evolved=((40, 24), (100, 4)))
@@ -107,7 +107,7 @@ class Starts:
 
     def first(self, misfit: FrfResiduals, count: int) -> NDArray[np.float64]:
         """Return the middle of the ranges and points with FRFs like the measured ones, `count` in all."""
-        wanted = replace(FIRST, random=max(0, count - 1 - sum(number for _, number in FIRST.evolved)))
+        wanted = replace(_FIRST, random=max(0, count - 1 - sum(number for _, number in _FIRST.evolved)))
         return np.concatenate([np.full((1, self._size), 0.5), self.similar(misfit, wanted)[: count - 1]])
 
     def similar(self, misfit: FrfResiduals, wanted: Similar) -> NDArray[np.float64]:
@@ -138,7 +138,7 @@ class Starts:
         Where two resonances are close together, the valley of the right minimum is narrow, but in a wrong minimum most
         parameters are right already. Each call uses another grid, so that repetitions find other points nearby.
         """
-        return cuts(misfit, position, self.grid(_SETTINGS.grid_points)).low_points(position, _SETTINGS.along_axes)
+        return cuts(misfit, position, self.grid()).low_points(position, _SETTINGS.along_axes)
 
     def released(self, minima: Minima) -> NDArray[np.float64]:
         """Return points (n, p) that differ from minima in the parameters at ends of their ranges, which are drawn anew.
@@ -154,9 +154,9 @@ class Starts:
                 points[-1][:, away] = latin_hypercube(_SETTINGS.released, len(away), self._random)
         return np.concatenate(points)
 
-    def grid(self, points: int) -> NDArray[np.float64]:
+    def grid(self) -> NDArray[np.float64]:
         """Return evenly spaced values along a range, with a random offset."""
-        return (np.arange(points) + self._random.random()) / points
+        return (np.arange(_SETTINGS.grid_points) + self._random.random()) / _SETTINGS.grid_points
 
 
 def evolved(
