@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +28,10 @@ class Settings:
     """Tuning constants of the refinement."""
 
     profiled_batch: int = 2
-    """The first of the further batches with profiles through the best minimum so far. Others, on another grid, follow
-    before a search ends because most agree."""
+    """The first of the further batches with profiles through the best minimum so far."""
+    often: float = 1.0 / 3.0
+    """Share of the searches in the best minimum above which profiles on another grid follow before searches end. Wrong
+    minima that lack a hidden resonance are found often; those of wrong models are not."""
     along_profiles: int = 8
     """Largest number of minima of the profiles from which searches begin."""
     profile_steps: int = 1
@@ -190,7 +193,7 @@ class _Refinement:
         if len(along):
             ends = Minima.joined([ends, self._searched(along)])
         minima = self._extended(self._with_released(here), ends)
-        if not (self._most_agree(minima) or self._has_no_time()):
+        if not (self._agree(minima, 0.5) or self._has_no_time()):
             similar = self._searched(self._from.similar(self._similarity, CONFIRMING)).at(slice(_SETTINGS.carried))
             minima = self._extended(minima, Minima.joined([others, similar]))
         if here.cost[0] <= highest_agreeing(minima.cost[0]):
@@ -203,7 +206,7 @@ class _Refinement:
         Returns all minima, and the best one fitted on all lines.
         """
         profiled, released, profiled_again = np.inf, np.inf, False
-        for batch in range(1, self._options.batches + 2):
+        for batch in count(1):
             minima = self._compared(minima)  # the weights have changed
             if minima.cost[0] < (1.0 - _SETTINGS.lower) * released:
                 minima = self._with_released(minima)
@@ -213,12 +216,12 @@ class _Refinement:
                 break
             passes = self._is_noise(best)
             first_profiled, last = (1, 1) if passes else (_SETTINGS.profiled_batch, self._options.batches)
-            if batch > last or self._has_no_time():
+            enough = batch >= _SETTINGS.least_batches and self._agree(minima, 0.5)
+            settled = enough and not self._lines.missed_resonances(self._weights.variance, self._values(best)).size
+            ends, repeats = batch > last or settled, np.isfinite(profiled) and self._agree(minima, _SETTINGS.often)
+            if (ends and (profiled_again or not repeats)) or self._has_no_time():
                 break
-            enough = batch >= _SETTINGS.least_batches and self._most_agree(minima)
-            if enough and not self._lines.missed_resonances(self._weights.variance, self._values(best)).size:
-                if profiled_again:
-                    break
+            if ends:
                 profiled_again, minima = True, self._with_profiles(minima)
                 continue
             profiled_again = False
@@ -318,9 +321,9 @@ class _Refinement:
         self._steps += int(minima.steps.sum())
         return different(minima, _SETTINGS.same)
 
-    def _most_agree(self, minima: Minima) -> bool:
-        """Return whether most searches ended in the best minimum."""
-        return 2 * count_agreeing(minima) > self._starts
+    def _agree(self, minima: Minima, share: float) -> bool:
+        """Return whether more than a share of the searches ended in the best minimum."""
+        return count_agreeing(minima) > share * self._starts
 
     def _compared(self, ends: Minima) -> Minima:
         """Fit on some of the lines, which suffice to compare the minima where searches ended."""
