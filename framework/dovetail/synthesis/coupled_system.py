@@ -9,14 +9,13 @@ from functools import cached_property
 from weakref import WeakKeyDictionary
 
 import numpy as np
-import scipy  # loads a part of it when that is first used
 from numpy.typing import NDArray
 
 from dovetail.errors import DovetailError
 from dovetail.interfaces import JointModel, SubstructureModel, plugin_errors
 from dovetail.synthesis.condensation import BoundaryStiffness, boundary_stiffness
 from dovetail.synthesis.elimination import Program
-from dovetail.synthesis.graph import Graph, Point
+from dovetail.synthesis.graph import Graph, Point, connected_with
 from dovetail.synthesis.joint_evaluation import (
     JointSparsity,
     Sparsity,
@@ -198,11 +197,9 @@ class CoupledSystem:
         DovetailError
             A point does not move.
         """
-        filled: NDArray[np.bool_] = np.asarray(self._pattern.any(axis=0))
         numbers = [int(self.graph.substructure_dofs(name)[dof]) for name, dof in self.points]
-        _, group = scipy.sparse.csgraph.connected_components(self._pattern, directed=False)
-        reached = {int(group[number]) for number in numbers if number >= 0 and filled[number]}
-        active = np.flatnonzero(filled & np.isin(group, list(reached)))
+        points = np.isin(np.arange(self.graph.size), numbers)
+        active = np.flatnonzero(connected_with(points & self._pattern.any(axis=0), self._pattern))
         for (name, dof), number in zip(self.points, numbers, strict=True):
             if number not in active:
                 raise DovetailError(

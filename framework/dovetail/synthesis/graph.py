@@ -168,3 +168,15 @@ class Graph:
     def joint_dofs(self, name: str) -> NDArray[np.intp]:
         """Return the global number of each local DOF of a joint; `HELD` where it does not move."""
         return self._numbering[1][name]
+
+
+def connected_with(some: NDArray[np.bool_], pattern: Any) -> NDArray[np.bool_]:
+    """Return which DOFs are connected with some (n,), these included, by a pattern (n, n) of filled entries.
+
+    Of SciPy's sparse graphs, which do the same, the modules take longer to load than most commands to run.
+    """
+    connected, latest = some, some
+    while latest.any():
+        latest = (pattern @ latest) & ~connected
+        connected = connected | latest
+    return connected

@@ -6,12 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy  # loads a part of it when that is first used
 from numpy.typing import NDArray
 
 from dovetail.errors import DovetailError
 from dovetail.synthesis.coupled_system import CoupledSystem
-from dovetail.synthesis.graph import Point
+from dovetail.synthesis.graph import Point, connected_with
 from dovetail.synthesis.joint_evaluation import Theta, joint_stiffness, joint_stiffness_jacobian
 from dovetail.synthesis.relative_coordinates import in_coordinates, rounded, warn_of_lost_digits
 
@@ -65,8 +64,7 @@ class PivotedSolver:
         """
         Z, T = self.system.in_relative_coordinates(theta, lines)
         loads = T[list(forces)].T
-        _, group = scipy.sparse.csgraph.connected_components((Z != 0).any(axis=0), directed=False)
-        reached = np.flatnonzero(np.isin(group, group[loads.any(axis=1)]))
+        reached = np.flatnonzero(connected_with(np.asarray(loads.any(axis=1)), (Z != 0).any(axis=0)))
         motion = np.zeros((len(Z), *loads.shape), dtype=np.complex128)
         connected = Z[:, reached[:, None], reached]
         try:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from dovetail.errors import DovetailError
 from dovetail.synthesis.frequency_laws import ContinuedStiffness
+from dovetail.synthesis.graph import connected_with
 from dovetail.synthesis.sparse_condensation import extended_basis
 
 LEAST_TURN = 0.02
@@ -301,7 +302,4 @@ def _swept(pencil: Pencil, wanted: Wanted) -> tuple[NDArray[np.complex128], NDAr
 
 def dofs_with_inertia(pattern: Any, inertia: NDArray[np.float64]) -> NDArray[np.intp]:
     """Return the DOFs that are connected with a mass; the others do not move."""
-    if (inertia > 0).all():
-        return np.arange(len(inertia))
-    _, group = scipy.sparse.csgraph.connected_components(pattern, directed=False)
-    return np.flatnonzero(np.isin(group, group[inertia > 0]))
+    return np.flatnonzero(connected_with(inertia > 0, pattern))
