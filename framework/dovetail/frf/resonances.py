@@ -22,6 +22,8 @@ class Settings:
     """Relative error of the rational function whose poles are the resonances."""
     most_terms: int = 60
     """Largest number of terms of that function; a resonance takes two."""
+    most_lines: int = 8192
+    """Largest number of lines to which that function is fitted; it shows resonances between them too."""
     pole_limits: tuple[float, float] = (0.5, 1.2)
     """Factors of the lowest and the highest frequency beyond which a pole belongs to the background."""
     largest_damping: float = 0.6
@@ -158,11 +160,12 @@ def _poles(frequency: NDArray[np.float64], values: Sequence[NDArray[np.complex12
     """Return the poles of FRFs; each FRF is mixed in with a different phase, so that no two cancel a resonance."""
     sizes = [float(np.abs(frf).std()) or 1.0 for frf in values]
     mixture = sum(np.exp(1j * index) * frf / size for index, (frf, size) in enumerate(zip(values, sizes, strict=True)))
+    some = slice(None, None, -(-len(frequency) // _SETTINGS.most_lines))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # measured parts have noise, which no rational function meets
         tolerance, most_terms = _SETTINGS.tolerance, _SETTINGS.most_terms
-        rational = AAA(frequency, mixture, rtol=tolerance, max_terms=most_terms, clean_up=False)
-        if _may_be_spurious(rational, frequency, mixture):
+        rational = AAA(frequency[some], mixture[some], rtol=tolerance, max_terms=most_terms, clean_up=False)
+        if _may_be_spurious(rational, frequency[some], mixture[some]):
             rational.clean_up()
         poles = rational.poles()
     underdamped = (poles.imag > 0.0) & (poles.imag < _SETTINGS.largest_damping * poles.real)
