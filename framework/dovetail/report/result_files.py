@@ -8,6 +8,7 @@ import json
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -119,9 +120,8 @@ def write_results(
     command : str
         The command line that computed it, shown in the report.
     """
-    from dovetail.report.figures import save_png
+    from dovetail.meanwhile import meanwhile
     from dovetail.report.html_report import write_report
-    from dovetail.report.plots import plot_frf
 
     texts: dict[str, str | Iterable[str]] = {
         RESULT_FILE: _json_pieces(result.to_dict()),
@@ -133,10 +133,20 @@ def write_results(
         modes = [asdict(mode) for mode in result.modes]
         rows = [[mode[name] for name in _MODE_COLUMNS] for mode in modes]
         texts["modes.csv"] = warning_comment(result.warning) + csv_text(_MODE_COLUMNS, rows)
-    write_texts(folder, texts)
-    for index, (_, figure) in enumerate(names):
-        save_png(plot_frf(result, index), folder / figure)
-    write_report(result, folder / "report.html", truth=truth, assembly=assembly, command=command)
+    with meanwhile(partial(_pictures, result)) as pictures:
+        write_texts(folder, texts)
+        write_report(result, folder / "report.html", truth=truth, assembly=assembly, command=command)
+        for (_, figure), picture in zip(names, pictures(), strict=True):
+            (folder / figure).write_bytes(picture)
+
+
+def _pictures(result: Identification) -> list[bytes]:
+    """Return the figure of each response as PNG."""
+    from dovetail.report.figures import png_bytes
+    from dovetail.report.plots import plot_frf
+
+    figures = (plot_frf(result, index) for index in range(len(result.responses)))
+    return [png_bytes(figure, figure.get_suptitle()) for figure in figures]
 
 
 def write_texts(folder: Path, texts: Mapping[str, str | Iterable[str]]) -> None:
