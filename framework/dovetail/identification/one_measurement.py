@@ -358,13 +358,12 @@ def _check_numbers(frf: Frf) -> None:
 
 def _moves(assembly: Assembly, theta: NDArray[np.float64]) -> bool:
     """Return whether the force of the only response moves its point, for one of some parameter vectors."""
-    amplitude = np.abs(assembly.frf(theta))
+    some = assembly.frequency[:: max(1, len(assembly.frequency) // _SOME_LINES)]
+    amplitude = np.abs(assembly.on(some).frf(theta))
     if assembly.description.response.is_drive_point:
         return bool(amplitude.any())
-    some = slice(None, None, max(1, len(assembly.frequency) // _SOME_LINES))
-    drive_points = (each.on(assembly.frequency[some]) for each in at_drive_points(assembly))
-    output, force = (np.abs(each.frf(theta)) for each in drive_points)
-    moved = np.mean(amplitude[:, some] > _NO_MOTION * np.sqrt(output * force), axis=1)
+    output, force = (np.abs(each.on(some).frf(theta)) for each in at_drive_points(assembly))
+    moved = np.mean(amplitude > _NO_MOTION * np.sqrt(output * force), axis=1)
     return bool((moved >= 0.5).any())
 
 
