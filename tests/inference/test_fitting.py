@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 
 import dovetail
 from dovetail.errors import MeasurementError, ParameterError
-from dovetail.inference.fitting import multistart, refine, refinement
+from dovetail.inference.fitting import multistart, refine, searches
 from dovetail.inference.fitting.profiles import profiles
 from dovetail.inference.fitting.searches import Profiles
 from dovetail.interfaces import TimeLimit
@@ -232,8 +232,8 @@ def test_the_ranges_hold(sdof):
 
 
 def test_no_further_searches_begin_once_a_start_reaches_the_noise(collet, torque_100, monkeypatch):
-    few_steps, options = refinement.Settings(search_steps=3), dovetail.FitOptions(steps=3, batches=1)
-    monkeypatch.setattr(refinement, "_SETTINGS", few_steps)
+    few_steps, options = searches.Settings(most_steps=3), dovetail.FitOptions(steps=3, batches=1)
+    monkeypatch.setattr(searches, "_SETTINGS", few_steps)
     frf = measured_of(collet, torque_100, 0.01)
     right, wrong = torque_100, collet.from_unit(1.0 - collet.to_unit(torque_100))
     assert refine(Problem.of(collet, frf), [right], options).starts == 1

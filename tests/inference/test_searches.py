@@ -104,7 +104,7 @@ def test_minima_near_a_lower_one_count_with_it():
     apart = different(ends, 3.0)
     np.testing.assert_array_equal(apart.position[:, 0], [0.12, 0.5])
     np.testing.assert_array_equal(apart.searches, [2, 3])
-    np.testing.assert_array_equal(apart.steps, [2, 1])
+    np.testing.assert_array_equal(apart.steps, [2, 4])
     assert len(different(ends, 1.0).cost) == 4
 
 

@@ -112,7 +112,7 @@ class Minima:
     steps : (n,) array
         Number of times that the derivatives were computed.
     searches : (n,) array
-        How many searches ended there: more than 1 if a minimum stands for several.
+        How many searches ended there: more than 1 if a minimum stands for several, whose steps it has too.
     """
 
     position: NDArray[np.float64]

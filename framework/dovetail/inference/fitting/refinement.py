@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import count
 
 import numpy as np
@@ -14,7 +16,7 @@ from dovetail.inference.fitting.fit import SEARCH_SHARE, UNFINISHED, Fit, Pace, 
 from dovetail.inference.fitting.lines import LineWeights, with_best_delays
 from dovetail.inference.fitting.modal_fit import fit_to_modes
 from dovetail.inference.fitting.profiles import profiles
-from dovetail.inference.fitting.searches import CONFIRMING, FURTHER, Starts, different
+from dovetail.inference.fitting.searches import CONFIRMING, FURTHER, Starts, different, search_ends, searching
 from dovetail.interfaces import FIT_OPTIONS, FitOptions, Progress, logged, silent
 from dovetail.problem import Problem
 from dovetail.problem.definition import WithPrior, bounds_reached, fractions_within
@@ -53,16 +55,10 @@ class Settings:
     """Times that derivatives are computed in a fit from there on some lines, which goes on only if it is the lowest."""
     lower: float = 1e-4
     """Relative decrease of the lowest sum of squares since, with which it is done in a further batch."""
-    same: float = 15.0
-    """Standard deviations, by the curvature, within which two searches have ended in the same minimum."""
     least_batches: int = 3
     """Smallest number of batches before the model is taken not to fit."""
     fit_lines: int = 1500
     """Approximate number of lines of each response on which minima are compared; the best is fitted on all lines."""
-    search_tolerance: float = 1.0
-    """Decrease of the sum of squares in one step that ends a search by logarithms; the fit continues from there."""
-    search_steps: int = 40
-    """Largest number of steps of such a search; one that needs more is in a wrong valley."""
     refitted: int = 4
     """Minima that are fitted again when the weights change, since another one may then be the best."""
     most_discrepancies: int = 8
@@ -125,8 +121,8 @@ class _Refinement:
     """One refinement: its searches and the weights of its fits."""
 
     def __init__(self, problem: Problem, options: FitOptions, seed: int, progress: Progress) -> None:
-        target = problem.observations
-        self._problem, self._target, self._options = problem, target, options
+        self._problem, self._options, self._progress = problem, options, progress
+        self._target = target = problem.observations
         self._from = Starts(len(problem.parameters), seed)
         self._weights = LineWeights(target, len(problem.parameters))
         self._lines = self._weights.search_lines()
@@ -139,7 +135,6 @@ class _Refinement:
         self._turns = {n: highest * span for n, span in enumerate(spans) if owners[n] in description.calibrations}
         self._steps = self._starts = self._searches = 0
         self._expected = options.first_starts + _SETTINGS.first_carried + 1
-        self._progress = progress
 
     def _report_search(self) -> None:
         """Report one more search; further batches are not counted in the total before they begin."""
@@ -148,7 +143,7 @@ class _Refinement:
 
     def run(self, starts: Sequence[NDArray[np.float64]]) -> Fit:
         began = time.perf_counter()
-        ends = self._searched(self._first_batch(starts))
+        ends = self._found(search_ends(self._search, self._first_batch(starts), self._report_search))
         minima = self._compared(ends.at(slice(_SETTINGS.first_carried)))
         best = self._reweighted(self._fitted(minima.position[:1]))
         others = ends.at(slice(_SETTINGS.first_carried, None))
@@ -189,12 +184,12 @@ class _Refinement:
         ones that were not fitted follow, and searches from similar FRFs.
         """
         here = self._compared(replace(minima.at(slice(1)), position=best.position))  # the weights may have changed
-        along, ends = self._from.along_axes(self._search, best.position[0]), minima.at(slice(1, None))
-        if len(along):
-            ends = Minima.joined([ends, self._searched(along)])
-        minima = self._extended(self._with_released(here), ends)
+        along = self._from.along_axes(self._search, best.position[0])
+        ends = self._found(search_ends(self._search, along, self._report_search))
+        minima = self._extended(self._with_released(here), Minima.joined([minima.at(slice(1, None)), ends]))
         if not (self._agree(minima, 0.5) or self._has_no_time()):
-            similar = self._searched(self._from.similar(self._similarity, CONFIRMING)).at(slice(_SETTINGS.carried))
+            points = self._from.similar(self._similarity, CONFIRMING)
+            similar = self._found(search_ends(self._search, points, self._report_search)).at(slice(_SETTINGS.carried))
             minima = self._extended(minima, Minima.joined([others, similar]))
         if here.cost[0] <= highest_agreeing(minima.cost[0]):
             return minima, best
@@ -203,36 +198,44 @@ class _Refinement:
     def _search_further(self, minima: Minima) -> tuple[Minima, Minima]:
         """Search further until a fit reaches the noise, or enough searches agree that none will.
 
-        Returns all minima, and the best one fitted on all lines.
+        Another process can do the searches from similar FRFs during the batch before. Returns all minima, and the best
+        one fitted on all lines.
         """
         profiled, released, profiled_again = np.inf, np.inf, False
-        for batch in count(1):
-            minima = self._compared(minima)  # the weights have changed
-            if minima.cost[0] < (1.0 - _SETTINGS.lower) * released:
-                minima = self._with_released(minima)
-                released = minima.cost[0]
-            best = self._reweighted(self._fitted(minima.position[:1]))
-            if not self._is_doubtful(best):
-                break
-            passes = self._is_noise(best)
-            first_profiled, last = (1, 1) if passes else (_SETTINGS.profiled_batch, self._options.batches)
-            enough = batch >= _SETTINGS.least_batches and self._agree(minima, 0.5)
-            settled = enough and not self._lines.missed_resonances(self._weights.variance, self._values(best)).size
-            ends, repeats = batch > last or settled, np.isfinite(profiled) and self._agree(minima, _SETTINGS.often)
-            if (ends and (profiled_again or not repeats)) or self._has_no_time():
-                break
-            if ends:
-                profiled_again, minima = True, self._with_profiles(minima)
-                continue
-            profiled_again = False
-            along = self._from.along_axes(self._search, best.position[0])
-            starts = np.concatenate([along, self._from.similar(self._similarity, FURTHER)])
-            self._expected = self._searches + len(starts) + _SETTINGS.carried + len(minima.cost) + 1
-            minima = self._extended(minima, self._searched(starts).at(slice(_SETTINGS.carried)))
-            if batch >= first_profiled and profiled > highest_agreeing(minima.cost[0]):
-                profiled = minima.cost[0]
-                minima = self._with_profiles(minima)
+        with ExitStack() as running:
+            similar = running.enter_context(self._similar_meanwhile())
+            for batch in count(1):
+                minima = self._compared(minima)  # the weights have changed
+                if minima.cost[0] < (1.0 - _SETTINGS.lower) * released:
+                    minima = self._with_released(minima)
+                    released = minima.cost[0]
+                best = self._reweighted(self._fitted(minima.position[:1]))
+                if not self._is_doubtful(best):
+                    break
+                wrong = _SETTINGS.profiled_batch, self._options.batches
+                first_profiled, last = (1, 1) if self._is_noise(best) else wrong
+                enough = batch >= _SETTINGS.least_batches and self._agree(minima, 0.5)
+                settled = enough and not self._lines.missed_resonances(self._weights.variance, self._values(best)).size
+                ends, repeats = batch > last or settled, np.isfinite(profiled) and self._agree(minima, _SETTINGS.often)
+                if (ends and (profiled_again or not repeats)) or self._has_no_time():
+                    break
+                if ends:
+                    profiled_again, minima = True, self._with_profiles(minima)
+                    continue
+                profiled_again = False
+                along = self._from.along_axes(self._search, best.position[0])
+                self._expected = self._searches + len(along) + FURTHER.count + _SETTINGS.carried + len(minima.cost) + 1
+                found = self._found(search_ends(self._search, along, self._report_search), similar())
+                similar = running.enter_context(self._similar_meanwhile())
+                minima = self._extended(minima, found.at(slice(_SETTINGS.carried)))
+                if batch >= first_profiled and profiled > highest_agreeing(minima.cost[0]):
+                    profiled, minima = minima.cost[0], self._with_profiles(minima)
         return minima, best
+
+    def _similar_meanwhile(self) -> AbstractContextManager[Callable[[], Minima]]:
+        """Search from points with similar FRFs, for the weights as they are now."""
+        points = partial(self._from.apart().similar, self._similarity, FURTHER)
+        return searching(self._search, points, self._report_search)
 
     def _has_no_time(self) -> bool:
         """Return whether most of the time has passed, which leaves out further batches of searches."""
@@ -268,8 +271,7 @@ class _Refinement:
         if self._problem.limit.is_over:
             self._problem.limit.leave_out("searches along single parameters for a better fit")
             return minima
-        points = along.low_points(position, _SETTINGS.along_profiles)
-        if not len(points):
+        if not len(points := along.low_points(position, _SETTINGS.along_profiles)):
             return minima
         for problem in problems:
             points = self._search_ends(problem, points).position
@@ -278,7 +280,7 @@ class _Refinement:
     def _with_released(self, minima: Minima) -> Minima:
         """Add a better minimum from those parameters that ran away to the ends of their ranges, drawn anew, if any."""
         for _ in range(_SETTINGS.releases):
-            points = self._from.released(different(minima, _SETTINGS.same).at(slice(_SETTINGS.released)))
+            points = self._from.released(different(minima).at(slice(_SETTINGS.released)))
             if not len(points):
                 break
             problem = self._on_fewest.residuals(self._weights.residual.at(self._lines.fewest))
@@ -308,18 +310,16 @@ class _Refinement:
         """The problem by which minima are compared: on some of the lines."""
         return self._on_some.residuals(self._weights.residual.at(self._some))
 
-    def _searched(self, batch: NDArray[np.float64]) -> Minima:
-        """Return the minima where searches by logarithms of amplitudes ended, the most promising first."""
-        self._starts += len(batch)
-        ends = self._search_ends(self._search, batch)
-        return replace(ends, position=with_best_delays(self._comparison, self._turns, ends.position))
+    def _found(self, *ends: Minima) -> Minima:
+        """Return the different minima where searches by logarithms of amplitudes ended, the most promising first."""
+        found = different(Minima.joined(ends))
+        self._starts, self._steps = self._starts + int(found.searches.sum()), self._steps + int(found.steps.sum())
+        return replace(found, position=with_best_delays(self._comparison, self._turns, found.position))
 
     def _search_ends(self, problem: FrfResiduals, start: NDArray[np.float64]) -> Minima:
-        """Return the different minima where searches end, the most promising first."""
-        tolerance, most_steps = _SETTINGS.search_tolerance, _SETTINGS.search_steps
-        minima = minimise(problem, start, tolerance=tolerance, most_steps=most_steps, callback=self._report_search)
-        self._steps += int(minima.steps.sum())
-        return different(minima, _SETTINGS.same)
+        ends = search_ends(problem, start, self._report_search)
+        self._steps += int(ends.steps.sum())
+        return ends
 
     def _agree(self, minima: Minima, share: float) -> bool:
         """Return whether more than a share of the searches ended in the best minimum."""

@@ -16,7 +16,10 @@ optimization, Phys. Rev. E 83 (2011) 036701.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,8 +27,9 @@ from numpy.typing import NDArray
 
 from dovetail.frf.resonance_peaks import prominent_peaks
 from dovetail.interfaces import NO_LIMIT, TimeLimit
+from dovetail.meanwhile import meanwhile, shared_numbers
 from dovetail.problem.definition import latin_hypercube
-from dovetail.problem.least_squares import Minima, SumOfSquares
+from dovetail.problem.least_squares import Minima, SumOfSquares, minimise
 from dovetail.problem.residuals import FrfResiduals
 
 
@@ -51,6 +55,12 @@ class Settings:
     """Probabilities with which a coordinate moves, one drawn for each point: few coordinates at a time, or most."""
     apart: float = 0.1
     """Largest difference of a coordinate above which two points count as different."""
+    tolerance: float = 1.0
+    """Decrease of the sum of squares in one step that ends a search; the fit continues from there."""
+    most_steps: int = 40
+    """Largest number of steps of a search; one that needs more is in a wrong valley."""
+    same: float = 15.0
+    """Standard deviations, by the curvature, within which two searches have ended in the same minimum."""
 
 
 _SETTINGS = Settings()
@@ -77,6 +87,11 @@ class Similar:
     candidates: int
     random: int
     evolved: tuple[tuple[int, int], ...]
+
+    @property
+    def count(self) -> int:
+        """How many points are wanted in all."""
+        return self.random + sum(count for _, count in self.evolved)
 
 
 _FIRST = Similar(candidates=1024, random=2, evolved=((30, 1),))
@@ -105,9 +120,15 @@ class Starts:
         self._size = size
         self._candidates, self._random = np.random.default_rng(seed).spawn(1)[0], np.random.default_rng([seed, 1])
 
+    def apart(self) -> Starts:
+        """Return starts by other random numbers, for searches that another process may do."""
+        others = copy(self)
+        others._candidates, others._random = self._candidates.spawn(1)[0], self._random.spawn(1)[0]
+        return others
+
     def first(self, misfit: FrfResiduals, count: int) -> NDArray[np.float64]:
         """Return the middle of the ranges and points with FRFs like the measured ones, `count` in all."""
-        wanted = replace(_FIRST, random=max(0, count - 1 - sum(number for _, number in _FIRST.evolved)))
+        wanted = replace(_FIRST, random=max(0, count - 1 - (_FIRST.count - _FIRST.random)))
         return np.concatenate([np.full((1, self._size), 0.5), self.similar(misfit, wanted)[: count - 1]])
 
     def similar(self, misfit: FrfResiduals, wanted: Similar) -> NDArray[np.float64]:
@@ -231,8 +252,48 @@ def different_points(points: NDArray[np.float64], difference: float) -> NDArray[
     return points[kept]
 
 
-def different(minima: Minima, deviations: float) -> Minima:
-    """Return the minima that are not near a lower one, the lowest first, with the searches that ended near each.
+def search_ends(problem: SumOfSquares, start: NDArray[np.float64], callback: Callable[[], None]) -> Minima:
+    """Return the different minima where searches from some points (n, p) end, the lowest first.
+
+    `callback` is called when a search ends.
+    """
+    tolerance, most_steps = _SETTINGS.tolerance, _SETTINGS.most_steps
+    return different(minimise(problem, start, tolerance=tolerance, most_steps=most_steps, callback=callback))
+
+
+@contextmanager
+def searching(
+    problem: FrfResiduals, points: Callable[[], NDArray[np.float64]], callback: Callable[[], None]
+) -> Iterator[Callable[[], Minima]]:
+    """Search from some points (n, p) while other work goes on, in another process if there is a core for it.
+
+    Yields what waits for the ends of the searches and returns them, as `search_ends`.
+    """
+    ended, reported, process = shared_numbers(1), 0, os.getpid()
+
+    def report() -> bool:
+        nonlocal reported
+        while reported < ended[0]:
+            reported += 1
+            callback()
+        return problem.limit.was_stopped
+
+    def count_one() -> None:
+        ended[0] += 1.0
+        if os.getpid() == process:
+            report()
+
+    def result() -> Minima:
+        found = ends()
+        report()
+        return found
+
+    with meanwhile(lambda: search_ends(problem, points(), count_one), report) as ends:
+        yield result
+
+
+def different(minima: Minima, deviations: float = _SETTINGS.same) -> Minima:
+    """Return the minima that are not near a lower one, the lowest first, each with the searches that ended near it.
 
     Parameters
     ----------
@@ -241,11 +302,15 @@ def different(minima: Minima, deviations: float) -> Minima:
         Smallest distance from a lower minimum, in standard deviations of the Gaussian about that.
     """
     ranked = Minima.ranked(minima)
+    if not len(ranked.cost):
+        return ranked
     chosen = np.flatnonzero(are_different(ranked, deviations))
     steps = ranked.position[:, np.newaxis] - ranked.position[chosen]
     nearest = np.argmin(np.einsum("nkp,kpq,nkq->nk", steps, ranked.curvature[chosen], steps), axis=1)
-    searches = np.bincount(nearest, ranked.searches, len(chosen)).astype(np.int64)
-    return replace(ranked.at(chosen), searches=searches)
+    steps_near, searches = (
+        np.bincount(nearest, numbers, len(chosen)).astype(np.int64) for numbers in (ranked.steps, ranked.searches)
+    )
+    return replace(ranked.at(chosen), steps=steps_near, searches=searches)
 
 
 def are_different(minima: Minima, deviations: float) -> NDArray[np.bool_]:
