@@ -71,7 +71,7 @@ def results(model):
     images = {figure: figures.png_bytes(figure, label) for label, figure in drawn.items()}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(plots, "plot_frf", lambda result, index: drawn[result.measured.label])
-        patch.setattr(figures, "png_bytes", lambda figure, title, dpi: images[figure])
+        patch.setattr(figures, "png_bytes", lambda figure, title: images[figure])
         yield results
 
 

@@ -120,6 +120,7 @@ def write_results(
     command : str
         The command line that computed it, shown in the report.
     """
+    from dovetail.atomic_files import write_whole
     from dovetail.meanwhile import meanwhile
     from dovetail.report.html_report import write_report
 
@@ -137,7 +138,7 @@ def write_results(
         write_texts(folder, texts)
         write_report(result, folder / "report.html", truth=truth, assembly=assembly, command=command)
         for (_, figure), picture in zip(names, pictures(), strict=True):
-            (folder / figure).write_bytes(picture)
+            write_whole(folder / figure, picture, overwrite=True)
 
 
 def _pictures(result: Identification) -> list[bytes]:
