@@ -23,10 +23,9 @@ import numpy as np
 import dovetail
 from dovetail.dataset import latin_hypercube
 from dovetail.synthesis import Engine
-from dovetail.synthesis.codegen.compiler import MachineKernel, aligned_empty, as_vectors
+from dovetail.synthesis.codegen.compiler import VECTOR, WIDTH, MachineKernel, aligned_empty, as_vectors, constant
 from dovetail.synthesis.codegen.looped import looped_kernel_source
 from dovetail.synthesis.codegen.straight_line import kernel_source
-from dovetail.synthesis.codegen.vector_ir import VECTOR, WIDTH, constant
 
 ASSEMBLY = Path(__file__).resolve().parents[2] / "assemblies" / "bt40_er32.yaml"
 

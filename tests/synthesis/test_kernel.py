@@ -12,7 +12,7 @@ from dovetail import JointModel, JointPort, Parameter
 from dovetail.dataset import latin_hypercube
 from dovetail.registry import Registry
 from dovetail.synthesis import Attachment, Connection, Engine, Graph, direct_receptance
-from dovetail.synthesis.codegen.vector_ir import WIDTH
+from dovetail.synthesis.codegen.compiler import WIDTH
 from dovetail.synthesis.elimination import plan_elimination, run_elimination
 
 FREQUENCY = np.linspace(20.0, 900.0, 61)

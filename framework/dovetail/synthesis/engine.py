@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.parallel import cores, threads
-from dovetail.synthesis.codegen.compiler import MachineKernel, aligned_empty
-from dovetail.synthesis.codegen.vector_ir import WIDTH
+from dovetail.synthesis.codegen.compiler import WIDTH, MachineKernel, aligned_empty
 from dovetail.synthesis.coupled_system import CoupledSystem, condense
 from dovetail.synthesis.elimination import Program
 from dovetail.synthesis.graph import Graph, Point

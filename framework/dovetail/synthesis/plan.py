@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 
 from dovetail.errors import DovetailError
 from dovetail.interfaces import JointModel
-from dovetail.synthesis.codegen.compiler import MachineKernel, as_vectors, compiled
+from dovetail.synthesis.codegen.compiler import WIDTH, MachineKernel, as_vectors, compiled
 from dovetail.synthesis.codegen.layout import Layout, SpectralDerivative
 from dovetail.synthesis.codegen.looped import looped_kernel_source
 from dovetail.synthesis.codegen.straight_line import kernel_source
-from dovetail.synthesis.codegen.vector_ir import WIDTH
 from dovetail.synthesis.coupled_system import CoupledSystem, JointStructure
 from dovetail.synthesis.elimination import Program, plan_elimination
 from dovetail.synthesis.joint_evaluation import (

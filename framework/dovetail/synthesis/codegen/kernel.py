@@ -9,8 +9,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
-from dovetail.synthesis.codegen.layout import MATRICES, Layout
-from dovetail.synthesis.codegen.vector_ir import (
+from dovetail.synthesis.codegen.compiler import (
     MASK,
     VECTOR,
     WIDTH,
@@ -19,6 +18,7 @@ from dovetail.synthesis.codegen.vector_ir import (
     constant,
     declarations,
 )
+from dovetail.synthesis.codegen.layout import MATRICES, Layout
 from dovetail.synthesis.elimination import Program
 
 ZERO = constant(0.0)

@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 
+from dovetail.synthesis.codegen.compiler import MASK, VECTOR, ComplexVector
 from dovetail.synthesis.codegen.kernel import ZERO, KernelWriter
 from dovetail.synthesis.codegen.layout import MATRICES, Layout
-from dovetail.synthesis.codegen.vector_ir import MASK, VECTOR, ComplexVector
 from dovetail.synthesis.elimination import Program
 
 _IMAGINARY = {"K": 0, "M": 0, "D": 1, "C": 1}

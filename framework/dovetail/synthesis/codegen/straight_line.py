@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from itertools import product
 
+from dovetail.synthesis.codegen.compiler import MASK, ComplexVector
 from dovetail.synthesis.codegen.kernel import KernelWriter
 from dovetail.synthesis.codegen.layout import Layout
-from dovetail.synthesis.codegen.vector_ir import MASK, ComplexVector
 from dovetail.synthesis.elimination import Program
 
 
