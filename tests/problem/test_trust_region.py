@@ -34,11 +34,20 @@ def searched_slowly(problem: SumOfSquares, start: np.ndarray, tolerance: float, 
             damping = scipy.optimize.brentq(lambda d: length_with(d) - radius, damping, highest)  # noqa: B023
         matrix = curvature + damping * np.eye(len(x))
         room = 0.995 * np.stack([x, 1.0 - x])
-        step = np.clip(scale * np.linalg.solve(matrix, -scale * gradient), -room[0], room[1])
-        velocity = step / scale
+        velocity, free = np.linalg.solve(matrix, -scale * gradient), np.arange(len(x))
+        while np.any(outside := np.maximum(-room[0] - scale * velocity, scale * velocity - room[1])[free] > 0.0):
+            stopped = np.setdiff1d(np.arange(len(x)), free[~outside])
+            free = free[~outside]
+            velocity[stopped] = np.clip(
+                velocity[stopped], -room[0][stopped] / scale[stopped], (room[1] / scale)[stopped]
+            )
+            given = (scale * gradient)[free] + matrix[np.ix_(free, stopped)] @ velocity[stopped]
+            velocity[free] = np.linalg.solve(matrix[np.ix_(free, free)], -given)
+        step = scale * velocity
         ahead = problem.residuals((x + 0.1 * step)[np.newaxis])[0]
         second = 2.0 / 0.1**2 * (ahead - residuals - 0.1 * jacobian @ step)
-        acceleration = np.linalg.solve(matrix, -scale * (jacobian.T @ second))
+        acceleration = np.zeros_like(x)
+        acceleration[free] = np.linalg.solve(matrix[np.ix_(free, free)], -(scale * (jacobian.T @ second))[free])
         trusted = np.linalg.norm(acceleration) <= _LARGEST_BEND * np.linalg.norm(velocity)
         moved = np.clip(step + trusted * scale * acceleration / 2.0, -room[0], room[1])
         there = problem.linearise((x + moved)[np.newaxis])
@@ -97,8 +106,8 @@ def test_searches_end_in_the_same_minima_as_those_of_scipy(lap, starts):
 
 
 def test_searches_take_the_steps_of_a_slow_version(lap, starts, monkeypatch):
-    monkeypatch.setattr("dovetail.problem.least_squares._RADIUS_ERROR", 1e-12)
-    monkeypatch.setattr("dovetail.problem.least_squares._RADIUS_STEPS", 100)
+    monkeypatch.setattr("dovetail.problem.trust_region._RADIUS_ERROR", 1e-12)
+    monkeypatch.setattr("dovetail.problem.trust_region._RADIUS_STEPS", 100)
     together = minimise(lap, starts[:6], tolerance=1e-3, most_steps=8)
     alone = [searched_slowly(lap, start, 1e-3, 8) for start in starts[:6]]
     np.testing.assert_allclose(together.position, alone, atol=_AT_BOUND)  # within which a search is moved onto a bound
@@ -123,6 +132,27 @@ def test_each_search_is_reported_once_when_it_ends(lap, starts):
     reported = []
     minimise(lap, starts, tolerance=1e-2, most_steps=9, callback=lambda: reported.append(1))
     assert len(reported) == len(starts)
+
+
+class Valley(SumOfSquares):
+    """Linear residuals whose minimum is outside of the cube; their valley is a thousand times as long as wide."""
+
+    A = np.array([[1.0, 1.0, 0.0], [1e-3, -1e-3, 0.0], [0.0, 1.0, 1.0], [0.0, 1e-3, -1e-3]])
+    b = A @ np.array([-0.4, 0.9, 0.3])
+
+    def residuals(self, position):
+        return 1e4 * (position @ self.A.T - self.b)
+
+    def linearise(self, position):
+        return Linearisation(self.residuals(position), np.tile(1e4 * self.A.T, (len(position), 1, 1)))
+
+
+def test_a_search_follows_a_valley_along_a_face():
+    """A coordinate that stops at the face while the others went on would climb the side of the valley."""
+    right = scipy.optimize.lsq_linear(Valley.A, Valley.b, (0.0, 1.0), tol=1e-14)
+    found = minimise(Valley(), np.random.default_rng(3).random((20, 3)), tolerance=1e-3, most_steps=60)
+    np.testing.assert_allclose(found.position, np.tile(right.x, (20, 1)), atol=1e-3)
+    assert np.mean(found.steps) < 12.0
 
 
 class Wall(SumOfSquares):

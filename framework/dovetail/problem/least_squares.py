@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.interfaces import NO_LIMIT, TimeLimit
+from dovetail.problem.trust_region import TrustRegionModel
 
 _TINY = np.finfo(float).tiny
 _INSIDE = 1e-10
@@ -19,12 +20,6 @@ _AT_BOUND = 1e-5
 """Distance from a face of the cube within which a search that is driven towards the face is moved onto it."""
 _NEAREST = 0.995
 """Largest part of the way to a face that a coordinate goes in one step."""
-_SINGULAR = 1e-14
-"""Eigenvalue of the scaled normal matrix, over the largest, below which it is rounding."""
-_RADIUS_ERROR = 0.1
-"""Relative error with which the length of a step equals the radius of its trust region."""
-_RADIUS_STEPS = 10
-"""Largest number of Newton steps for the damping that gives this length; two or three are usual."""
 _LEAST_RADIUS = 1e-8
 """Radius, relative to the scaled position, at which a search ends."""
 _PROBE = 0.1
@@ -246,15 +241,16 @@ class _Searches:
         distance = self._distances(rows)
         scale = np.sqrt(distance) / self._sizes[rows]
         barrier = np.abs(gradient) * scale**2 / np.maximum(distance, _TINY)
-        model = _ScaledModel.of(scale * gradient, self._curvature[rows], scale, barrier)
+        model = TrustRegionModel.of(scale * gradient, self._curvature[rows], scale, barrier)
         velocity, damping = model.step(radius)
-        straight = _kept_inside(position, scale * velocity)
-        velocity = straight / np.maximum(scale, _TINY)
-        acceleration = model.newton(scale * self._bend(position, straight), damping)
+        room = np.stack([-_NEAREST * position, _NEAREST * (1.0 - position)])
+        velocity, free = model.confined(velocity, damping, *(room / np.maximum(scale, _TINY)))
+        straight = scale * velocity
+        acceleration = model.newton(scale * self._bend(position, straight), damping, free)
         length = np.linalg.norm(velocity, axis=1)
         trusted = np.linalg.norm(acceleration, axis=1) <= _LARGEST_BEND * length
         step = straight + np.where(trusted[:, np.newaxis], scale * acceleration / 2.0, 0.0)
-        step = _kept_inside(position, step)
+        step = np.clip(step, *room)
         tried = self._problem.linearise(position + step)
         self._steps[rows] += 1
         decrease, count = self._cost[rows] - tried.cost, tried.residuals.shape[1]
@@ -317,84 +313,7 @@ def _are_finite(linear: Linearisation) -> NDArray[np.bool_]:
     return np.isfinite(linear.cost) & np.isfinite(linear.curvature).all(axis=(1, 2))
 
 
-def _kept_inside(position: NDArray[np.float64], step: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return steps (n, p) of which no coordinate reaches a face."""
-    room = _NEAREST * np.where(step < 0.0, position, 1.0 - position)
-    return np.clip(step, -room, room)
-
-
 def _column_sizes(curvature: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the lengths (n, p) of the columns of the Jacobian."""
     diagonal = np.diagonal(curvature, axis1=1, axis2=2)
     return np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-
-
-@dataclass(frozen=True, eq=False)
-class _ScaledModel:
-    """Gauss-Newton models of half the sums of squares, in scaled coordinates: g^T s + s^T H s / 2.
-
-    Parameters
-    ----------
-    gradient : (n, p) array
-        g.
-    values, vectors : (n, p) and (n, p, p) arrays
-        Eigenvalues and eigenvectors of H; the values are not negative.
-    """
-
-    gradient: NDArray[np.float64]
-    values: NDArray[np.float64]
-    vectors: NDArray[np.float64]
-
-    @staticmethod
-    def of(
-        gradient: NDArray[np.float64],
-        curvature: NDArray[np.float64],
-        scale: NDArray[np.float64],
-        barrier: NDArray[np.float64],
-    ) -> _ScaledModel:
-        """Return the model with a barrier (n, p) that is added to the scaled curvature."""
-        matrix = curvature * scale[:, :, np.newaxis] * scale[:, np.newaxis]
-        np.einsum("npp->np", matrix)[:] += barrier
-        values, vectors = np.linalg.eigh(matrix)
-        return _ScaledModel(gradient, np.maximum(values, 0.0), vectors)
-
-    def _along(self, vector: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.asarray((vector[:, np.newaxis] @ self.vectors)[:, 0])
-
-    def step(self, radius: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the steps (n, p) to the lowest points within spheres of given radii (n,), and their damping (n,)."""
-        along = self._along(self.gradient)
-        damping = _SINGULAR * self.values.max(axis=1) + _TINY
-        lowest, highest, used = damping, np.linalg.norm(along, axis=1) / radius, damping
-        components = -along / (self.values + damping[:, np.newaxis])
-        outside = np.linalg.norm(components, axis=1) > (1.0 + _RADIUS_ERROR) * radius
-        tried = np.maximum(1e-3 * highest, np.sqrt(lowest * highest))
-        for _ in range(_RADIUS_STEPS):
-            if not outside.any():
-                break
-            used = np.where(outside, tried, used)
-            shrunk = self.values + used[:, np.newaxis]
-            components = -along / shrunk
-            length = np.linalg.norm(components, axis=1)
-            excess = length - radius
-            outside &= np.abs(excess) > _RADIUS_ERROR * radius
-            tangent = excess * length / np.maximum(np.sum(components**2 / shrunk, axis=1), _TINY)
-            highest = np.where(excess < 0.0, np.minimum(highest, used), highest)
-            lowest = np.maximum(lowest, used + tangent)
-            newton = used + length / radius * tangent
-            safe = np.maximum(1e-3 * highest, np.sqrt(lowest * highest))
-            tried = np.where((newton < lowest) | (newton > highest), safe, newton)
-        return self._whole(components), used
-
-    def newton(self, gradient: NDArray[np.float64], damping: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the damped Newton steps -(H + damping)^-1 g (n, p) for other gradients (n, p)."""
-        return self._whole(-self._along(gradient) / (self.values + damping[:, np.newaxis]))
-
-    def _whole(self, along: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.asarray((self.vectors @ along[:, :, np.newaxis])[:, :, 0])
-
-    def decrease(self, step: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return by how much the models (n,) of the whole sums of squares fall along steps (n, p)."""
-        along = self._along(step)
-        linear = np.sum(self.gradient * step, axis=1)
-        return np.asarray(-2.0 * linear - np.sum(self.values * along**2, axis=1))
