@@ -27,6 +27,7 @@ from scipy.special import ndtri
 from dovetail.inference.posterior.tangent_steps import Density, tangent_steps
 from dovetail.inference.posterior.weights import INDEPENDENT
 from dovetail.interfaces import NO_LIMIT, Progress, TimeLimit, silent
+from dovetail.meanwhile import in_parts
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,8 @@ class Settings:
     """Probability with which each coordinate moves in steps that move some of them only."""
     shorter: float = 0.2
     """Smallest step, over the one that is best for a normal distribution."""
+    apart: int = 4000
+    """Difference steps, those of all points together, that are worth a process of their own."""
     scatter: float = 1e-4
     """Standard deviation added to a difference, so that all places can be reached."""
     largest_jump: float = 0.9
@@ -100,29 +103,48 @@ class Chains:
         return _SETTINGS.iteration_cost * iterations / count
 
     def difference_steps(self, steps: int = _SETTINGS.differences[0], *, some: bool = False) -> float:
-        """Move each half of the points by differences of points of the other half; return the cost.
+        """Move each half of the points by differences of points of the other half, as these are now; return the cost.
 
         With `some`, half of the points move in some of their coordinates only.
         """
-        count, width = self.z.shape
-        for _ in range(steps):
-            order = self._random.permutation(count)
-            halves = order[: count // 2], order[count // 2 :]
-            for moved, others in (halves, halves[::-1]):
-                first, second = self._random.integers(0, len(others), (2, len(moved)))
-                shorter = _SETTINGS.shorter ** self._random.random(len(moved))
-                whole = self._random.random(len(moved)) < _SETTINGS.whole_difference
-                length = np.where(whole, 1.0, 2.38 / np.sqrt(2.0 * width) * shorter)
-                step = length[:, np.newaxis] * (self.z[others[first]] - self.z[others[second]])
-                step += _SETTINGS.scatter * self._random.standard_normal(step.shape)
-                step *= self._coordinates(step.shape) if some else 1.0
-                self._propose(moved, self.z[moved] + step, 0.0)
+        moves = self._differences(steps, some=some)
+        levels = np.log(self._random.random(moves.shape[:2]))
+
+        def walk(rows: NDArray[np.intp]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+            z, log_posterior = self.z[rows], self.log_posterior[rows]
+            for move, level in zip(moves[:, rows], levels[:, rows], strict=True):
+                proposed = z + move
+                there = self._density.log(proposed)
+                accepted = level < there - log_posterior
+                z = np.where(accepted[:, np.newaxis], proposed, z)
+                log_posterior = np.where(accepted, there, log_posterior)
+            return z, log_posterior
+
+        parts = in_parts(walk, len(self.z), _SETTINGS.apart // steps + 1, lambda: self._limit.was_stopped)
+        z, log_posterior = zip(*parts, strict=True)
+        self.z, self.log_posterior = np.concatenate(z), np.concatenate(log_posterior)
         return float(steps)
 
-    def _coordinates(self, shape: tuple[int, int]) -> NDArray[np.bool_]:
-        """Return which coordinates of points (n, d) move: some, at least one, of about half of them, else all."""
-        moves = self._random.random(shape) < self._random.choice([_SETTINGS.some_coordinates, 1.0], (shape[0], 1))
-        moves[np.arange(shape[0]), self._random.integers(0, shape[1], shape[0])] = True
+    def _differences(self, steps: int, *, some: bool) -> NDArray[np.float64]:
+        """Return the moves (steps, n, d) of each half of the points by differences of points of the other half."""
+        count, width = self.z.shape
+        order, shape = self._random.permutation(count), (steps, count, width)
+        halves = order[: count // 2], order[count // 2 :]
+        difference = np.empty(shape)
+        for moved, others in (halves, halves[::-1]):
+            first, second = others[self._random.integers(0, len(others), (2, steps, len(moved)))]
+            difference[:, moved] = self.z[first] - self.z[second]
+        shorter = _SETTINGS.shorter ** self._random.random(shape[:2])
+        whole = self._random.random(shape[:2]) < _SETTINGS.whole_difference
+        length = np.where(whole, 1.0, 2.38 / np.sqrt(2.0 * width) * shorter)
+        moves = length[..., np.newaxis] * difference + _SETTINGS.scatter * self._random.standard_normal(shape)
+        return moves * self._coordinates(shape) if some else moves
+
+    def _coordinates(self, shape: tuple[int, int, int]) -> NDArray[np.bool_]:
+        """Return which coordinates of points (..., d) move: some, at least one, of about half of them, else all."""
+        moves = self._random.random(shape) < self._random.choice([_SETTINGS.some_coordinates, 1.0], (*shape[:2], 1))
+        always = self._random.integers(0, shape[-1], (*shape[:2], 1))
+        np.put_along_axis(moves, always, values=True, axis=-1)
         return moves
 
     def prior_steps(self, steps: int = _SETTINGS.prior[0]) -> float:
