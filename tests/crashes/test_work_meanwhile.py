@@ -7,6 +7,7 @@ import signal
 import sys
 import threading
 import time
+from dataclasses import replace
 from multiprocessing import get_context
 
 import numpy as np
@@ -14,7 +15,9 @@ import pytest
 
 import dovetail
 from dovetail import worker_processes
-from dovetail.inference.posterior import randomize_then_optimize
+from dovetail.inference.fitting import refine
+from dovetail.inference.fitting.searches import FURTHER
+from dovetail.inference.posterior import metropolis, randomize_then_optimize
 from dovetail.inference.posterior.annealing import Annealing
 from dovetail.inference.posterior.drawn_samples import SearchEnds, move_by_weight
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints
@@ -22,6 +25,7 @@ from dovetail.inference.posterior.tangent_mixture import TangentMixture
 from dovetail.inference.posterior.tangent_steps import Density
 from dovetail.meanwhile import in_parts, in_turn, meanwhile
 from dovetail.parallel import _Share, cores, use_cores
+from dovetail.problem import Problem
 from dovetail.problem.least_squares import Linearisation
 from support.noisy_measurements import noisy
 from support.waiting import wait_until
@@ -184,6 +188,24 @@ def test_an_identification_is_the_same_on_any_number_of_cores(sdof, deviation, a
     assert max(total for stage, _, total in steps if stage == "modes") > 1
 
 
+def test_a_fit_that_searches_further_is_the_same_on_any_number_of_cores(sdof, available):
+    """Another resonance, which the model lacks; searches that another process does are counted too."""
+    other = 0.3 * sdof.frf(np.array([6e6, 40.0]))
+    problem = Problem.of(sdof, noisy(sdof, sdof.frf(np.array([3e6, 40.0])) + other))
+    steps = []
+    shown = refine(problem, progress=lambda stage, done, total, note="": steps.append((done, total)))
+    use_cores(1)
+    alone = refine(problem)
+    use_cores(sys.maxsize)
+    assert shown.theta.tolist() == alone.theta.tolist()
+    assert (shown.starts, shown.steps, shown.agreeing) == (alone.starts, alone.steps, alone.agreeing)
+    assert shown.discrepancy > 0.0
+    done = [number for number, _ in steps]
+    assert done == list(range(len(done)))
+    assert len(done) > shown.starts > FURTHER.count
+    assert all(number < total for number, total in steps)
+
+
 class Valley:
     """A posterior of two coordinates in a curved valley, whose searches have uneven weights."""
 
@@ -199,6 +221,7 @@ class Valley:
 
 def test_samples_that_are_moved_are_the_same_on_any_number_of_cores(monkeypatch):
     monkeypatch.setattr(randomize_then_optimize, "_DERIVATIVES_APART", 60)  # ten points
+    monkeypatch.setattr(metropolis, "_SETTINGS", replace(metropolis.Settings(), apart=100))
 
     def moved():
         random, posterior = np.random.default_rng(0), Valley()
