@@ -55,6 +55,8 @@ class Settings:
     """Probability with which each coordinate moves in steps that move some of them only."""
     shorter: float = 0.2
     """Smallest step, over the one that is best for a normal distribution."""
+    most_moves: int = 4_000_000
+    """Largest number of coordinates of all difference steps that begin from the same places."""
     apart: int = 4000
     """Difference steps, those of all points together, that are worth a process of their own."""
     scatter: float = 1e-4
@@ -105,8 +107,15 @@ class Chains:
     def difference_steps(self, steps: int = _SETTINGS.differences[0], *, some: bool = False) -> float:
         """Move each half of the points by differences of points of the other half, as these are now; return the cost.
 
-        With `some`, half of the points move in some of their coordinates only.
+        With `some`, half of the points move in some of their coordinates only. Of many points, fewer steps follow from
+        the same places, so that memory is limited.
         """
+        at_once = min(steps, max(1, _SETTINGS.most_moves // self.z.size))
+        for first in range(0, steps, at_once):
+            self._move_by_differences(min(at_once, steps - first), some=some)
+        return float(steps)
+
+    def _move_by_differences(self, steps: int, *, some: bool) -> None:
         moves = self._differences(steps, some=some)
         levels = np.log(self._random.random(moves.shape[:2]))
 
@@ -123,7 +132,6 @@ class Chains:
         parts = in_parts(walk, len(self.z), _SETTINGS.apart // steps + 1, lambda: self._limit.was_stopped)
         z, log_posterior = zip(*parts, strict=True)
         self.z, self.log_posterior = np.concatenate(z), np.concatenate(log_posterior)
-        return float(steps)
 
     def _differences(self, steps: int, *, some: bool) -> NDArray[np.float64]:
         """Return the moves (steps, n, d) of each half of the points by differences of points of the other half."""
