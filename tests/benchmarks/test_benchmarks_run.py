@@ -8,8 +8,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import genuine_measurements
 import pytest
 
+from dovetail.inference.fitting import refine
+from dovetail.problem import Problem
 from support.scripts import run_script
 
 
@@ -123,9 +126,11 @@ def test_parameters_that_ran_away_to_ends_of_their_ranges_are_brought_back(case,
 
 
 def test_residuals_that_are_hardly_noise_get_further_searches():
-    """A chi-squared of 1.15 on 285 lines might be noise, but 0.99 is there too."""
-    rows = cells(run("genuine_measurements.py", "--only", 16, "--seed", 9405))[2:]
-    assert rows[-1][:4] == ["all", "1 of 1", "1 of 1", "1 of 1"]
+    """A chi-squared of 1.09 on 285 lines might be noise, but 0.99 is there too; less than half of the seeds find it."""
+    problem = Problem.of(*genuine_measurements.drawn(16, 9405, (200, 50_000))[:2])
+    fits = [refine(problem, seed=seed) for seed in range(8)]
+    assert min(fit.starts for fit in fits) > 16
+    assert sum(fit.chi_squared < 1.0 for fit in fits) >= 2
 
 
 def test_fits_of_a_wrong_model_are_compared_by_seed():

@@ -45,8 +45,8 @@ class Settings:
     """Points along the range of each parameter among which these are found."""
     face: float = 0.01
     """Distance from an end of its range, as a fraction of it, within which a parameter has run away to this end."""
-    released: int = 8
-    """Points for each minimum at which such parameters are drawn anew."""
+    released: int = 24
+    """Points at which such parameters are drawn anew, about as many for each minimum."""
     best: float = 1.0 / 8.0
     """Share of the points, the lowest ones, towards which the others move."""
     lengths: tuple[float, float] = 0.3, 0.9
@@ -168,11 +168,12 @@ class Starts:
         plateau: a stiffness becomes rigid, or a damper locks (Transtrum et al.). The others are often nearly right.
         """
         points = [np.empty((0, self._size))]
-        for position in minima.position:
-            away = np.flatnonzero(np.minimum(position, 1.0 - position) < _SETTINGS.face)
-            if len(away):
-                points.append(np.tile(position, (_SETTINGS.released, 1)))
-                points[-1][:, away] = latin_hypercube(_SETTINGS.released, len(away), self._random)
+        ran_away = np.minimum(minima.position, 1.0 - minima.position) < _SETTINGS.face
+        count = -(-_SETTINGS.released // max(1, int(np.count_nonzero(ran_away.any(axis=1)))))
+        for position, away in zip(minima.position, ran_away, strict=True):
+            if away.any():
+                points.append(np.tile(position, (count, 1)))
+                points[-1][:, away] = latin_hypercube(count, int(np.count_nonzero(away)), self._random)
         return np.concatenate(points)
 
     def grid(self) -> NDArray[np.float64]:
