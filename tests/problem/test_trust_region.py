@@ -8,7 +8,7 @@ import scipy
 
 import dovetail
 from dovetail.problem import Problem
-from dovetail.problem.least_squares import _AT_BOUND, _LARGEST_BEND, Linearisation, SumOfSquares, minimise
+from dovetail.problem.least_squares import _AT_BOUND, _LARGEST_BEND, Linearisation, Minima, SumOfSquares, minimise
 
 
 def searched_slowly(problem: SumOfSquares, start: np.ndarray, tolerance: float, most_steps: int) -> np.ndarray:
@@ -126,6 +126,22 @@ def test_more_searches_than_fit_into_memory_are_divided_with_the_same_result(lap
     monkeypatch.setattr("dovetail.problem.least_squares._MOST_BYTES", 1.0)
     divided = minimise(lap, starts, tolerance=1e-2, most_steps=40)
     np.testing.assert_array_equal(divided.position, together.position)
+
+
+class Unused(SumOfSquares):
+    """Must not be computed: a model need not take no parameter vectors at all."""
+
+    def residuals(self, position):
+        raise AssertionError
+
+    linearise = residuals
+
+
+def test_without_starts_nothing_is_computed_and_there_are_no_minima():
+    found = minimise(Unused(), np.empty((0, 3)), tolerance=1e-2, most_steps=40)
+    assert found.position.shape == (0, 3)
+    assert found.curvature.shape == (0, 3, 3)
+    assert len(Minima.joined([found, found]).cost) == 0
 
 
 def test_each_search_is_reported_once_when_it_ends(lap, starts):

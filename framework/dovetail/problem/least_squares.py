@@ -175,6 +175,9 @@ def minimise(
     J. J. More, The Levenberg-Marquardt algorithm: implementation and theory, Numerical Analysis (1978) 105-116.
     """
     position = np.clip(start, _INSIDE, 1.0 - _INSIDE)
+    if not len(position):
+        none, size = np.empty(0, dtype=np.int64), position.shape[1]
+        return Minima(position, np.empty(0), np.empty((0, size, size)), none, none)
     groups = np.array_split(position, _groups(problem, position))
     return Minima.joined([_minimised(problem, group, tolerance, most_steps, superfluous, callback) for group in groups])
 
