@@ -42,7 +42,7 @@ def elastic_frequencies(matrices: StructuralMatrices | SparseMatrices, count: in
 
 
 def _sparse_frequencies(matrices: SparseMatrices, count: int) -> NDArray[np.float64]:
-    active = dofs_with_inertia((matrices.K != 0) + (matrices.M != 0), matrices.M.diagonal())
+    active = dofs_with_inertia(abs(matrices.K) + abs(matrices.M), matrices.M.diagonal())
     K, M = matrices.K[active][:, active], matrices.M[active][:, active]
     most = int(np.count_nonzero(M.diagonal() > 0)) - 1
     wanted = min(count + _RIGID_BODY_MODES, most)
