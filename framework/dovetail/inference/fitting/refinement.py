@@ -143,7 +143,7 @@ class _Refinement:
 
     def run(self, starts: Sequence[NDArray[np.float64]]) -> Fit:
         began = time.perf_counter()
-        ends = self._found(search_ends(self._search, self._first_batch(starts), self._report_search))
+        ends = self._searched(self._first_batch(starts))
         minima = self._compared(ends.at(slice(_SETTINGS.first_carried)))
         best = self._reweighted(self._fitted(minima.position[:1]))
         others = ends.at(slice(_SETTINGS.first_carried, None))
@@ -184,12 +184,10 @@ class _Refinement:
         ones that were not fitted follow, and searches from similar FRFs.
         """
         here = self._compared(replace(minima.at(slice(1)), position=best.position))  # the weights may have changed
-        along = self._from.along_axes(self._search, best.position[0])
-        ends = self._found(search_ends(self._search, along, self._report_search))
+        ends = self._searched(self._from.along_axes(self._search, best.position[0]))
         minima = self._extended(self._with_released(here), Minima.joined([minima.at(slice(1, None)), ends]))
         if not (self._agree(minima, 0.5) or self._has_no_time()):
-            points = self._from.similar(self._similarity, CONFIRMING)
-            similar = self._found(search_ends(self._search, points, self._report_search)).at(slice(_SETTINGS.carried))
+            similar = self._searched(self._from.similar(self._similarity, CONFIRMING)).at(slice(_SETTINGS.carried))
             minima = self._extended(minima, Minima.joined([others, similar]))
         if here.cost[0] <= highest_agreeing(minima.cost[0]):
             return minima, best
@@ -225,7 +223,7 @@ class _Refinement:
                 profiled_again = False
                 along = self._from.along_axes(self._search, best.position[0])
                 self._expected = self._searches + len(along) + FURTHER.count + _SETTINGS.carried + len(minima.cost) + 1
-                found = self._found(search_ends(self._search, along, self._report_search), similar())
+                found = self._searched(along, similar)
                 similar = running.enter_context(self._similar_meanwhile())
                 minima = self._extended(minima, found.at(slice(_SETTINGS.carried)))
                 if batch >= first_profiled and profiled > highest_agreeing(minima.cost[0]):
@@ -310,9 +308,10 @@ class _Refinement:
         """The problem by which minima are compared: on some of the lines."""
         return self._on_some.residuals(self._weights.residual.at(self._some))
 
-    def _found(self, *ends: Minima) -> Minima:
-        """Return the different minima where searches by logarithms of amplitudes ended, the most promising first."""
-        found = different(Minima.joined(ends))
+    def _searched(self, batch: NDArray[np.float64], *meanwhile: Callable[[], Minima]) -> Minima:
+        """Return the different minima where searches by logarithms of amplitudes, some done meanwhile, have ended."""
+        own = search_ends(self._search, batch, self._report_search)
+        found = different(Minima.joined([own, *(ends() for ends in meanwhile)]))
         self._starts, self._steps = self._starts + int(found.searches.sum()), self._steps + int(found.steps.sum())
         return replace(found, position=with_best_delays(self._comparison, self._turns, found.position))
 
