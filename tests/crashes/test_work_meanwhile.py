@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import sys
@@ -204,6 +205,19 @@ def test_a_fit_that_searches_further_is_the_same_on_any_number_of_cores(sdof, av
     assert done == list(range(len(done)))
     assert len(done) > shown.starts > FURTHER.count
     assert all(number < total for number, total in steps)
+
+
+def test_a_network_is_the_same_on_any_number_of_cores(sdof, available):
+    regressor = {"model": "mlp", "hidden": [8], "max_epochs": 3}
+    identification = {"samples": 300, "reducer": {"model": "pca", "n_components": 5}, "regressor": regressor}
+    described = dovetail.load({**json.loads(sdof.description.text), "identification": identification})
+    shown = dovetail.train(described)
+    use_cores(1)
+    alone = dovetail.train(described)
+    use_cores(sys.maxsize)
+    np.testing.assert_array_equal(shown.novelty.limits, alone.novelty.limits)
+    frf = sdof.frf(np.array([3e6, 40.0]))
+    np.testing.assert_array_equal(*(one.network.predict(np.abs(frf)[np.newaxis]) for one in (shown, alone)))
 
 
 class Valley:

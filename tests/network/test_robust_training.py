@@ -10,7 +10,7 @@ import pytest
 import dovetail
 from dovetail.description import AugmentationSection
 from dovetail.errors import DatasetError
-from dovetail.network.augmentation import Augmentation, FreshEpochs, NoisyFeatures
+from dovetail.network.augmentation import Augmentation, FreshEpochs, NoisyFeatures, ReducedEpochs
 from dovetail.network.pipeline import Reduction
 from dovetail.network.preprocessing import TargetScaling, ZScore
 
@@ -155,6 +155,44 @@ def test_training_goes_through_as_many_augmentations_as_copies(robust, frfs):
     assert not np.array_equal(asked[0], asked[1])
 
 
+@pytest.mark.parametrize("reducer", [{"model": "pca", "n_components": 12}, {"model": "none"}])
+def test_an_epoch_is_the_same_whether_it_is_computed_ahead_or_alone(with_settings, frfs, reducer):
+    assembly = with_settings(samples=600, reducer=reducer, augmentation={"copies": 3})
+    noisy = noisy_features(assembly, frfs)
+    reduction = reduction_of(assembly, noisy)
+    with ReducedEpochs(noisy, reduction, reduction(*noisy(0))) as epochs:
+        made = {number: epochs(number) for number in (0, 2, 1)}
+    for number, (features, targets) in made.items():
+        expected = reduction(*noisy(number))
+        np.testing.assert_array_equal(features, expected[0])
+        np.testing.assert_array_equal(targets, expected[1])
+
+
+def test_no_epoch_is_begun_once_training_has_failed(robust, frfs, monkeypatch):
+    noisy, computed = noisy_features(robust, frfs), []
+    reduction = reduction_of(robust, noisy)
+    first = reduction(*noisy(0))
+    monkeypatch.setattr(ReducedEpochs, "_computed", lambda _, number: computed.append(number) or first)
+
+    def train():
+        with ReducedEpochs(noisy, reduction, first) as epochs:
+            epochs(0)
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        train()
+    assert computed in ([], [1])
+
+
+def reduction_of(assembly, noisy):
+    """The reduction that is fitted to the first epoch."""
+    features, theta = noisy(0)
+    reducer = assembly.description.identification.reducer.fit(features, seed=0)
+    return Reduction(
+        "reducer", reducer, ZScore.fit(reducer.transform(features)), TargetScaling.fit(theta, assembly.parameters)
+    )
+
+
 @pytest.fixture
 def fresh_epochs(with_settings, frfs):
     """Makes epochs of fresh samples, each drawn so often on average."""
@@ -163,12 +201,8 @@ def fresh_epochs(with_settings, frfs):
         augmentation = {"fresh": True, "reuse": reuse}
         assembly = with_settings(samples=600, reducer={"model": "pca"}, augmentation=augmentation)
         samples = noisy_features(assembly, frfs)
-        features, theta = samples(0)
-        reducer = assembly.description.identification.reducer.fit(features, seed=0)
-        reduced = reducer.transform(features)
-        scaling = ZScore.fit(reduced), TargetScaling.fit(theta, assembly.parameters)
-        reduction = Reduction("pca", reducer, *scaling)
-        return FreshEpochs(samples, reduction, reduction.standardise(reduced, theta))
+        reduction = reduction_of(assembly, samples)
+        return FreshEpochs(samples, reduction, reduction(*samples(0)))
 
     return make
 

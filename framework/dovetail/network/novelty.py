@@ -6,8 +6,9 @@ the same assembly exceeds, among those that were not used for training.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
+from itertools import chain
 from typing import Any, Self
 
 import numpy as np
@@ -18,6 +19,7 @@ from dovetail.assembly import Assembly
 from dovetail.frf import Frf, conversion
 from dovetail.inference.adequacy import Adequacy
 from dovetail.inference.fitting.whiteness import find_deviating_bands
+from dovetail.meanwhile import in_parts
 from dovetail.measurement import noisy_frf
 from dovetail.network.pipeline import Network
 from dovetail.network.preprocessing import log10p1
@@ -249,16 +251,25 @@ def learn_novelty(
     others = others if len(others) >= len(clean) else np.stack([frf.amplitude for frf in clean])
     basis = PrincipalComponents.fit(amplitude[: _SETTINGS.training_frfs], others)
     near_maximum = _limit(np.array([_share_near_maximum(row) for row in amplitude.astype(np.float64)]))
-    generator = np.random.default_rng([seed, _NOISE_STREAM])
-    levels, limits = [], []
-    for level in _SETTINGS.noise_levels:
-        noisy = [noisy_frf(frf, level, generator) for frf in clean]
-        predicted = _predicted_amplitudes(assembly, network, np.stack([frf.amplitude for frf in noisy]))
-        compared = [_statistics(basis, frf, amplitude) for frf, amplitude in zip(noisy, predicted, strict=True)]
-        statistics, noise_levels, _ = zip(*compared, strict=True)
-        levels.append(float(np.median(noise_levels)))
-        limits.append([_limit(column) for column in np.array(statistics).T])
+
+    def learned(numbers: NDArray[np.intp]) -> list[tuple[float, list[float]]]:
+        return [_level_and_limits(assembly, network, basis, clean, number, seed) for number in numbers.tolist()]
+
+    parts = in_parts(learned, len(_SETTINGS.noise_levels), 1)
+    levels, limits = zip(*chain.from_iterable(parts), strict=True)
     return Novelty(basis, np.maximum.accumulate(np.array(levels)), np.maximum(limits, [0.0, near_maximum, 0.0]))
+
+
+def _level_and_limits(
+    assembly: Assembly, network: Network, basis: PrincipalComponents, clean: Sequence[Frf], number: int, seed: int
+) -> tuple[float, list[float]]:
+    """Return the level of noise with a number, over the amplitudes' deviation, and the statistics' limits with it."""
+    generator = np.random.default_rng([seed, _NOISE_STREAM, number])
+    noisy = [noisy_frf(frf, _SETTINGS.noise_levels[number], generator) for frf in clean]
+    predicted = _predicted_amplitudes(assembly, network, np.stack([frf.amplitude for frf in noisy]))
+    compared = [_statistics(basis, frf, amplitude) for frf, amplitude in zip(noisy, predicted, strict=True)]
+    statistics, levels, _ = zip(*compared, strict=True)
+    return float(np.median(levels)), [_limit(column) for column in np.array(statistics).T]
 
 
 def _predicted_amplitudes(assembly: Assembly, network: Network, measured: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -250,7 +250,8 @@ def _fit_network(
             epochs = FreshEpochs(noisy, reduction, reduction.standardise(reduced, theta))
             regressor = fit_in_context(settings.regressor.fit_epochs, epochs, **named)
         else:
-            regressor = fit_in_context(settings.regressor.fit_epochs, ReducedEpochs(noisy, reduction), **named)
+            with ReducedEpochs(noisy, reduction, reduction.standardise(reduced, theta)) as copies:
+                regressor = fit_in_context(settings.regressor.fit_epochs, copies, **named)
     recipes = settings.reducer, settings.regressor
     network = Network(reducer, feature_scaling, regressor, target_scaling, recipes)
     if settings.correction is None:
