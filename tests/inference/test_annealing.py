@@ -3,14 +3,18 @@
 import numpy as np
 import pytest
 
+from dovetail.inference.posterior import drawn_samples
 from dovetail.inference.posterior.annealing import anneal
 from dovetail.inference.posterior.drawn_samples import SearchEnds, move_by_weight
 from dovetail.inference.posterior.evidence import Evidence
+from dovetail.inference.posterior.metropolis import Chains
 from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints
 from dovetail.inference.posterior.tangent_mixture import TangentMixture
 from dovetail.inference.posterior.tangent_steps import Density
+from dovetail.inference.posterior.weights import INDEPENDENT
 from dovetail.interfaces import TimeLimit
 from dovetail.problem.least_squares import Linearisation
+from support.bent_valley import Bow
 
 SIZE = 4
 
@@ -123,6 +127,27 @@ def test_searches_that_missed_nothing_are_kept():
     assert not posterior.is_on_plain(moved.z).any()
     evidence = Evidence(ends.log_evidence, 0.1)
     assert moved.doubted(evidence) is evidence
+
+
+@pytest.mark.parametrize(("anchor", "covered"), [(0.0, True), (0.8, False), (1.3, False)])
+def test_annealed_points_are_no_starts_where_searches_reach_all_of_them(monkeypatch, anchor, covered):
+    """Maps that are anchored beside the middle of the valley have folded over at its other end."""
+    posterior, random, begun = Bow(), np.random.default_rng(5), []
+    mode = LinearisedPoints.at(posterior, np.array([[anchor, anchor**2 - 1.0]]))
+    mixture = TangentMixture(posterior, mode, mode.z, random)
+    mixture.search(mode, 400)
+    ends = SearchEnds.of(mixture)._replace(complete=True)
+    np.testing.assert_allclose(mixture.log_weight_at(ends.z), ends.log_weight, atol=1e-9)
+
+    def decorrelate(density, starts, random, progress, limit, correlation):
+        begun.extend([starts, correlation])
+        return Chains(density, starts, random, limit)
+
+    monkeypatch.setattr(drawn_samples, "decorrelate", decorrelate)
+    move_by_weight(Density.of(posterior), ends, 400, random)
+    searched_for = np.isclose(begun[0][:, np.newaxis], ends.z).all(axis=2).any(axis=1)
+    assert searched_for.all() == covered
+    assert (begun[1] == INDEPENDENT) != covered
 
 
 def test_annealing_ends_where_nearly_all_is_known_to_lie_elsewhere():

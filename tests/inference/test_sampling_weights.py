@@ -51,6 +51,7 @@ def test_samples_are_moved_where_few_of_them_count_or_a_part_may_be_missing(
                 log_weight=-log_density,
                 begun=100,
                 is_complete=complete,
+                log_weight_at=None,
             )
 
     def move_by_weight(_density, _ends, count, *_):

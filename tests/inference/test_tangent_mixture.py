@@ -10,7 +10,7 @@ import pytest
 import dovetail
 from dovetail.inference.fitting import refine
 from dovetail.inference.posterior import sample_posterior, typical_model_error
-from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap
+from dovetail.inference.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, TangentSearches
 from dovetail.inference.posterior.tangent_mixture import TangentMixture
 from dovetail.inference.posterior.weights import are_counted, effective_sample_size, enough_correlation, tempered
 from dovetail.interfaces import TimeLimit
@@ -80,7 +80,12 @@ def test_no_search_ends_where_its_map_has_folded_over():
 def test_an_end_that_lies_behind_a_fold_is_no_sample(monkeypatch):
     """The components at z = -1 are those at z = 2, but no path leads there."""
     mixture, behind = mixture_in(Parabola(), [2.0]), LinearisedPoints.at(Parabola(), np.full((50, 1), -1.0))
-    monkeypatch.setattr(TangentMap, "solve", lambda *_: (behind, np.ones(50, dtype=np.bool_)))
+
+    def run(searches, settle, _limit):
+        searches.ends, searches._squares = behind.copy(), np.zeros(50)
+        settle(np.arange(50))
+
+    monkeypatch.setattr(TangentSearches, "run", run)
     mixture.search(LinearisedPoints.at(Parabola(), np.array([[2.0]])), 50)
     assert (mixture.begun, len(mixture.ends.z)) == (50, 0)
 

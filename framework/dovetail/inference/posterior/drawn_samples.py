@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -27,6 +28,10 @@ from dovetail.inference.posterior.weights import (
 )
 from dovetail.interfaces import NO_LIMIT, Progress, TimeLimit, silent
 
+_UNCOVERED, _LARGER = 0.05, 1.0
+"""Share of annealed points up to which searches cover the posterior where these hardly end, and the logarithm of the
+weight of such a point over the largest one of their ends. Of 50 simulated measurements of the collet (parameters at
+random), 17 have uneven weights from searches that end; in 16 of them the share is below 0.03, in the other one 0.16."""
 _SCATTER = 1.0
 """How far logarithms of marginal likelihoods by annealed points scatter; see `annealing.Settings.steps`."""
 
@@ -133,24 +138,36 @@ class SearchEnds(NamedTuple):
         Number of searches, those that came to no end included; 0 for modes.
     complete : bool
         Whether they hardly lack a part of the posterior.
+    log_weight_at : callable, optional
+        Takes points z (n, p) to the logarithms of the weights (n,) that ends of the searches there would have.
     """
 
     z: NDArray[np.float64]
     log_weight: NDArray[np.float64]
     begun: int
     complete: bool
+    log_weight_at: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None
 
     @staticmethod
     def of(mixture: TangentMixture) -> SearchEnds:
         """Return those of one measurement."""
         if not len(mixture.ends.z):
             return SearchEnds(mixture.modes.z, mixture.modes.log_posterior, 0, complete=False)
-        return SearchEnds(mixture.ends.z, mixture.log_weight, mixture.begun, mixture.is_complete)
+        return SearchEnds(mixture.ends.z, mixture.log_weight, mixture.begun, mixture.is_complete, mixture.log_weight_at)
 
     @property
     def log_evidence(self) -> float:
         """Logarithm of the marginal likelihood, by the mean of the weights; -inf without searches."""
         return float(np.logaddexp.reduce(self.log_weight) - np.log(self.begun)) if self.begun else -np.inf
+
+    def cover(self, z: NDArray[np.float64]) -> bool:
+        """Return whether the searches end wherever points z (n, p) are, which come from all of the posterior.
+
+        Where searches hardly end, a point has a far larger weight than any of their ends.
+        """
+        if self.log_weight_at is None or not self.complete:
+            return False
+        return bool(np.mean(self.log_weight_at(z) > self.log_weight.max() + _LARGER) <= _UNCOVERED)
 
 
 def move_by_weight(
@@ -164,7 +181,8 @@ def move_by_weight(
 ) -> MovedSamples:
     """Draw samples by weight and move them by Metropolis steps.
 
-    They are drawn from the ends of searches and from annealed points, each by their part of the marginal likelihood.
+    They are drawn from the ends of searches and, unless these cover the posterior, from annealed points, each by their
+    part of the marginal likelihood.
 
     Parameters
     ----------
@@ -181,9 +199,9 @@ def move_by_weight(
     annealing = annealing or Annealing(density, ends.z.shape[1], random, count, limit)
     with annealing:
         annealed = annealing.points(ends.log_evidence)
-    z, log_weight, starts = _starts(ends, annealed)
+    whole = ends.complete and (annealed is None or ends.cover(annealed.z))
+    z, log_weight, starts = _starts(ends, None if whole else annealed)
     chosen = random.permutation(drawn_by_weight(from_logarithms(log_weight), count, random))
-    whole = ends.complete and annealed is None
     enough = enough_correlation(ends.log_weight if ends.begun else np.empty(0), count, complete=whole)
     chains = decorrelate(density, z[chosen], random, progress, limit, enough)
     return MovedSamples(

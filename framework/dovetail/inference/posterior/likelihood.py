@@ -220,8 +220,8 @@ class MarginalisedResiduals(SumOfSquares):
         """Return residuals (n, m) of the measurement, or changes of them, with the model's errors marginalised."""
         weight = self._weight**2
         root = np.sqrt(1.0 + weight * self._squares)
-        along = np.tensordot(residuals, self._errors.T, 1) * (-weight / (root * (1.0 + root)))
-        scaled = np.tensordot(along, self._errors, 1)
+        along = residuals @ self._errors.T * (-weight / (root * (1.0 + root)))
+        scaled = along @ self._errors
         scaled += residuals
         scaled *= self._weight
         return np.asarray(scaled)
@@ -278,10 +278,11 @@ class ReducedResiduals(SumOfSquares):
     def linearise(self, fraction: NDArray[np.float64]) -> Linearisation:
         """Return residuals and derivatives in the subspace."""
         linear = self._misfit.linearise(fraction)
-        return Linearisation(self._reduced(linear.residuals), np.tensordot(linear.jacobian, self._to_subspace, 1))
+        return Linearisation(self._reduced(linear.residuals), linear.jacobian @ self._to_subspace)
 
     def _reduced(self, residuals: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.asarray((residuals - self._origin_rows) @ self._to_subspace + self._at_origin)
+        rows = (residuals - self._origin_rows)[:, np.newaxis]  # each alone: the last bits do not depend on the batch
+        return np.asarray((rows @ self._to_subspace)[:, 0] + self._at_origin)
 
 
 class _FewLines(NamedTuple):

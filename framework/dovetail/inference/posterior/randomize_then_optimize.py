@@ -19,7 +19,7 @@ minimization (2012), arXiv:1201.5885: steps with half their acceleration.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -38,7 +38,7 @@ class Settings:
 
     first_fraction: float = 0.1
     """Fraction of the first Newton step that is taken."""
-    least_fraction: float = 1e-4
+    least_fraction: float = 1e-3
     """Fraction at which a search is given up: the map is about to fold over."""
     probe: float = 0.1
     """Part of a step after which the curvature of the residuals along it is measured."""
@@ -58,6 +58,9 @@ class Settings:
     """Squared distance from the target, in standard deviations, at which a search ends. A search that ends within a
     hundred times this distance has converged."""
 
+
+Accepts = Callable[[NDArray[np.intp], NDArray[np.bool_], "LinearisedPoints"], NDArray[np.bool_]]
+"""Takes numbers of searches, whether they have converged, and their ends; returns which of them have been found."""
 
 _SETTINGS = Settings()
 _TINY = np.finfo(float).tiny
@@ -174,6 +177,9 @@ class TangentMap:
         start: LinearisedPoints,
         most_steps: int,
         limit: TimeLimit = NO_LIMIT,
+        *,
+        accepts: Accepts = lambda _rows, converged, _ends: converged,
+        again: Callable[[NDArray[np.intp]], LinearisedPoints] | None = None,
     ) -> tuple[LinearisedPoints, NDArray[np.bool_]]:
         """Find z with given components, for all rows at once.
 
@@ -182,27 +188,40 @@ class TangentMap:
         target : (n, d) array
         start : LinearisedPoints
         most_steps : int
+            Of each search.
         limit : TimeLimit
             After which no further step begins.
+        accepts : callable
+            Takes some rows (k,), whether their searches have converged, and where these have ended; returns which ends
+            count as found. All that converged do by default.
+        again : callable, optional
+            Takes rows that are not found to other starts, from which they are searched for once more.
 
         Returns
         -------
         LinearisedPoints
         (n,) bool array
-            Whether each search converged.
+            Which rows are found.
         """
 
         def search(rows: NDArray[np.intp]) -> tuple[LinearisedPoints, NDArray[np.bool_]]:
             searches = TangentSearches(self.at_rows(rows), target[rows], start.at_rows(rows), most_steps)
-            active = searches.active(np.arange(len(rows)))
-            while len(active) and not limit.is_over:
-                searches.advance(active)
-                active = searches.active(active)
-            return searches.ends, searches.converged
+            found, is_first = np.zeros(len(rows), dtype=np.bool_), np.full(len(rows), again is not None)
+
+            def settle(ended: NDArray[np.intp]) -> NDArray[np.intp]:
+                found[ended] = accepts(rows[ended], searches.converged[ended], searches.ends.at_rows(ended))
+                missed = np.asarray(ended[~found[ended] & is_first[ended]])
+                if again is not None and len(missed):
+                    is_first[missed] = False
+                    searches.begin_at(missed, again(rows[missed]))
+                return missed
+
+            searches.run(settle, limit)
+            return searches.ends, found
 
         parts = in_parts(search, len(target), start.fewest_apart, lambda: limit.was_stopped)
-        ends, converged = zip(*parts, strict=True)
-        return LinearisedPoints.joined(ends), np.concatenate(converged)
+        ends, found = zip(*parts, strict=True)
+        return LinearisedPoints.joined(ends), np.concatenate(found)
 
     def _tangents_of(self, rows: NDArray[np.intp]) -> NDArray[np.float64]:
         return self._tangents if len(self._tangents) == 1 else self._tangents[rows]
@@ -283,6 +302,20 @@ class TangentSearches:
         """(n,) whether each search is at its target."""
         return np.asarray(self._squares <= 100.0 * _SETTINGS.tolerance)
 
+    def run(self, settle: Callable[[NDArray[np.intp]], NDArray[np.intp]], limit: TimeLimit) -> None:
+        """Advance all searches until they have ended.
+
+        `settle` is called after each step with the searches that have ended, and returns those that begin again.
+        """
+        going_on = np.arange(len(self._target))
+        while True:
+            active = self.active(going_on)
+            ended = np.setdiff1d(going_on, active, assume_unique=True)
+            going_on = np.union1d(active, settle(ended)) if len(ended) else active
+            if not len(going_on) or limit.is_over:
+                break
+            self.advance(going_on)
+
     def active(self, rows: NDArray[np.intp]) -> NDArray[np.intp]:
         """Return those of `rows` whose searches have not ended."""
         going_on = (self._squares[rows] > _SETTINGS.tolerance) & (self._fraction[rows] > _SETTINGS.least_fraction)
@@ -293,8 +326,13 @@ class TangentSearches:
     ) -> None:
         """Begin the searches `rows` again, with as many other tangents, targets and starts."""
         self._map.overwrite(rows, tangent_map)
+        self._target[rows] = target
+        self.begin_at(rows, start)
+
+    def begin_at(self, rows: NDArray[np.intp], start: LinearisedPoints) -> None:
+        """Begin the searches `rows` again, from as many other starts."""
         self.ends.overwrite(rows, start)
-        self._target[rows], self._error[rows] = target, tangent_map.components(start.residuals) - target
+        self._error[rows] = self._map.along(start.residuals, rows) - self._target[rows]
         self._squares[rows] = squared_norms(self._error[rows])
         self._fraction[rows], self._steps[rows] = _SETTINGS.first_fraction, 0
 

@@ -136,6 +136,13 @@ class TangentMixture:
         """(n,) logarithms of the weights of the ends as samples of the posterior."""
         return np.asarray(self.ends.log_posterior - self.log_density)
 
+    def log_weight_at(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the logarithms of the weights (n,) that ends of searches at points z (n, d) would have."""
+        points = LinearisedPoints.at(self.posterior, z)
+        modes = nearest_modes(self.modes, z)
+        log_density = np.logaddexp.reduce([each.log_density(points, modes) for each in self._maps])
+        return np.asarray(points.log_posterior - log_density + np.log(max(self.begun, 1)))
+
     def sample(
         self, count: int, batch: int, progress: Progress = silent, on_uneven: Callable[[], object] = lambda: None
     ) -> int:
@@ -191,30 +198,28 @@ class TangentMixture:
         self._learn(anchors)
         target = self._random.standard_normal((number, anchors.z.shape[1]))
         nearest = LinearisedPoints.at(self.posterior, self._nearest(maps, anchored, target))
-        ends, ended = self._found(maps, anchored, target, nearest)
-        missed = np.flatnonzero(~ended)
-        if missed.size and not self._limit.is_over:  # the path from the anchor may lead there
-            at_anchors = anchors.at_rows(anchored[missed])
-            others, found = self._found(maps, anchored[missed], target[missed], at_anchors)
-            ends.overwrite(missed[found], others.at_rows(np.flatnonzero(found)))
-            ended[missed] = found
+
+        def are_samples(
+            rows: NDArray[np.intp], converged: NDArray[np.bool_], ends: LinearisedPoints
+        ) -> NDArray[np.bool_]:
+            """Return which ends are where their map has not folded over, and about the mode of its anchor."""
+            sign, _ = maps.maps.at_rows(anchored[rows]).signed_log_determinant(ends)
+            about_mode = nearest_modes(self.modes, ends.z) == maps.modes[anchored[rows]]
+            return np.asarray(converged & (sign == maps.orientation[anchored[rows]]) & about_mode)
+
+        ends, found = maps.maps.at_rows(anchored).solve(
+            target,
+            nearest,
+            _SETTINGS.iterations,
+            self._limit,
+            accepts=are_samples,
+            again=lambda rows: anchors.at_rows(anchored[rows]),  # the path from the anchor may lead there
+        )
         if self._limit.is_over:
             return False
-        self._add(maps, ends.at_rows(np.flatnonzero(ended)))
+        self._add(maps, ends.at_rows(np.flatnonzero(found)))
         self.begun += number
         return True
-
-    def _found(
-        self, maps: _Maps, anchored: NDArray[np.intp], target: NDArray[np.float64], starts: LinearisedPoints
-    ) -> tuple[LinearisedPoints, NDArray[np.bool_]]:
-        """Return the ends of searches, each by the map of its anchor, and which of them are samples.
-
-        A sample is not where the map has folded over, and is about the mode of its anchor.
-        """
-        map_by_search, orientation = maps.maps.at_rows(anchored), maps.orientation[anchored]
-        ends, ended = map_by_search.solve(target, starts, _SETTINGS.iterations, self._limit)
-        ended &= map_by_search.signed_log_determinant(ends)[0] == orientation
-        return ends, ended & (nearest_modes(self.modes, ends.z) == maps.modes[anchored])
 
     def _maps_at(self, anchors: LinearisedPoints, searches: NDArray[np.intp]) -> _Maps:
         maps = TangentMap(self.posterior, anchors)
