@@ -5,10 +5,10 @@ The axis is s, x the displacement perpendicular to it, and rz the rotation, with
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Any
+from typing import Annotated, Any, Generic, TypeVar
 
 import numpy as np
 import scipy  # loads a part of it when that is first used
@@ -16,6 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
 from dovetail import ComponentConfig, InUnit, StructuralMatrices
+
+_Value = TypeVar("_Value")
 
 _STIFFNESS = np.array([[1, 2, -1, 2], [2, 3, -2, 4], [-1, -2, 1, -2], [2, 4, -2, 3]])
 _MASS = np.array([[1, 2, 3, -4], [2, 5, 4, 6], [3, 4, 1, -2], [-4, 6, -2, 5]])
@@ -289,6 +291,27 @@ class Element:
             mass = mass + ((_MASS_POWERS + 1.0) * moved + (_MASS_POWERS - 1.0) * turned)[..., None] * along
         change = self._shear[..., None] * change
         return stiffness + bent[..., None] * change, mass + by_shear[..., None] * change
+
+
+class Remembered(Generic[_Value]):
+    """A function that keeps its latest value, since factors of matrices and their slopes are wanted at the same points.
+
+    Parameters
+    ----------
+    function : callable
+        Takes points (n, p).
+    """
+
+    def __init__(self, function: Callable[[NDArray[np.float64]], _Value]) -> None:
+        self._function = function
+        self._latest: tuple[tuple[tuple[int, ...], bytes], _Value] | None = None
+
+    def __call__(self, points: NDArray[np.float64]) -> _Value:
+        """Return the value at points (n, p)."""
+        key, latest = (points.shape, points.tobytes()), self._latest  # another thread may replace it
+        if latest is None or latest[0] != key:
+            self._latest = latest = key, self._function(points.copy())
+        return latest[1]
 
 
 def _powers(length: NDArray[np.float64], powers: NDArray[np.float64]) -> NDArray[np.float64]:

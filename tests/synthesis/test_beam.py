@@ -11,6 +11,7 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 import dovetail
+from dovetail_plugins.timoshenko import Remembered
 
 YOUNG, DENSITY, POISSON, LENGTH = 210e9, 7800.0, 0.3, 0.3
 
@@ -145,3 +146,19 @@ def test_rigid_body_motion_costs_nothing_and_carries_the_whole_mass():
     assert np.abs(matrices.K @ turn).max() < 1e-12 * scale
     assert shift @ matrices.M @ shift == pytest.approx(mass, rel=1e-12)
     assert turn @ matrices.M @ turn == pytest.approx(mass * LENGTH**2 / 3 + rotary, rel=1e-12)
+
+
+def test_the_latest_value_is_kept_for_the_same_points_only():
+    asked = []
+
+    def squares(points):
+        asked.append(len(points))
+        return points**2
+
+    remembered, points = Remembered(squares), np.array([[1.0, 2.0], [3.0, 4.0]])
+    assert remembered(points) is remembered(points.copy())
+    assert asked == [2]
+    np.testing.assert_array_equal(remembered(points[:1]), [[1.0, 4.0]])
+    np.testing.assert_array_equal(remembered(points.reshape(1, 4)), [[1.0, 4.0, 9.0, 16.0]])
+    points[0, 0] = 5.0
+    np.testing.assert_array_equal(remembered(points), [[25.0, 4.0], [9.0, 16.0]])

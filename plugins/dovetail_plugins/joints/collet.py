@@ -25,6 +25,7 @@ from dovetail_plugins.timoshenko import (
     CrossSection,
     Element,
     Material,
+    Remembered,
     circle,
     circle_rates,
     element_matrices,
@@ -156,7 +157,12 @@ class Collet(JointModel):
         moved = [SparseMatrices(M, none) for M in mass]
         return ScaledMatrices([*bent, *moved], self._coefficients, self._coefficient_slopes)
 
-    def _element(self, diameters: NDArray[np.float64]) -> Element:
+    @cached_property
+    def _element(self) -> Remembered[Element]:
+        """An element for diameters (n, 2)."""
+        return Remembered(self._new_element)
+
+    def _new_element(self, diameters: NDArray[np.float64]) -> Element:
         material, poisson = self.config.material, np.asarray(self.config.material.poisson)
         length = np.asarray(self.config.segment / int(self.config.elements_per_segment))
         return Element(

@@ -16,6 +16,7 @@ from dovetail_plugins.timoshenko import (
     CrossSection,
     Element,
     Material,
+    Remembered,
     Section,
     circle,
     circle_rates,
@@ -149,7 +150,12 @@ class ScaledBeam:
         ]
         return Element(values["length"], _joined(properties), *material)
 
-    def _evaluated(self, options: NDArray[np.float64]) -> tuple[dict[str, NDArray[np.float64]], Element]:
+    @cached_property
+    def _evaluated(self) -> Remembered[tuple[dict[str, NDArray[np.float64]], Element]]:
+        """Lengths and sides of the different elements that vary, and these elements, for options (n, p)."""
+        return Remembered(self._evaluate)
+
+    def _evaluate(self, options: NDArray[np.float64]) -> tuple[dict[str, NDArray[np.float64]], Element]:
         values = {name: numbers.at(options[:, self._geometric]) for name, numbers in self._numbers.items()}
         material = [self._property(name, options) for name in ("poisson", "young", "density")]
         return values, self._element(self._varying, values, material)
