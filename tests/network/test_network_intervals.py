@@ -11,7 +11,7 @@ import pytest
 import dovetail
 import dovetail_bench
 from dovetail.errors import ParameterError
-from dovetail.network.augmentation import FreshEpochs
+from dovetail.network.epochs import FreshEpochs
 from support.mass_on_mount import GAUSSIAN_NETWORK, mass_on_mount
 from support.waiting import PATIENCE
 

@@ -10,7 +10,8 @@ import pytest
 import dovetail
 from dovetail.description import AugmentationSection
 from dovetail.errors import DatasetError
-from dovetail.network.augmentation import Augmentation, FreshEpochs, NoisyFeatures, ReducedEpochs
+from dovetail.network.augmentation import Augmentation, NoisyFeatures
+from dovetail.network.epochs import FreshEpochs, ReducedEpochs
 from dovetail.network.pipeline import Reduction
 from dovetail.network.preprocessing import TargetScaling, ZScore
 

@@ -6,8 +6,9 @@ the same assembly exceeds, among those that were not used for training.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from functools import partial
 from itertools import chain
 from typing import Any, Self
 
@@ -253,7 +254,8 @@ def learn_novelty(
     near_maximum = _limit(np.array([_share_near_maximum(row) for row in amplitude.astype(np.float64)]))
 
     def learned(numbers: NDArray[np.intp]) -> list[tuple[float, list[float]]]:
-        return [_level_and_limits(assembly, network, basis, clean, number, seed) for number in numbers.tolist()]
+        predict = partial(_predicted_amplitudes, assembly, network)
+        return [_level_and_limits(basis, predict, clean, number, seed) for number in numbers.tolist()]
 
     parts = in_parts(learned, len(_SETTINGS.noise_levels), 1)
     levels, limits = zip(*chain.from_iterable(parts), strict=True)
@@ -261,12 +263,19 @@ def learn_novelty(
 
 
 def _level_and_limits(
-    assembly: Assembly, network: Network, basis: PrincipalComponents, clean: Sequence[Frf], number: int, seed: int
+    basis: PrincipalComponents,
+    predict: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    clean: Sequence[Frf],
+    number: int,
+    seed: int,
 ) -> tuple[float, list[float]]:
-    """Return the level of noise with a number, over the amplitudes' deviation, and the statistics' limits with it."""
+    """Return the level of noise with a number, over the amplitudes' deviation, and the statistics' limits with it.
+
+    `predict` takes amplitudes (n, n_freq) of noisy FRFs to those at the network's estimates.
+    """
     generator = np.random.default_rng([seed, _NOISE_STREAM, number])
     noisy = [noisy_frf(frf, _SETTINGS.noise_levels[number], generator) for frf in clean]
-    predicted = _predicted_amplitudes(assembly, network, np.stack([frf.amplitude for frf in noisy]))
+    predicted = predict(np.stack([frf.amplitude for frf in noisy]))
     compared = [_statistics(basis, frf, amplitude) for frf, amplitude in zip(noisy, predicted, strict=True)]
     statistics, levels, _ = zip(*compared, strict=True)
     return float(np.median(levels)), [_limit(column) for column in np.array(statistics).T]

@@ -31,15 +31,10 @@ from dovetail.interfaces import (
     takes_context,
 )
 from dovetail.interfaces.component import check_contract, component_label
-from dovetail.network.augmentation import (
-    TRAINING_TOLERANCE,
-    FreshEpochs,
-    NoisyFeatures,
-    ReducedEpochs,
-    measured_noises,
-)
+from dovetail.network.augmentation import TRAINING_TOLERANCE, NoisyFeatures, measured_noises
 from dovetail.network.bundle import TrainedNetwork
 from dovetail.network.correction import Correction, GaussNewtonFeatures
+from dovetail.network.epochs import FreshEpochs, ReducedEpochs
 from dovetail.network.evaluation import Evaluation, parameter_metrics
 from dovetail.network.novelty import learn_novelty
 from dovetail.network.pipeline import Network, Reduction, missing_distribution, reduce_features

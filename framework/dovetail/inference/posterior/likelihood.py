@@ -220,8 +220,7 @@ class MarginalisedResiduals(SumOfSquares):
         """Return residuals (n, m) of the measurement, or changes of them, with the model's errors marginalised."""
         weight = self._weight**2
         root = np.sqrt(1.0 + weight * self._squares)
-        along = residuals @ self._errors.T * (-weight / (root * (1.0 + root)))
-        scaled = along @ self._errors
+        scaled = residuals @ self._errors.T * (-weight / (root * (1.0 + root))) @ self._errors
         scaled += residuals
         scaled *= self._weight
         return np.asarray(scaled)

@@ -206,22 +206,22 @@ class TangentMap:
 
         def search(rows: NDArray[np.intp]) -> tuple[LinearisedPoints, NDArray[np.bool_]]:
             searches = TangentSearches(self.at_rows(rows), target[rows], start.at_rows(rows), most_steps)
-            found, is_first = np.zeros(len(rows), dtype=np.bool_), np.full(len(rows), again is not None)
+            accepted, is_first = np.zeros(len(rows), dtype=np.bool_), np.full(len(rows), again is not None)
 
             def settle(ended: NDArray[np.intp]) -> NDArray[np.intp]:
-                found[ended] = accepts(rows[ended], searches.converged[ended], searches.ends.at_rows(ended))
-                missed = np.asarray(ended[~found[ended] & is_first[ended]])
+                accepted[ended] = accepts(rows[ended], searches.converged[ended], searches.ends.at_rows(ended))
+                missed = np.asarray(ended[~accepted[ended] & is_first[ended]])
                 if again is not None and len(missed):
                     is_first[missed] = False
                     searches.begin_at(missed, again(rows[missed]))
                 return missed
 
             searches.run(settle, limit)
-            return searches.ends, found
+            return searches.ends, accepted
 
         parts = in_parts(search, len(target), start.fewest_apart, lambda: limit.was_stopped)
-        ends, found = zip(*parts, strict=True)
-        return LinearisedPoints.joined(ends), np.concatenate(found)
+        ends, are_accepted = zip(*parts, strict=True)
+        return LinearisedPoints.joined(ends), np.concatenate(are_accepted)
 
     def _tangents_of(self, rows: NDArray[np.intp]) -> NDArray[np.float64]:
         return self._tangents if len(self._tangents) == 1 else self._tangents[rows]

@@ -207,7 +207,7 @@ class TangentMixture:
             about_mode = nearest_modes(self.modes, ends.z) == maps.modes[anchored[rows]]
             return np.asarray(converged & (sign == maps.orientation[anchored[rows]]) & about_mode)
 
-        ends, found = maps.maps.at_rows(anchored).solve(
+        ends, accepted = maps.maps.at_rows(anchored).solve(
             target,
             nearest,
             _SETTINGS.iterations,
@@ -217,7 +217,7 @@ class TangentMixture:
         )
         if self._limit.is_over:
             return False
-        self._add(maps, ends.at_rows(np.flatnonzero(found)))
+        self._add(maps, ends.at_rows(np.flatnonzero(accepted)))
         self.begun += number
         return True
 
