@@ -147,6 +147,22 @@ def test_the_likelihood_of_a_few_lines_is_that_of_all(collet, torque_100):
     np.testing.assert_allclose(linear.jacobian[:, 4], difference, atol=1e-4 * np.abs(difference).max())
 
 
+@pytest.mark.parametrize("count", [1, 2, 5, 37, 150])
+def test_residuals_on_few_lines_do_not_depend_on_the_batch(collet, torque_100, count):
+    """Not even in the last digit: processes share the rows of a batch, so that results would depend on their number."""
+    frf = noisy(collet, collet.frf(torque_100), 0.01, 2)
+    likelihood = exact_likelihood(collet, frf)
+    near = collet.to_unit(torque_100) + 0.01 * np.random.default_rng(1).standard_normal((300, 12))
+    fractions = np.clip(near, 0.01, 0.99)
+    frfs = likelihood.frf(fractions)
+    reduced = ReducedResiduals(likelihood, frfs, frfs[0])
+    some = slice(100, 100 + count)
+    whole, part = reduced.linearise(fractions), reduced.linearise(fractions[some])
+    np.testing.assert_array_equal(part.residuals, whole.residuals[some])
+    np.testing.assert_array_equal(part.jacobian, whole.jacobian[some])
+    np.testing.assert_array_equal(reduced.residuals(fractions[some]), reduced.residuals(fractions)[some])
+
+
 @pytest.mark.parametrize("level", [2e-3, 1e-2])
 def test_a_few_lines_stand_for_averages_over_all(collet, torque_100, level):
     frf = noisy(collet, collet.frf(torque_100), 0.01, 2)
