@@ -239,13 +239,14 @@ def _fit_network(
     first = replace(context, seconds=timer.first_share) if settings.correction is not None else context
     named: dict[str, Any] = {"context": first, "seed": settings.seed, "progress": progress}
     with timer.stage("regressor"), plugin_errors(settings.regressor, component_label(settings.regressor)):
+        pair = reduction.standardise(reduced, theta)
         if noisy is None:
-            regressor = fit_in_context(settings.regressor.fit, *reduction.standardise(reduced, theta), **named)
+            regressor = fit_in_context(settings.regressor.fit, *pair, **named)
         elif noisy.fresh:
-            epochs = FreshEpochs(noisy, reduction, reduction.standardise(reduced, theta))
+            epochs = FreshEpochs(noisy, reduction, pair)
             regressor = fit_in_context(settings.regressor.fit_epochs, epochs, **named)
         else:
-            with ReducedEpochs(noisy, reduction, reduction.standardise(reduced, theta)) as copies:
+            with ReducedEpochs(noisy, reduction, pair) as copies:
                 regressor = fit_in_context(settings.regressor.fit_epochs, copies, **named)
     recipes = settings.reducer, settings.regressor
     network = Network(reducer, feature_scaling, regressor, target_scaling, recipes)

@@ -285,12 +285,15 @@ class TangentSearches:
     ----------
     ends : LinearisedPoints
         Where the searches have come to.
+    iterations : int
+        Steps that all of them have taken in `run`.
     """
 
     def __init__(
         self, tangent_map: TangentMap, target: NDArray[np.float64], start: LinearisedPoints, most_steps: int
     ) -> None:
         self._map, self._target, self._most_steps = tangent_map, target.copy(), most_steps
+        self.iterations = 0
         self.ends = start.copy()
         self._error = tangent_map.components(start.residuals) - target
         self._squares = squared_norms(self._error)
@@ -308,13 +311,13 @@ class TangentSearches:
         `settle` is called after each step with the searches that have ended, and returns those that begin again.
         """
         going_on = np.arange(len(self._target))
-        while True:
+        while len(going_on) and not limit.is_over:
             active = self.active(going_on)
+            self.advance(active)
+            self.iterations += len(active)
+            active = self.active(active)
             ended = np.setdiff1d(going_on, active, assume_unique=True)
             going_on = np.union1d(active, settle(ended)) if len(ended) else active
-            if not len(going_on) or limit.is_over:
-                break
-            self.advance(going_on)
 
     def active(self, rows: NDArray[np.intp]) -> NDArray[np.intp]:
         """Return those of `rows` whose searches have not ended."""

@@ -125,8 +125,6 @@ class _Walk:
         Where the chains are.
     accepted : int
         Number of accepted steps.
-    iterations : int
-        Iterations of the searches.
     """
 
     def __init__(
@@ -139,19 +137,19 @@ class _Walk:
         self._drawn, self._levels = drawn, levels
         self._map_at, self._steps = density.map_at, len(drawn)
         self.points, self._proposed, self.accepted = points.copy(), points.copy(), 0
-        self.iterations = 0
         self._maps = density.map_at(points)  # anchored at the points
         rows = np.arange(len(points.z))
         self._taken, self._returning = np.zeros(len(rows), dtype=np.int64), np.zeros(len(rows), dtype=np.bool_)
         self._searches = TangentSearches(self._maps.at_rows(rows), self._targets(rows), points, _SETTINGS.iterations)
 
+    @property
+    def iterations(self) -> int:
+        """Iterations of the searches."""
+        return self._searches.iterations
+
     def run(self, limit: TimeLimit = NO_LIMIT) -> None:
         """Take all steps of all chains."""
-        while len(walking := np.flatnonzero(self._taken < self._steps)) and not limit.is_over:
-            active = self._searches.active(walking)
-            self._searches.advance(active)
-            self.iterations += len(active)
-            self._go_on(np.setdiff1d(walking, self._searches.active(active), assume_unique=True))
+        self._searches.run(self._go_on, limit)
 
     def _targets(self, rows: NDArray[np.intp]) -> NDArray[np.float64]:
         """Return the components (k, d) of the proposals of some of the chains."""
@@ -159,8 +157,11 @@ class _Walk:
         drawn = self._drawn[self._taken[rows], rows]
         return np.asarray(_SETTINGS.correlation * components + np.sqrt(1.0 - _SETTINGS.correlation**2) * drawn)
 
-    def _go_on(self, rows: NDArray[np.intp]) -> None:
-        """Continue the chains whose searches have ended: reverse an accepted proposal, or begin the next step."""
+    def _go_on(self, rows: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Continue the chains whose searches have ended: reverse an accepted proposal, or begin the next step.
+
+        Returns the chains that have not taken all their steps.
+        """
         returning = self._returning[rows]
         self._arrive(rows[returning])
         reversing = self._judge(rows[~returning])
@@ -171,6 +172,7 @@ class _Walk:
         if len(next_step):
             maps, start = self._maps.at_rows(next_step), self.points.at_rows(next_step)
             self._searches.restart(next_step, maps, self._targets(next_step), start)
+        return np.union1d(reversing, next_step)
 
     def _judge(self, rows: NDArray[np.intp]) -> NDArray[np.intp]:
         """Accept or reject the proposals that were found; return the chains whose step has to be reversed."""
