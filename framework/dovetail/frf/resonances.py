@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -125,19 +126,33 @@ def fit_resonances(frfs: Sequence[Frf], values: Sequence[NDArray[np.complex128]]
     """
     axes = [frf.frequency for frf in frfs]
     derivatives = [conversion(frf.frequency, "mobility", frf.quantity) for frf in frfs]
-    mobilities = [frf / factor for frf, factor in zip(values, derivatives, strict=True)]
-    poles = _common_poles(axes, mobilities)
+    mobilities = [np.asarray(frf / factor, np.complex128) for frf, factor in zip(values, derivatives, strict=True)]
+    packed = (tuple(map(np.ndarray.tobytes, arrays)) for arrays in (axes, mobilities))
+    poles, residues_of_each = _poles_and_residues(*packed)
     near, terms, relative = [], [], []
-    for frequency, mobility, derivative in zip(axes, mobilities, derivatives, strict=True):
-        residues = np.zeros(len(poles), dtype=np.complex128)
-        within = _is_within(poles, frequency)
-        residues[within] = _residues(frequency, mobility, poles[within])
+    for frequency, residues, derivative in zip(axes, residues_of_each, derivatives, strict=True):
         distance, mirrored = frequency - poles[:, np.newaxis], frequency + np.conj(poles)[:, np.newaxis]
         factor = derivative * conversion(frequency, "receptance", "mobility")
         near.append(factor * residues[:, np.newaxis] / distance)
         terms.append(near[-1] - factor * np.conj(residues)[:, np.newaxis] / mirrored)
         relative.append(poles[:, np.newaxis] / distance)
     return Resonances(poles, tuple(terms), tuple(near), tuple(relative))
+
+
+@lru_cache(maxsize=2)  # one fit of an assembly is often judged by its resonances, in many places
+def _poles_and_residues(
+    frequencies: tuple[bytes, ...], mobilities: tuple[bytes, ...]
+) -> tuple[NDArray[np.complex128], list[NDArray[np.complex128]]]:
+    """Return the poles of all FRFs and the residues of each, 0 where a pole is beyond its frequencies."""
+    axes = [np.frombuffer(axis) for axis in frequencies]
+    frfs = [np.frombuffer(mobility, dtype=np.complex128) for mobility in mobilities]
+    poles, residues = _common_poles(axes, frfs), list[NDArray[np.complex128]]()
+    for frequency, mobility in zip(axes, frfs, strict=True):
+        within = _is_within(poles, frequency)
+        residues.append(np.zeros(len(poles), dtype=np.complex128))
+        residues[-1][within] = _residues(frequency, mobility, poles[within])
+    poles.setflags(write=False)
+    return poles, residues
 
 
 def _common_poles(
