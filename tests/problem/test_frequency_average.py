@@ -9,7 +9,7 @@ import pytest
 
 import dovetail
 from dovetail.inference.posterior import ModelError
-from dovetail.inference.posterior.frequency_average import AveragedResiduals, needs_average, weigh, with_deviation
+from dovetail.inference.posterior.frequency_average import AveragedResiduals, needs_average, weigh, with_deviations
 from dovetail.problem.observations import Observations, StackedResiduals
 from dovetail.problem.residuals import FrfResiduals, ModelFrfs
 from support.noisy_measurements import noisy
@@ -130,5 +130,8 @@ def test_averages_with_another_error_of_each_are_those_that_are_made_with_it(sdo
         (lines, plain), (_, wanted) = weigh(*given, replace(size, other=0.0)), weigh(*given, size)
         deviation = [size.other * np.abs(values[:600])] * count
         at = np.concatenate([values[lines[lines < 600]]] * count)[np.newaxis]
-        np.testing.assert_allclose(with_deviation(plain, deviation).of(at), wanted.of(at), rtol=1e-9)
+        slopes = np.stack([at[0], 1j * at[0] ** 2])
+        shown = with_deviations(plain, at[0], slopes)(deviation)
+        np.testing.assert_allclose(shown[:1], wanted.of(at), rtol=1e-9)
+        np.testing.assert_allclose(shown[1:], wanted.jacobian(at, slopes[np.newaxis])[0], rtol=1e-9)
         assert not np.allclose(plain.of(at), wanted.of(at), rtol=0.1)

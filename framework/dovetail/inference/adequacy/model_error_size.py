@@ -6,7 +6,7 @@ once parameters and errors are marginalised (empirical Bayes with a prior). Resi
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -17,11 +17,10 @@ from scipy.optimize import brentq, minimize
 from dovetail.inference.adequacy.error_effects import ErrorEffects
 from dovetail.inference.adequacy.evidence import marginalised_products, misfit_and_moments, removed_variance
 from dovetail.inference.adequacy.verdict import word_for
-from dovetail.inference.posterior.frequency_average import needs_average, unshaped_deviation, with_deviation
+from dovetail.inference.posterior.frequency_average import needs_average, unshaped_deviation, with_deviations
 from dovetail.inference.posterior.likelihood import PRIOR_PRECISION, marginalised_squares
 from dovetail.inference.posterior.model_error import KINDS, MODEL_ERROR, ModelError, typical_model_error
 from dovetail.interfaces import Progress, silent
-from dovetail.problem.residuals import Residual
 
 
 @dataclass(frozen=True)
@@ -178,29 +177,32 @@ class _Linearised:
         self._effects, self.fraction, self._size, self._most = effects, fraction, size, most
         frf, jacobian = effects.model.frf_by_fractions(effects.problem.from_unit(fraction[np.newaxis]))
         self._frf, self._jacobian = frf, jacobian
-        self._shapes = effects.shapes(frf[0], size)
+        self._changes = {"parameters": jacobian[0] / np.sqrt(PRIOR_PRECISION), **effects.shapes(frf[0], size)}
 
     def _whitened(self, size: ModelError) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:
         """Return residuals (m,), whitened with the other errors, and their derivatives (k, m) by kind of error."""
-        lines, residual = self._residual(size.other)
-        changes = {"parameters": self._jacobian[0] / np.sqrt(PRIOR_PRECISION), **self._shapes}
-        stacked = np.concatenate(list(changes.values()))
-        columns = residual.jacobian(self._frf[:, lines], stacked[np.newaxis, :, lines])[0]
-        ends = np.cumsum([len(change) for change in changes.values()])[:-1]
-        return residual.of(self._frf[:, lines])[0], dict(zip(changes, np.split(columns, ends), strict=True))
-
-    def _residual(self, other: float) -> tuple[NDArray[np.intp], Residual]:
-        """Return lines and residuals with other errors of a given size; the averages are computed only once."""
-        size, values = replace(self._size, other=other), self._frf[0]
-        if not needs_average(size):
-            return self._effects.residual(values, size)
-        lines, averages = self._averages
-        target = self._effects.target
-        return lines, with_deviation(averages, target.split(unshaped_deviation(target, values, size)))
+        rows = self._rows(size.other)
+        ends = np.cumsum([len(change) for change in self._changes.values()])[:-1]
+        return rows[0], dict(zip(self._changes, np.split(rows[1:], ends), strict=True))
 
     @cached_property
-    def _averages(self) -> tuple[NDArray[np.intp], Residual]:
-        return self._effects.residual(self._frf[0], replace(self._size, other=0.0))
+    def _rows(self) -> Callable[[float], NDArray[np.float64]]:
+        """Takes the size of other errors to residuals and derivatives (1 + k, m); FRFs are averaged only once."""
+        effects, values, changes = self._effects, self._frf[0], np.concatenate(list(self._changes.values()))
+
+        def sized(other: float) -> ModelError:
+            return replace(self._size, other=other)
+
+        def of_lines(other: float) -> NDArray[np.float64]:
+            _, residual = effects.residual(values, sized(other))
+            derivatives = residual.jacobian(values[np.newaxis], changes[np.newaxis])[0]
+            return np.concatenate([residual.of(values[np.newaxis]), derivatives])
+
+        if not needs_average(self._size):
+            return of_lines
+        lines, averages = effects.residual(values, sized(0.0))
+        scaled, target = with_deviations(averages, values[lines], changes[:, lines]), effects.target
+        return lambda other: scaled(target.split(unshaped_deviation(target, values, sized(other))))
 
     def estimate(self) -> ModelError:
         """Return the most probable sizes."""

@@ -6,8 +6,7 @@ over a band as wide as the error of natural frequencies they do, and all methods
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from copy import copy
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -99,11 +98,35 @@ def weigh(
     return np.concatenate(lines), StackedResiduals(tuple(averaged), tuple(len(needed) for needed in lines))
 
 
-def with_deviation(averages: Residual, deviations: Sequence[NDArray[np.float64]]) -> Residual:
-    """Return the averages of all responses with other standard deviations (n_freq,) of additional errors."""
+def with_deviations(
+    averages: Residual, frf: NDArray[np.complex128], frf_jacobian: NDArray[np.complex128]
+) -> Callable[[Sequence[NDArray[np.float64]]], NDArray[np.float64]]:
+    """Average FRFs once, for residuals with several standard deviations of the additional errors.
+
+    Parameters
+    ----------
+    averages : Residual
+        Of lines that are averaged, from `weigh`.
+    frf : (f,) array
+        The FRFs of all responses.
+    frf_jacobian : (p, f) array
+        Their derivatives.
+
+    Returns
+    -------
+    callable
+        Takes the standard deviations (n_freq,) of each response to residuals and their derivatives, (1 + p, m).
+    """
     assert isinstance(averages, StackedResiduals)
-    pairs = zip(averages.responses, deviations, strict=True)
-    return StackedResiduals(tuple(one.with_deviation(deviation) for one, deviation in pairs), averages.counts)
+    ends = np.cumsum(averages.counts)[:-1]
+    blocks = zip(averages.responses, np.split(frf, ends), np.split(frf_jacobian, ends, axis=1), strict=True)
+    scalings = [response.with_deviations(*block) for response, *block in blocks]
+
+    def scaled(deviations: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+        pairs = zip(scalings, deviations, strict=True)
+        return np.concatenate([scaling(deviation) for scaling, deviation in pairs], axis=1)
+
+    return scaled
 
 
 def unshaped_deviation(target: Observations, values: NDArray[np.complex128], size: ModelError) -> NDArray[np.float64]:
@@ -166,14 +189,9 @@ class AveragedResiduals(Residual):
         values = measured.values if measured.has_phase else measured.amplitude
         self._measured = weights @ values[used]
         self._count = len(averages) * (2 if measured.has_phase else 1)
-        self._used, self._used_weights, self._variance = used, weights, variance[used]
+        self._used, self._used_weights = used, weights
+        self._covariance = _banded_covariance(weights, variance[used] / 2.0)
         self._factor = self._factor_with(deviation)
-
-    def with_deviation(self, deviation: NDArray[np.float64]) -> AveragedResiduals:
-        """Return the same averages with another standard deviation (n_freq,) of the additional error of each."""
-        other = copy(self)
-        other._factor = self._factor_with(deviation)
-        return other
 
     @property
     def log_scale(self) -> float:
@@ -182,30 +200,44 @@ class AveragedResiduals(Residual):
         return -parts * float(np.sum(np.log(self._factor[0])) + len(self._factor[0]) * np.log(2.0 * np.pi) / 2.0)
 
     def _factor_with(self, deviation: NDArray[np.float64]) -> NDArray[np.float64]:
-        error_power = (self._used_weights @ deviation[self._used]) ** 2
-        return _cholesky(self._used_weights, self._variance / 2.0, error_power / 2.0)
+        covariance = self._covariance.copy()
+        covariance[0] += (self._used_weights @ deviation[self._used]) ** 2 / 2.0
+        return np.asarray(cholesky_banded(covariance, lower=True))
 
     def of(self, frf: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Return the residuals (n, m) of FRFs (n, f)."""
-        return self._scaled(self._averaged(frf if self._has_phase else np.abs(frf)) - self._measured)
+        return self._scaled(self._differences(frf), self._factor)
 
     def jacobian(self, frf: NDArray[np.complex128], frf_jacobian: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Return their derivatives (n, p, m) from FRFs (n, f) and their derivatives (n, p, f)."""
+        return self._scaled(self._changes(frf, frf_jacobian), self._factor)
+
+    def with_deviations(
+        self, frf: NDArray[np.complex128], frf_jacobian: NDArray[np.complex128]
+    ) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+        """Return residuals and derivatives (1 + p, m) as a function of the deviation; see the function of that name."""
+        differences = self._differences(frf[np.newaxis])
+        both = np.concatenate([differences, self._changes(frf[np.newaxis], frf_jacobian[np.newaxis])[0]])
+        return lambda deviation: self._scaled(both, self._factor_with(deviation))
+
+    def _differences(self, frf: NDArray[np.complex128]) -> NDArray[Any]:
+        return np.asarray(self._averaged(frf if self._has_phase else np.abs(frf)) - self._measured)
+
+    def _changes(self, frf: NDArray[np.complex128], frf_jacobian: NDArray[np.complex128]) -> NDArray[Any]:
         if self._has_phase:
-            return self._scaled(self._averaged(frf_jacobian))
+            return self._averaged(frf_jacobian)
         amplitude = np.maximum(np.abs(frf), np.finfo(float).tiny)
-        amplitude_jacobian = np.real(frf_jacobian * (np.conj(frf) / amplitude)[:, np.newaxis])
-        return self._scaled(self._averaged(amplitude_jacobian))
+        return self._averaged(np.real(frf_jacobian * (np.conj(frf) / amplitude)[:, np.newaxis]))
 
     def _averaged(self, values: NDArray[Any]) -> NDArray[Any]:
         """Return averages (..., n_averages) of values (..., f)."""
         columns = np.ascontiguousarray(values.reshape(-1, values.shape[-1]).T)
         return np.asarray((self._weights @ columns).T.reshape(*values.shape[:-1], self._weights.shape[0]))
 
-    def _scaled(self, averages: NDArray[Any]) -> NDArray[np.float64]:
+    def _scaled(self, averages: NDArray[Any], factor: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return averages (..., n_averages) scaled to covariance 1; each real part precedes its imaginary part."""
         columns = averages.reshape(-1, averages.shape[-1]).T
-        white = np.ascontiguousarray(solve_banded((len(self._factor) - 1, 0), self._factor, columns).T)
+        white = np.ascontiguousarray(solve_banded((len(factor) - 1, 0), factor, columns).T)
         return np.asarray(white.view(np.float64).reshape(*averages.shape[:-1], self._count))
 
 
@@ -248,14 +280,12 @@ def _gaussian_weights(frequency: NDArray[np.float64], averages: Sequence[Average
     return csr_array((np.concatenate(weights), indices), shape=(len(rows), len(frequency)))
 
 
-def _cholesky(
-    weights: csr_array, variance: NDArray[np.float64], error_power: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return the Cholesky factor of the averages' covariance, banded, as `scipy.linalg.solve_banded` takes it."""
+def _banded_covariance(weights: csr_array, variance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the covariance of the averages of lines with a variance, as `scipy.linalg.cholesky_banded` takes it."""
     covariance = ((weights * variance) @ weights.T).tocoo()
     below = covariance.row - covariance.col
     lower = below >= 0
     bands = np.zeros((int(below.max()) + 1, covariance.shape[0]))
     bands[below[lower], covariance.col[lower]] = covariance.data[lower]
-    bands[0] = (1.0 + _SETTINGS.jitter) * bands[0] + error_power
-    return np.asarray(cholesky_banded(bands, lower=True))
+    bands[0] *= 1.0 + _SETTINGS.jitter
+    return bands
