@@ -15,7 +15,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.parallel import begin_worker, core_lent, cores
+from dovetail.parallel import begin_worker, core_lent, cores, one_blas_thread
 from dovetail.worker_processes import MeanwhileProcess
 
 Result = TypeVar("Result")
@@ -49,8 +49,9 @@ def meanwhile(
     if cores() == 1 or not _can_fork():
         yield work
         return
-    process = MeanwhileProcess(work, partial(begin_worker, 1), given_up)
     with ExitStack() as running:
+        running.enter_context(one_blas_thread())  # in both processes
+        process = MeanwhileProcess(work, partial(begin_worker, 1), given_up)
         running.enter_context(core_lent())
         running.callback(process.end)
 

@@ -9,7 +9,7 @@ import sys
 import threading
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import CancelledError, ThreadPoolExecutor
-from contextlib import AbstractContextManager, closing, contextmanager
+from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
 from functools import lru_cache, partial
 from importlib.metadata import version
 from itertools import islice
@@ -118,7 +118,7 @@ def side_by_side(
         yield from ((index, work(index)) for index in range(count))
     else:
         begin = partial(begin_worker, max(1, cores() // workers))
-        with closing(run_tasks(work, count, workers, begin, lost)) as done:
+        with one_blas_thread(), closing(run_tasks(work, count, workers, begin, lost)) as done:
             yield from done
 
 
@@ -129,8 +129,15 @@ def begin_worker(most_cores: int) -> None:
 
 
 def one_blas_thread() -> AbstractContextManager[Any]:
-    """Limit linear algebra to one thread, from now until the context that is returned ends."""
-    limit: AbstractContextManager[Any] = _blas().limit(limits=1, user_api="blas")
+    """Limit linear algebra to one thread, from now until the context that is returned ends.
+
+    Where it has one thread already, as in a process that was forked with one, nothing is done. OpenBLAS would start a
+    thread there first, which does nothing for tens of milliseconds but occupies a core.
+    """
+    blas = _blas()
+    if all(library.num_threads == 1 for library in blas.lib_controllers if library.user_api == "blas"):
+        return nullcontext()
+    limit: AbstractContextManager[Any] = blas.limit(limits=1, user_api="blas")
     return limit
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import subprocess
 import sys
 import threading
 import time
@@ -55,6 +56,25 @@ def test_another_process_does_the_work_if_there_is_a_core_for_it(available):
         process, theirs = found()
     assert (process == os.getpid()) == (available == 1)
     assert (own, theirs) == ((1, 1) if available < 3 else (3, 1))
+
+
+def test_the_other_process_has_no_threads_of_linear_algebra():
+    """OpenBLAS starts them anew after a fork when their number is set; each keeps a core busy for a while."""
+    code = """
+import os, dovetail.parallel
+os.sched_getaffinity = lambda _: range(2)
+from dovetail.meanwhile import meanwhile
+import numpy
+def work():
+    numpy.ones((2, 2)) @ numpy.ones((2, 2))
+    return os.getpid(), len(os.listdir("/proc/self/task"))
+with meanwhile(work) as found:
+    process, threads = found()
+print(process == os.getpid(), threads)
+"""
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "2", "OMP_NUM_THREADS": "2"}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "2"]  # the second one watches whether its parent is still there
 
 
 def test_no_process_is_forked_beside_another_thread_that_works():
