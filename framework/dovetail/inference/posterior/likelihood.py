@@ -298,19 +298,6 @@ class _FewLines(NamedTuple):
     vectors: NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class _ScaledValues(Residual):
-    """Real and imaginary parts of FRFs over a scale (n_lines,)."""
-
-    scale: NDArray[np.float64]
-
-    def of(self, frf: NDArray[np.complex128]) -> NDArray[np.float64]:
-        return np.asarray(np.ascontiguousarray(frf / self.scale).view(np.float64))
-
-    def jacobian(self, _frf: NDArray[np.complex128], frf_jacobian: NDArray[np.complex128]) -> NDArray[np.float64]:
-        return self.of(frf_jacobian)
-
-
 def _few_lines(
     likelihood: Likelihood,
     by_line: StackedResiduals[Weighted],
@@ -337,14 +324,19 @@ def _few_lines_of_averages(
     magnitudes = np.split(np.abs(origin), np.cumsum(likelihood.model.counts)[:-1])
     amplitude = np.concatenate([np.maximum(one, _SETTINGS.least_amplitude * one.max()) for one in magnitudes])
     gain = np.linalg.norm(differences) / max(float(np.linalg.norm(frf_differences / amplitude)), np.finfo(float).tiny)
-    scaled = _ScaledValues(amplitude / gain)
-    line_basis = _basis(scaled.of(frf_differences))
+    scale = amplitude / gain
+    line_basis = _basis(_values_over(scale).of(frf_differences))
     lines = np.unique(_pivots(line_basis) // 2)
     rows = np.stack([2 * lines, 2 * lines + 1], axis=1).ravel()
-    vectors = np.ascontiguousarray(line_basis.T).view(np.complex128) * scaled.scale
+    vectors = np.ascontiguousarray(line_basis.T).view(np.complex128) * scale
     added = likelihood.residual.jacobian(origin[np.newaxis], vectors[np.newaxis])[0]
-    to_vectors, on_few = np.asarray(np.linalg.pinv(line_basis[rows]).T), _ScaledValues(scaled.scale[lines])
+    to_vectors, on_few = np.asarray(np.linalg.pinv(line_basis[rows]).T), _values_over(scale[lines])
     return _FewLines(likelihood.model.at(lines), on_few, on_few.of(origin[np.newaxis, lines])[0], to_vectors, added)
+
+
+def _values_over(scale: NDArray[np.float64]) -> Weighted:
+    """Return real and imaginary parts of FRFs over a scale (n_lines,), as residuals."""
+    return Weighted(np.zeros(len(scale), dtype=np.complex128), 2.0 * scale**2, 1.0 / scale, has_phase=True)
 
 
 def _pivots(basis: NDArray[np.float64]) -> NDArray[np.intp]:
@@ -380,8 +372,10 @@ class PosteriorResiduals:
         """Return residuals (n, p + m) and their derivatives (n, p, p + m) at z (n, p)."""
         misfit = self.misfit.linearise(unit_from_normal(z))
         density = normal_density(z)
-        prior_jacobian = np.broadcast_to(np.eye(z.shape[1]), (len(z), z.shape[1], z.shape[1]))
-        jacobian = np.concatenate([prior_jacobian, misfit.jacobian * density[:, :, np.newaxis]], axis=2)
+        size = z.shape[1]
+        jacobian = np.empty((len(z), size, size + misfit.residuals.shape[1]))
+        jacobian[:, :, :size] = np.eye(size)
+        np.multiply(misfit.jacobian, density[:, :, np.newaxis], out=jacobian[:, :, size:])
         return Linearisation(np.concatenate([z, misfit.residuals], axis=1), jacobian)
 
 

@@ -64,7 +64,7 @@ Accepts = Callable[[NDArray[np.intp], NDArray[np.bool_], "LinearisedPoints"], ND
 
 _SETTINGS = Settings()
 _TINY = np.finfo(float).tiny
-_DERIVATIVES_APART = 150_000
+_DERIVATIVES_APART = 100_000
 """Derivatives at the points of searches from which these take half the time in two processes, or nearly so."""
 
 
