@@ -353,11 +353,19 @@ def _floor_and_share(magnitude: NDArray[np.float64], variance: NDArray[np.float6
     lowest = float(np.log(variance.min()))
     relative = float(np.log(np.median(variance / magnitude**2)))
 
-    def residuals(logs: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.asarray(np.log(np.exp(logs[0]) + np.exp(logs[1]) * magnitude**2) - np.log(variance))
+    terms, target = np.stack([np.ones_like(variance), magnitude**2], axis=1), np.log(variance)
 
-    fitted = scipy.optimize.least_squares(residuals, [lowest, relative], loss="soft_l1", f_scale=0.2, max_nfev=200).x
-    return float(np.exp(fitted[0])), float(np.exp(fitted[1]))
+    def residuals(logs: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(np.log(terms @ np.exp(logs)) - target)
+
+    def slopes(logs: NDArray[np.float64]) -> NDArray[np.float64]:
+        parts = terms * np.exp(logs)
+        return np.asarray(parts / parts.sum(axis=1, keepdims=True))
+
+    start = [lowest, relative]
+    fitted = scipy.optimize.least_squares(residuals, start, slopes, loss="soft_l1", f_scale=0.2, max_nfev=200)
+    floor, share = np.exp(fitted.x).tolist()
+    return floor, share
 
 
 def isolated_lines(size: NDArray[np.float64]) -> NDArray[np.bool_]:
