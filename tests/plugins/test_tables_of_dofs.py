@@ -53,6 +53,11 @@ def test_without_rows_and_positions_the_order_is_that_of_the_matrix(tmp_path):
         ("node,direction,size\nn1,x,1\nn1,rz,1\n", "the first line is 'node,direction,size'"),
         ("node,axis\nn1,x\nn1,rz\n", "the first line is 'node,axis'"),
         ("node,direction\n", "the table has no DOFs"),
+        ("node,direction,row,row\nn1,x,1,2\nn1,rz,2,1\n", "the first line has 'row' twice"),
+        (
+            "node,direction,position,point_x,point_y,point_z\nn1,x,0,1,0,0\nn1,rz,0,1,0,0\n",
+            "the table has positions along a line, and points in space",
+        ),
     ],
 )
 def test_a_table_that_does_not_fit_is_refused_at_its_dof(tmp_path, text, fault):

@@ -48,6 +48,8 @@ def read_dof_table(path: Path, size: int) -> DofTable:
     if not {"node", "direction"} <= set(header) or not set(header) <= set(_COLUMNS) or len(lines) < 2:
         problem = f"the first line is '{','.join(lines[0])[:80]}'." if len(lines) > 1 else "the table has no DOFs."
         raise DovetailError(Fault(str(path), problem, _EXAMPLE))
+    if twice := sorted({name for name in header if header.count(name) > 1}):
+        raise DovetailError(Fault(str(path), f"the first line has '{twice[0]}' twice.", _EXAMPLE))
     for number, line in enumerate(lines):
         if len(line) != len(header):
             raise DovetailError(Fault(f"{path}:{number + 1}", f"the line has {len(line)} cells, not {len(header)}."))
@@ -99,6 +101,10 @@ def _table(columns: Mapping[str, Sequence[str]], where: str, size: int) -> DofTa
         if len(given) < len(_COORDINATES):
             problem = f"the table has {', '.join(given)} alone."
             raise DovetailError(Fault(where, problem, ", ".join(_COORDINATES)))
+        if positions is not None:
+            problem = "the table has positions along a line, and points in space."
+            accepted = f"either the positions or {', '.join(_COORDINATES)}"
+            raise DovetailError(Fault(where, problem, accepted, "Remove those that do not belong to the part."))
         points = np.stack([_numbers(columns[name], name, where) for name in _COORDINATES], axis=1)
     nodes, directions = tuple(columns["node"]), tuple(columns["direction"])
     return DofTable(nodes, directions, rows, positions, where, points).checked(size)
