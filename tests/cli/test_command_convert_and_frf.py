@@ -174,6 +174,10 @@ def test_an_archive_of_signals_becomes_an_frf(run, tmp_path, hits):
     assert "H1 from hits.npz" in shown
     assert "accelerance, coherence, 4 averages" in shown
     check(tmp_path / "a.uff", truth)
+    assert "Note" not in shown
+    np.savez(tmp_path / "long.npz", force=force, response=response, rate=RATE, record_length_s=999.0)
+    shown = run("frf", tmp_path / "long.npz", "-o", tmp_path / "e.uff").stdout
+    assert "a length of 999 s is stated" in " ".join(shown.split())
     savemat(tmp_path / "hits.mat", {"hammer": force.T / 4.4482216152605, "acceleration": response.T, "t": time})
     run("frf", tmp_path / "hits.mat", "-o", tmp_path / "b.npz", "--force-unit", "lbf", "--estimator", "H2")
     check(tmp_path / "b.npz", truth)

@@ -140,7 +140,7 @@ def _record(archive: RecordedArrays, name: str, signal: SignalName, role: str, r
     attached = Remarks(skip=remarks.skip)
     for key, text in archive.entries[name].attributes.items():
         attached.read(key, text, f"{where}  {key}", "force" if role == "force" else "response")
-    remarks.numbers += attached.numbers
+    remarks.take_over(attached)
     label = "load label" if role == "force" else "label"
     unit = "load unit" if role == "force" else "motion unit"
     own = [Statement(label, signal.label or re.split(r"[/.]", name)[-1], where)]  # type: ignore[arg-type]

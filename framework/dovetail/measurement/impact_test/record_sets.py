@@ -98,7 +98,7 @@ def _record(signal: RecordedSignal, is_force: bool, remarks: Remarks) -> TimeRec
             said.read(text.key, text.text, text.where, "force" if is_force else "response")
         else:
             said.read_line(text.text, text.where)
-    remarks.numbers += said.numbers
+    remarks.take_over(said)
     statements = said.of("force" if is_force else "response", declared)
     samples = np.asarray(signal.samples, dtype=np.float64)
     axis = (*_axis(signal), *said.facts())

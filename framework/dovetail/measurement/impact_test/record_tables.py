@@ -259,6 +259,6 @@ def _channel(
     role: Role = column.signal.role
     for one in (*segment.statements, *(segment.channel_statements[number] if segment.channel_statements else ())):
         attached.read(one.key or "comment", one.text, one.where, role)
-    remarks.numbers += attached.numbers
+    remarks.take_over(attached)
     record = column.record(segment.channels[number], axis, remarks)
     return record._replace(statements=(*record.statements, *attached.statements[role]))

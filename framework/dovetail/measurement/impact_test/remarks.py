@@ -10,6 +10,7 @@ from dovetail.errors import Fault, MeasurementError, argument
 from dovetail.interfaces import Statement
 from dovetail.measurement.acting_numbers import find_acting_number
 from dovetail.measurement.frf_units import frequency_factor, read_unit
+from dovetail.measurement.impact_test.record_length import StatedLength, read_length
 from dovetail.measurement.impact_test.records import AxisFact, Point
 from dovetail.measurement.impact_test.sensitivity import volts
 from dovetail.measurement.impact_test.signal_names import Role, read_name
@@ -54,6 +55,8 @@ class Remarks:
         Units of times, rates and steps that stand under a key of their own.
     numbers : list of (str, str, str)
         Keys, texts and places of numbers that may act on the samples.
+    lengths : list of StatedLength
+        Of the records.
     named_points : list of PointStatement
         Points in words, which only a model can explain.
     """
@@ -65,6 +68,7 @@ class Remarks:
     axis: list[AxisFact] = field(default_factory=list)
     axis_units: dict[str, str] = field(default_factory=dict)
     numbers: list[tuple[str, str, str]] = field(default_factory=list)
+    lengths: list[StatedLength] = field(default_factory=list)
     named_points: list[PointStatement] = field(default_factory=list)
 
     def read_line(self, line: str, where: str) -> None:
@@ -107,6 +111,8 @@ class Remarks:
             self._read_point(text.strip(), where, role)
         elif self._read_axis(key, text, where):
             return
+        elif (length := read_length(key, text, where)) is not None:
+            self.lengths.append(length)
         elif find_acting_number(key, text):
             self.numbers.append((key, text, where))
         elif _is_quantity(words, text) and role != "force":
@@ -118,6 +124,11 @@ class Remarks:
             if (pair := sentence(text)) is not None:
                 self.read(pair.key, pair.value, where, role)
             self._read_prose(text, where)
+
+    def take_over(self, attached: Remarks) -> None:
+        """Add what the statements on one signal say of the file as a whole."""
+        self.numbers += attached.numbers
+        self.lengths += attached.lengths
 
     def facts(self) -> tuple[AxisFact, ...]:
         """Return the facts on the times, in the units that other keys state."""

@@ -19,6 +19,7 @@ from dovetail.measurement.frf_files import arrays_of_fields, check_suffix, read_
 from dovetail.measurement.frf_units import motion_unit, read_unit
 from dovetail.measurement.impact_test.interpretation import Choice, Scale, choose_points, sampling_rate, scale_of
 from dovetail.measurement.impact_test.record_arrays import read_archive
+from dovetail.measurement.impact_test.record_length import contradicted
 from dovetail.measurement.impact_test.record_sets import read_sets
 from dovetail.measurement.impact_test.record_tables import read_channels, read_columns, read_table
 from dovetail.measurement.impact_test.records import Pair
@@ -151,7 +152,9 @@ def read_signals(
     scales = [tuple(scale_of(record, role, choice) for record, role, choice in zip(pair, ("force", "response"), choices,
               strict=True)) for pair in pairs]  # fmt: skip
     remarks.check_numbers(all(scale.unit for pair in scales for scale in pair))
-    return replace(_signals(source, pairs, scales, rate), named_points=tuple(remarks.named_points))
+    signals = _signals(source, pairs, scales, rate)
+    wrong = contradicted(remarks.lengths, len(signals.force), signals.force.shape[1], signals.rate)
+    return replace(signals, warnings=(*signals.warnings, *wrong), named_points=tuple(remarks.named_points))
 
 
 def _signals(path: Path, pairs: Sequence[Pair], scales: Sequence[tuple[Scale, ...]], rate: float | None) -> Signals:
