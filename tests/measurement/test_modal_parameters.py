@@ -10,7 +10,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from dovetail import MeasurementError, ModalParameters, read_modal_parameters
+from dovetail import Assembly, MeasurementError, ModalParameters, identify, read_modal_parameters
+from dovetail.measurement import is_modal_table
 from support.measured_files import damaged
 
 TABLES = {
@@ -42,6 +43,27 @@ def test_frequencies_alone_and_in_radians_are_read(tmp_path: Path) -> None:
     assert (modes.damping_ratio, modes.frequency_sd, modes.damping_sd) == (None, None, None)
 
 
+SINGLE_COLUMNS = (
+    "frequency_Hz\n100\n250.5\n",
+    "EMA 3\n\n# Natural frequency [kHz]\n\n0.1\n0.2505\n",
+    "f_Hz\n1e2\n250.5\nend\n",
+)
+
+
+@pytest.mark.parametrize("text", SINGLE_COLUMNS)
+def test_a_single_column_of_natural_frequencies_is_read(tmp_path: Path, text: str) -> None:
+    (tmp_path / "a.csv").write_text(text)
+    assert is_modal_table(tmp_path / "a.csv")
+    np.testing.assert_allclose(read_modal_parameters(tmp_path / "a.csv").frequency, [100, 250.5], rtol=1e-15)
+
+
+def test_the_modes_of_a_single_column_are_identified(tmp_path: Path, sdof: Assembly) -> None:
+    natural = sdof.natural_frequencies(sdof.from_unit(np.full(len(sdof.parameters), 0.5)), 1)[0]
+    (tmp_path / "a.csv").write_text(f"frequency_Hz\n{natural:.6f}\n")
+    result = identify(sdof, tmp_path / "a.csv", "refined")
+    assert result.modes[0].natural_frequency == pytest.approx(natural, rel=1e-3)
+
+
 FAULTS = {
     "frequency,zeta\n1,0.1\n": "a.csv:1\n  'frequency' has no unit.\n  Accepted: Hz, kHz, rad/s",
     "frequency [rpm],zeta\n1,0.1\n": "a.csv:1\n  the unit of 'frequency' is 'rpm'.\n  Accepted: Hz, kHz, rad/s",
@@ -56,6 +78,9 @@ FAULTS = {
     "f_Hz,zeta\nnan,0\n5,0\n": "a.csv: frequency of mode 1 is nan; it must be positive, from 1e-30 to 1e+30.",
     "f_Hz,frequency_sd_Hz\n5,0\n": "a.csv: frequency_sd of mode 1 is 0; it must be positive, from 1e-30 to 1e+30.",
     "f_Hz,zeta_sd\n5,0.1\n": "a.csv: there are standard deviations of the damping, and no damping.",
+    "f_Hz\n100\nabc\n300\n": "a.csv:3\n  'abc' in column f_Hz is not a number.",
+    "f_Hz\n100\n200 0.1\n": "a.csv:3\n  the line has 2 columns, the header 1.",
+    "amplitude\n100\n200\n": "a.csv\n  there is no header.\n  Accepted: frequency_Hz[,",
     "1,2\n3,4\n": "a.csv:1\n  the table has no header.\n  Accepted: frequency_Hz[,",
     "f_Hz,zeta\n" + "".join(f"{n},0\n" for n in range(1, 10_002)): "a.csv\n  the table has 10,001 modes.",
 }

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +34,7 @@ _RATIO = ("damping_ratio", "zeta", "damping_ratio_sd", "zeta_sd")
 _UNITS = {"percent": "%", "per cent": "%", "1": "-", "none": "-", "ratio": "-", "rad/sec": "rad/s"}
 """Spellings of units that are equal."""
 _ACCEPTED = "frequency_Hz[,damping_ratio or damping_percent][,frequency_sd_Hz][,damping_ratio_sd or damping_sd_percent]"
+_ONE_NUMBER = re.compile(r"[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?")
 _PERCENT = 0.01
 _MOST_MODES = 10_000
 
@@ -125,8 +128,7 @@ def read_modal_parameters(path: str | os.PathLike[str]) -> ModalParameters:
     source = Path(path)
     if source.suffix.lower() not in _SUFFIXES:
         raise MeasurementError(Fault(str(source), "this is not a table of modal parameters.", ", ".join(_SUFFIXES)))
-    lines = decode_text(source, read_bounded(source)).split("\n")
-    table = find_table(str(source), lines, _is_header, _ACCEPTED)
+    table = _find_table(source)
     where = f"{source}:{table.line + 1}"
     names, units = names_and_units(table.header)
     units = _with_row_of_units(where, names, units, table.units)
@@ -174,12 +176,26 @@ def is_modal_table(path: str | os.PathLike[str]) -> bool:
     if source.suffix.lower() not in _SUFFIXES:
         return False
     try:
-        lines = decode_text(source, read_bounded(source)).split("\n")
-        header = find_table(str(source), lines, _is_header, "").header
+        header = _find_table(source).header
     except DovetailError:
         return False
     meant = [_parameter(name)[0] for name in names_and_units(header)[0]]
     return "frequency" in meant and all(meant)
+
+
+def _find_table(path: Path) -> TextTable:
+    lines = decode_text(path, read_bounded(path)).split("\n")
+    return _single_column(str(path), lines) or find_table(str(path), lines, _is_header, _ACCEPTED)
+
+
+def _single_column(where: str, lines: Sequence[str]) -> TextTable | None:
+    """Return a table of natural frequencies alone, a header and below it one number in each line."""
+    filled = [number for number, line in enumerate(lines) if line.strip()]
+    for header, first in pairwise(filled):
+        if _ONE_NUMBER.fullmatch(lines[first].strip()):
+            name = lines[header].strip().lstrip("#%! ")
+            return TextTable(where, lines, (name,), header, first, "") if _is_header([name]) else None
+    return None
 
 
 def _with_row_of_units(where: str, names: Sequence[str], units: Sequence[str], below: Sequence[str]) -> list[str]:
