@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from dovetail import Assembly, MeasurementError, ModalParameters, identify, read_modal_parameters
+from dovetail import Assembly, MeasurementError, ModalParameters, identify, read_frf, read_modal_parameters
 from dovetail.measurement import is_modal_table
 from support.measured_files import damaged
 
@@ -55,6 +55,16 @@ def test_a_single_column_of_natural_frequencies_is_read(tmp_path: Path, text: st
     (tmp_path / "a.csv").write_text(text)
     assert is_modal_table(tmp_path / "a.csv")
     np.testing.assert_allclose(read_modal_parameters(tmp_path / "a.csv").frequency, [100, 250.5], rtol=1e-15)
+
+
+def test_a_number_below_a_frequency_in_the_lines_above_a_table_is_no_column(tmp_path: Path) -> None:
+    rows = "frequency_Hz,real,imag\n1,2,3\n2,3,4\n"
+    (tmp_path / "frf.csv").write_text(f"Frequency [Hz]\n1024\n{rows}")
+    assert not is_modal_table(tmp_path / "frf.csv")
+    assert read_frf(tmp_path / "frf.csv", quantity="receptance").values.tolist() == [2.0 + 3.0j, 3.0 + 4.0j]
+    for more in ("", "250.5,0.2\n"):
+        (tmp_path / "modes.csv").write_text(f"Frequency [Hz]\n1024\nf_Hz,zeta\n100,0.1\n{more}")
+        assert read_modal_parameters(tmp_path / "modes.csv").frequency.tolist() == [100.0, 250.5][: 1 + bool(more)]
 
 
 def test_the_modes_of_a_single_column_are_identified(tmp_path: Path, sdof: Assembly) -> None:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +15,7 @@ from dovetail.atomic_files import read_bounded
 from dovetail.errors import DovetailError, Fault, MeasurementError
 from dovetail.frf import refuse_masked
 from dovetail.measurement.content.column_names import names_and_units, plain_name
-from dovetail.measurement.content.text_tables import TextTable, decode_text, find_table, read_rows
+from dovetail.measurement.content.text_tables import TextTable, decode_text, find_table, read_rows, single_column
 from dovetail.measurement.frf_units import frequency_factor
 from dovetail.measurement.modal_remarks import check_lines, number_fault, warn_of_sizes
 
@@ -34,7 +32,6 @@ _RATIO = ("damping_ratio", "zeta", "damping_ratio_sd", "zeta_sd")
 _UNITS = {"percent": "%", "per cent": "%", "1": "-", "none": "-", "ratio": "-", "rad/sec": "rad/s"}
 """Spellings of units that are equal."""
 _ACCEPTED = "frequency_Hz[,damping_ratio or damping_percent][,frequency_sd_Hz][,damping_ratio_sd or damping_sd_percent]"
-_ONE_NUMBER = re.compile(r"[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?")
 _PERCENT = 0.01
 _MOST_MODES = 10_000
 
@@ -184,18 +181,8 @@ def is_modal_table(path: str | os.PathLike[str]) -> bool:
 
 
 def _find_table(path: Path) -> TextTable:
-    lines = decode_text(path, read_bounded(path)).split("\n")
-    return _single_column(str(path), lines) or find_table(str(path), lines, _is_header, _ACCEPTED)
-
-
-def _single_column(where: str, lines: Sequence[str]) -> TextTable | None:
-    """Return a table of natural frequencies alone, a header and below it one number in each line."""
-    filled = [number for number, line in enumerate(lines) if line.strip()]
-    for header, first in pairwise(filled):
-        if _ONE_NUMBER.fullmatch(lines[first].strip()):
-            name = lines[header].strip().lstrip("#%! ")
-            return TextTable(where, lines, (name,), header, first, "") if _is_header([name]) else None
-    return None
+    where, lines = str(path), decode_text(path, read_bounded(path)).split("\n")
+    return single_column(where, lines, _is_header) or find_table(where, lines, _is_header, _ACCEPTED)
 
 
 def _with_row_of_units(where: str, names: Sequence[str], units: Sequence[str], below: Sequence[str]) -> list[str]:

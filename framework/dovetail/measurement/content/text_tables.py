@@ -11,6 +11,7 @@ import csv
 import re
 from array import array
 from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -173,6 +174,21 @@ def find_table(
     if start < len(lines):
         raise MeasurementError(Fault(f"{where}:{start + 1}", "the table has no header.", accepted, remedy))
     raise MeasurementError(Fault(where, "there is no header.", accepted))
+
+
+def single_column(where: str, lines: Sequence[str], is_header: Callable[[Sequence[str]], bool]) -> TextTable | None:
+    """Return a table of one column, a header and below it one number in each line; None if others follow."""
+    filled = [number for number, line in enumerate(lines[:_MOST_ABOVE]) if line.strip()]
+    if not filled or _start_of_numbers(lines) < filled[-1]:
+        return None
+    for header, first in pairwise(filled):
+        text = lines[first].strip()
+        if "," not in text and is_number(text):
+            name = lines[header].strip().lstrip("#%! ")
+            below = (lines[later] for later in filled if later > first)
+            is_last = not any(is_header(_split(line, _separator(line))) for line in below)
+            return TextTable(where, lines, (name,), header, first, _BLANKS) if is_last and is_header([name]) else None
+    return None
 
 
 def _below(table: TextTable, start: int) -> TextTable:
