@@ -17,7 +17,7 @@ _OF_SAMPLES = frozenset(
 )
 _LENGTHS = _OF_A_RECORD | _OF_SAMPLES | {name.replace(" ", "") for name in _OF_A_RECORD}
 _SAMPLES = ("samples", "sample", "points", "pts", "s/ch")
-_NUMBER = re.compile(r"(\d+\.?\d*(?:[eE][-+]?\d+)?)\s*(\S*)")
+NUMBER_AND_UNIT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S*)")
 _SAME_LENGTH = 0.01
 """Relative difference up to which a stated length counts as rounded."""
 
@@ -43,7 +43,7 @@ class StatedLength(NamedTuple):
 
 def read_length(key: str, text: str, where: str) -> StatedLength | None:
     """Return the length of records that a key, such as ``record length``, and its text state; None if they do not."""
-    match, words = _NUMBER.fullmatch(text.strip()), words_of(key)
+    match, words = NUMBER_AND_UNIT.fullmatch(text.strip()), words_of(key)
     if match is None or not words:
         return None
     is_length = " ".join(words) in _LENGTHS

@@ -10,7 +10,7 @@ from dovetail.errors import Fault, MeasurementError, argument
 from dovetail.interfaces import Statement
 from dovetail.measurement.acting_numbers import find_acting_number
 from dovetail.measurement.frf_units import frequency_factor, read_unit
-from dovetail.measurement.impact_test.record_length import StatedLength, read_length
+from dovetail.measurement.impact_test.record_length import NUMBER_AND_UNIT, StatedLength, read_length
 from dovetail.measurement.impact_test.records import AxisFact, Point
 from dovetail.measurement.impact_test.sensitivity import volts
 from dovetail.measurement.impact_test.signal_names import Role, read_name
@@ -25,7 +25,6 @@ _FORCE_WORDS = word_set("force forces excitation hammer exc load kraft")
 _RESPONSE_WORDS = word_set("response responses resp acceleration velocity displacement accelerometer motion")
 _KEY = re.compile(r"[#%!*;/\s\"]*([^:=]{1,60}?)\s*[:=]\s*(\S.*?)[\s\"]*")
 _TWO_CELLS = re.compile(r"[#%!*/\s\"]*([^,;\t]{1,60}?)[\s\"]*[,;\t][\s\"]*([^,;\t]+?)[\s\"]*")
-_NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S*)")
 _IN_UNIT = re.compile(r"\bin\s+([^\s,;:=\"'()\[\]]+)")
 _SENSITIVITY = re.compile(r"sensitiv|\bsens\b|empfindl|calib|kalib", re.IGNORECASE)
 _POINT_WORDS = word_set("dof dofs node nodes point points direction directions position location")
@@ -210,7 +209,7 @@ class Remarks:
         name = read_name(key)
         if name.role not in ("rate", "step", "start"):
             return False
-        match = _NUMBER.fullmatch(text.strip())
+        match = NUMBER_AND_UNIT.fullmatch(text.strip())
         if match is None:
             return False
         if name.role == "start" and match[2] and getattr(read_unit(match[2]), "kind", "") != "time":
