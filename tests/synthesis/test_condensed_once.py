@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 import gc
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+import dovetail
 from dovetail.problem.part_quantities import known_quantities
 from dovetail.synthesis import coupled_system
 
@@ -58,3 +61,44 @@ def test_a_condensed_stiffness_goes_with_its_part(collet):
     del changed
     gc.collect()
     assert len(coupled_system._LATEST) < kept
+
+
+def test_chosen_lines_are_condensed_with_all_others_once(collet, condensed):
+    all_lines = collet.on(collet.frequency[::20] + 1.0)
+    few = all_lines.on(all_lines.frequency[3::7], chosen=True)
+    fewer = few.on(few.frequency[::2], chosen=True)
+    values, parts = fewer.frf(), len(condensed)
+    assert parts > 0
+    np.testing.assert_array_equal(few.frf()[::2], values)
+    np.testing.assert_array_equal(all_lines.frf()[3::14], values)
+    assert len(condensed) == parts
+    np.testing.assert_array_equal(collet.on(fewer.frequency).frf(), values)
+    assert len(condensed) == 2 * parts
+
+
+def test_chosen_lines_are_condensed_alone_where_all_take_too_much_memory(collet, condensed, monkeypatch):
+    all_lines = collet.on(collet.frequency[::20] + 2.0)
+    few = all_lines.on(all_lines.frequency[::50], chosen=True)
+    expected = all_lines.frf()[::50]
+    parts = len(condensed)
+    monkeypatch.setattr(coupled_system, "_MOST_KEPT", 0.0)
+    np.testing.assert_array_equal(few.frf(), expected)
+    assert len(condensed) == 2 * parts
+
+
+def test_each_response_has_its_own_lines_to_choose_from(assemblies, condensed):
+    two_points = dovetail.load(assemblies / "bt40_er32_two_points.yaml")
+    first, second = two_points.frequency[::20] + 1.0, two_points.frequency[5::30] + 2.0
+    both = two_points.on(first, second)
+    chosen = copy.copy(both.on(first[::3], second[1::4], chosen=True))
+    for index, lines in enumerate((slice(0, None, 3), slice(1, None, 4))):
+        values, parts = chosen.each_response[index].frf(), len(condensed)
+        assert parts > 0
+        np.testing.assert_array_equal(both.each_response[index].frf()[lines], values)
+        assert len(condensed) == parts
+
+
+def test_lines_that_are_not_among_those_to_choose_from_are_condensed_alone(collet):
+    few = collet.on(collet.frequency[::300], chosen=True)
+    between = few.with_description(replace(few.description, frequency=few.frequency + 0.5))
+    np.testing.assert_array_equal(between.frf(), collet.on(few.frequency + 0.5).frf())

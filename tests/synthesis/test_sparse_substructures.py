@@ -123,6 +123,13 @@ def test_sparse_matrices_give_the_frf_of_the_direct_solve(tolerance):
     assert relative(receptance(assembly, theta), direct(assembly, theta)) < 1e-8
 
 
+def test_chosen_lines_of_a_reduced_part_are_those_of_all_lines():
+    """Alone they would be condensed on another basis, and give other last digits."""
+    assembly = on_springs(step=10)
+    few = assembly.on(assembly.frequency[4::30], chosen=True)
+    np.testing.assert_array_equal(few.frf(), assembly.frf()[4::30])
+
+
 def test_sparse_and_dense_matrices_are_the_same_part():
     sparse, dense = on_springs(), on_springs(dense=True)
     theta = middle(sparse)

@@ -56,8 +56,8 @@ class FrfModel(Protocol):
         """Return the FRF and its derivatives, with a last axis n_params."""
         ...
 
-    def on(self, frequency: ArrayLike, *further: ArrayLike) -> FrfModel:
-        """Return the same model at other frequencies."""
+    def on(self, frequency: ArrayLike, *further: ArrayLike, chosen: bool = False) -> FrfModel:
+        """Return the same model at other frequencies, which may be chosen from its own."""
         ...
 
     def combined(self, others: Sequence[FrfModel], /) -> ResponseFrfs | None:

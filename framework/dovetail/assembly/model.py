@@ -45,6 +45,8 @@ class Assembly:
         Relative error up to which FRFs are interpolated between exact lines; see `interpolated`.
     further_frequencies : sequence of (n_freq,) arrays, optional
         Hz; those of each response after the first, if they are others than the description's; see `on`.
+    within : sequence of (n_freq,) arrays, optional
+        Hz; lines of each response, of which its own are some: parts are condensed at all of these at once.
     """
 
     has_parts = True
@@ -57,6 +59,7 @@ class Assembly:
         rigid: bool = False,
         interpolation: float | None = None,
         further_frequencies: _Axes = (),
+        within: _Axes = (),
     ) -> None:
         self.description = description
         self._connected = entries_at_response(description)
@@ -68,6 +71,7 @@ class Assembly:
         self._interpolation = interpolation
         further = len(description.responses) - 1
         self._axes = (description.frequency, *(further_frequencies or [description.frequency] * further))
+        self._within = tuple(within) or self._axes
         self._elsewhere: deque[Assembly] = deque(maxlen=_KEPT_ELSEWHERE)
 
     def __repr__(self) -> str:
@@ -75,7 +79,7 @@ class Assembly:
 
     def __reduce__(self) -> tuple[Any, ...]:  # without engines, which are compiled again elsewhere
         made = partial(type(self), rigid=self._rigid, interpolation=self._interpolation)
-        return partial(made, further_frequencies=self._axes[1:]), (self.description,)
+        return partial(made, further_frequencies=self._axes[1:], within=self._within), (self.description,)
 
     def _repr_html_(self) -> str:
         return html_table(repr(self), self._space.rows)
@@ -142,14 +146,9 @@ class Assembly:
         return self, *self._further
 
     def at(self, index: int) -> Assembly:
-        """Return the same assembly with one of its responses only, at that response's frequencies.
-
-        Parameters
-        ----------
-        index : int
-            From 0, in the order of the description.
-        """
-        return self.with_description(replace(self.description.at(index), frequency=self._axes[index]))
+        """Return the same assembly with one response only, by its number from 0, at that response's frequencies."""
+        description = replace(self.description.at(index), frequency=self._axes[index])
+        return self.with_description(description, within=self._within[index : index + 1])
 
     def engine_of(self, points: Sequence[Point], pairs: Sequence[tuple[int, int]] = ((0, 0),)) -> Engine:
         """Return a synthesis engine for FRFs between pairs of some points, by their numbers: output and input."""
@@ -157,7 +156,8 @@ class Assembly:
         ends = np.repeat([[0.0], [1.0]], len(self.parameters), axis=1)
         probe_theta = self.by_joint(self.from_unit(np.concatenate([inside, ends])))
         columns = {name: self._map.varying_columns(name) for name in self.graph.connections}
-        return Engine(graph_between(self.graph, points), self.frequency, points, probe_theta, columns, pairs=pairs)
+        graph, within = graph_between(self.graph, points), self._within[0]
+        return Engine(graph, self.frequency, points, probe_theta, columns, pairs=pairs, within=within)
 
     def by_joint(self, theta: Theta = None) -> dict[str, NDArray[np.float64]]:
         """Split parameter vectors into all parameters of each joint and unknown part, fixed and tied ones included.
@@ -320,7 +320,7 @@ class Assembly:
     def _poles(self) -> SeenPoles:
         return SeenPoles(self.graph)
 
-    def on(self, frequency: ArrayLike, *further: ArrayLike) -> Assembly:
+    def on(self, frequency: ArrayLike, *further: ArrayLike, chosen: bool = False) -> Assembly:
         """Return the same assembly at other frequencies.
 
         Parameters
@@ -328,6 +328,8 @@ class Assembly:
         frequency, *further : (n_freq,) arrays
             Hz, positive and increasing; within the range of each substructure that is known by its FRFs. One axis for
             all responses, or one for each in the order of the description.
+        chosen : bool
+            Whether they are some of this assembly's, all of which will be needed: parts are then condensed at all.
 
         Returns
         -------
@@ -345,10 +347,11 @@ class Assembly:
             problem = f"{len(axes)} frequency axes were given for {count} response{'' if count == 1 else 's'}."
             raise ParameterError(Fault(self.name, problem, "one for all, or one for each"))
         axes = axes if len(axes) == count else axes * count
+        within = self._within if chosen else axes
         for known in (self, *self._elsewhere):
-            if same_axes(known._axes, axes):
+            if same_axes(known._axes, axes) and (known is self or same_axes(known._within, within)):
                 return known
-        made = self.with_description(replace(self.description, frequency=axes[0]), axes[1:])
+        made = self.with_description(replace(self.description, frequency=axes[0]), axes[1:], within=within)
         made._elsewhere = deque(maxlen=0)  # whoever asks again, asks this assembly
         self._elsewhere.append(made)
         return made
@@ -392,5 +395,5 @@ class Assembly:
             Other settings of `Assembly`; those of this one by default.
         """
         further = self._axes[1 : len(description.responses)] if further is None else further
-        settings = {"rigid": self._rigid, "interpolation": self._interpolation, **changed}
+        settings = {"rigid": self._rigid, "interpolation": self._interpolation, "within": self._within, **changed}
         return Assembly(description, **settings, further_frequencies=further)

@@ -359,10 +359,10 @@ def _check_numbers(frf: Frf) -> None:
 def _moves(assembly: Assembly, theta: NDArray[np.float64]) -> bool:
     """Return whether the force of the only response moves its point, for one of some parameter vectors."""
     some = assembly.frequency[:: max(1, len(assembly.frequency) // _SOME_LINES)]
-    amplitude = np.abs(assembly.on(some).frf(theta))
+    amplitude = np.abs(assembly.on(some, chosen=True).frf(theta))
     if assembly.description.response.is_drive_point:
         return bool(amplitude.any())
-    output, force = (np.abs(each.on(some).frf(theta)) for each in at_drive_points(assembly))
+    output, force = (np.abs(each.on(some, chosen=True).frf(theta)) for each in at_drive_points(assembly))
     moved = np.mean(amplitude > _NO_MOTION * np.sqrt(output * force), axis=1)
     return bool((moved >= 0.5).any())
 

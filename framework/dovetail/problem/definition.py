@@ -192,8 +192,8 @@ class Problem(IdentificationProblem):
         """Return the problem with some of the lines only (increasing indices), at least one of each response."""
         observations = self.observations.at(lines)
         axes = [frf.frequency for frf in observations.frfs]
-        changed = None if self.changed is None else self.changed.on(*axes)
-        return Problem(self.assembly.on(*axes), observations, changed=changed, limit=self.limit)
+        changed = None if self.changed is None else self.changed.on(*axes, chosen=True)
+        return Problem(self.assembly.on(*axes, chosen=True), observations, changed=changed, limit=self.limit)
 
     def with_frfs(self, frfs: Sequence[Frf]) -> Problem:
         """Return the problem with other measured values on the same lines."""

@@ -102,7 +102,7 @@ class ModelFrfs:
     def at(self, lines: NDArray[np.intp]) -> ModelFrfs:
         """Return the FRFs at some lines (increasing indices), without responses that have none of them."""
         pairs = zip(self.assemblies, split_by_response(lines, self.counts), strict=True)
-        some = (assembly.on(assembly.frequency[rows]) for assembly, rows in pairs if len(rows))
+        some = (assembly.on(assembly.frequency[rows], chosen=True) for assembly, rows in pairs if len(rows))
         return ModelFrfs(tuple(some), limit=self.limit)
 
 

@@ -35,7 +35,12 @@ _LATEST: WeakKeyDictionary[SubstructureModel, tuple[tuple[object, ...], Boundary
 
 
 def condense(
-    graph: Graph, frequency: NDArray[np.float64], points: Sequence[Point], disturbed: Mapping[str, int] | None = None
+    graph: Graph,
+    frequency: NDArray[np.float64],
+    points: Sequence[Point],
+    disturbed: Mapping[str, int] | None = None,
+    *,
+    within: NDArray[np.float64] | None = None,
 ) -> dict[str, BoundaryStiffness]:
     """Condense every substructure to the DOFs that joints and points need.
 
@@ -47,6 +52,9 @@ def condense(
     points : sequence of Point
     disturbed : mapping of str to int, optional
         Substructures whose dense matrices are disturbed by rounding errors, and the number of the random draw.
+    within : (n,) array, optional
+        Hz; lines of which these are some, at all of which the substructures are condensed unless that takes too much
+        memory.
 
     Returns
     -------
@@ -66,9 +74,28 @@ def condense(
             numbers, motion = graph.motion(name, dofs)
             with plugin_errors(substructure, f"substructure '{name}' ({substructure.name})"):
                 draw = None if disturbed is None else disturbed.get(name)
-                boundary = _latest_stiffness(substructure, dofs, frequency, draw)
+                boundary = _chosen_stiffness(substructure, dofs, frequency, draw, within)
             condensed[name] = (boundary if motion is None else boundary.moved_by(motion.toarray())).numbered(numbers)
     return condensed
+
+
+def _chosen_stiffness(
+    substructure: SubstructureModel,
+    dofs: Sequence[int],
+    frequency: NDArray[np.float64],
+    draw: int | None,
+    within: NDArray[np.float64] | None,
+) -> BoundaryStiffness:
+    """Return the condensed stiffness at some lines, as a part of that at all lines `within` which they are.
+
+    It is condensed at these lines alone where the whole would not be kept, or does not contain them.
+    """
+    if within is None or 8 * len(dofs) * (len(dofs) + 1) * len(within) > _MOST_KEPT:
+        return _latest_stiffness(substructure, dofs, frequency, draw)
+    lines = np.minimum(np.searchsorted(within, frequency), len(within) - 1)
+    if not np.array_equal(within[lines], frequency):
+        return _latest_stiffness(substructure, dofs, frequency, draw)
+    return _latest_stiffness(substructure, dofs, within, draw).at(lines)
 
 
 def _latest_stiffness(

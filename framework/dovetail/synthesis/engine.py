@@ -85,6 +85,8 @@ class Engine:
     pairs : sequence of (int, int), optional
         Output and input of each FRF, as indices into `points`: motion at the first per force at the second. By default
         the drive-point FRF at the first point only.
+    within : (n,) array, optional
+        Hz; all lines of which these are some. Parts are condensed at all of them at once, and kept for other engines.
 
     Raises
     ------
@@ -109,6 +111,7 @@ class Engine:
         jacobian_columns: Mapping[str, list[int]] | None = None,
         *,
         pairs: Sequence[tuple[int, int]] = ((0, 0),),
+        within: NDArray[np.float64] | None = None,
     ) -> None:
         self.pairs = tuple((int(output), int(force)) for output, force in pairs)
         if not self.pairs or not all(0 <= index < len(points) for pair in self.pairs for index in pair):
@@ -124,7 +127,7 @@ class Engine:
         self._jacobian_columns = {name: list(columns) for name, columns in jacobian_columns.items()}
         self.probe_theta = probe_theta
         sparsity = probe_matrices(graph, padded, probe_theta)
-        system = CoupledSystem(graph, padded, points, condense(graph, padded, points), sparsity)
+        system = CoupledSystem(graph, padded, points, condense(graph, padded, points, within=within), sparsity)
         self.plan = Plan(system, self._jacobian_columns, self.pairs)
         self._has_probed_derivatives = False
 

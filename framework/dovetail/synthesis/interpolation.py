@@ -88,8 +88,9 @@ class InterpolatedFrfs:
     @cached_property
     def _exact_engine(self) -> Engine:
         assert self.interpolant is not None
-        engine, frequency = self._engine, self._engine.frequency[self.interpolant.lines]
-        return Engine(engine.graph, frequency, engine.system.points, engine.probe_theta, pairs=engine.pairs)
+        engine, within = self._engine, self._engine.frequency
+        points, theta, chosen = engine.system.points, engine.probe_theta, within[self.interpolant.lines]
+        return Engine(engine.graph, chosen, points, theta, pairs=engine.pairs, within=within)
 
     def frfs(self, theta: Theta, factors: FactorsLike = None) -> NDArray[np.complex128]:
         """Return the FRFs of all pairs for each parameter vector, as `Engine.frfs` does."""

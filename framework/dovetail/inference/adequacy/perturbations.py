@@ -227,11 +227,12 @@ class LoadedModel:
         """Map SI values to fractions of the ranges."""
         return self._plain.to_unit(theta)
 
-    def on(self, frequency: ArrayLike, *further: ArrayLike) -> LoadedModel:
+    def on(self, frequency: ArrayLike, *further: ArrayLike, chosen: bool = False) -> LoadedModel:
         """Return the same model at other frequencies: one axis for all responses, or one for each."""
         axes = (frequency, *further) if further else (frequency,) * len(self._responses)
         pairs = zip(self._responses, axes, strict=True)
-        return LoadedModel([(plain.on(axis), at_response.on(axis)) for (plain, at_response), axis in pairs], self._mass)
+        moved = [tuple(model.on(axis, chosen=chosen) for model in models) for models, axis in pairs]
+        return LoadedModel([(plain, at_response) for plain, at_response in moved], self._mass)
 
     def combined(self, _others: Sequence[FrfModel], /) -> None:
         """Return None, since the structure is another one for each response."""
