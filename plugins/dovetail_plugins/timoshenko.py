@@ -22,15 +22,15 @@ _Value = TypeVar("_Value")
 _STIFFNESS = np.array([[1, 2, -1, 2], [2, 3, -2, 4], [-1, -2, 1, -2], [2, 4, -2, 3]])
 _MASS = np.array([[1, 2, 3, -4], [2, 5, 4, 6], [3, 4, 1, -2], [-4, 6, -2, 5]])
 """Number, from 1, and sign of the coefficient in each entry of an element's matrices."""
-_TRANSLATION = np.array(
+TRANSLATION = np.array(
     [[78, 147, 70], [11, 19.25, 8.75], [27, 63, 35], [6.5, 15.75, 8.75], [2, 3.5, 1.75], [-1.5, -3.5, -1.75]]
 ).T
-_ROTATION = np.array([[36, 0, 0], [3, -15, 0], [-36, 0, 0], [-3, 15, 0], [4, 5, 10], [-1, -5, 5]]).T
+ROTATION = np.array([[36, 0, 0], [3, -15, 0], [-36, 0, 0], [-3, 15, 0], [4, 5, 10], [-1, -5, 5]]).T
 """Coefficients of 1, phi and phi^2 in each coefficient of the mass, from translation and from rotation."""
-_BENDING = np.array([[12.0, 6.0, 4.0, 2.0], [0.0, 0.0, 1.0, -1.0]])
+BENDING = np.array([[12.0, 6.0, 4.0, 2.0], [0.0, 0.0, 1.0, -1.0]])
 """Coefficients of 1 and phi in each coefficient of the stiffness."""
-_STIFFNESS_POWERS = np.array([0.0, 1.0, 2.0, 2.0])
-_MASS_POWERS = np.array([0.0, 1.0, 0.0, 1.0, 2.0, 2.0])
+STIFFNESS_POWERS = np.array([0.0, 1.0, 2.0, 2.0])
+MASS_POWERS = np.array([0.0, 1.0, 0.0, 1.0, 2.0, 2.0])
 """Power of the length in each coefficient: the number of rotations in its entries."""
 _Side = Annotated[float, Field(gt=0), InUnit("m")]
 _Bore = Annotated[float, Field(ge=0), InUnit("m")]
@@ -242,13 +242,13 @@ class Element:
     @cached_property
     def stiffness(self) -> NDArray[np.float64]:
         """The four coefficients (..., 4) of K."""
-        brackets = _BENDING[0] + self._shear * _BENDING[1]
-        return np.asarray(self._stiffness_scale * (brackets * _powers(self.length, _STIFFNESS_POWERS)))
+        brackets = BENDING[0] + self._shear * BENDING[1]
+        return np.asarray(self._stiffness_scale * (brackets * _powers(self.length, STIFFNESS_POWERS)))
 
     @cached_property
     def _masses(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The masses (..., 6) from translation and from rotation by which polynomials in phi are multiplied."""
-        powers, square = _powers(self.length, _MASS_POWERS), (1.0 + self._shear) ** 2
+        powers, square = _powers(self.length, MASS_POWERS), (1.0 + self._shear) ** 2
         translation = (self.density * self.section.area * self.length)[..., None] / (210.0 * square)
         rotation = (self.density * self.section.inertia)[..., None] / (30.0 * square * self.length[..., None])
         return translation * powers, rotation * powers
@@ -257,7 +257,7 @@ class Element:
     def mass(self) -> NDArray[np.float64]:
         """The six coefficients (..., 6) of M."""
         translation, rotation = self._masses
-        return translation * _polynomial(_TRANSLATION, self._shear) + rotation * _polynomial(_ROTATION, self._shear)
+        return translation * _polynomial(TRANSLATION, self._shear) + rotation * _polynomial(ROTATION, self._shear)
 
     def slopes(
         self, length: NDArray[np.float64], section: CrossSection, poisson: NDArray[np.float64]
@@ -275,20 +275,20 @@ class Element:
         change = inertia - shear - area
         if poisson.any():
             change = change + (poisson / (1.0 + self.poisson)[..., None])[..., None, :]
-        scaled = tuple(zip(self._masses, (_TRANSLATION, _ROTATION), strict=True))
+        scaled = tuple(zip(self._masses, (TRANSLATION, ROTATION), strict=True))
         moved, turned = (scale * _polynomial(table, self._shear) for scale, table in scaled)
         below = 1.0 + self._shear
         by_shear = -2.0 * (moved + turned) / below
         for scale, table in scaled:
             by_shear += scale * (table[1] + 2.0 * self._shear * table[2])
-        bent = self._stiffness_scale * (_BENDING[1] * _powers(self.length, _STIFFNESS_POWERS)) - self.stiffness / below
+        bent = self._stiffness_scale * (BENDING[1] * _powers(self.length, STIFFNESS_POWERS)) - self.stiffness / below
         stiffness = self.stiffness[..., None] * inertia
         mass = moved[..., None] * area + turned[..., None] * inertia
         if length.any():
             along = (length / self.length[..., None])[..., None, :]
             change = change - 2.0 * along
-            stiffness = stiffness + ((_STIFFNESS_POWERS - 3.0) * self.stiffness)[..., None] * along
-            mass = mass + ((_MASS_POWERS + 1.0) * moved + (_MASS_POWERS - 1.0) * turned)[..., None] * along
+            stiffness = stiffness + ((STIFFNESS_POWERS - 3.0) * self.stiffness)[..., None] * along
+            mass = mass + ((MASS_POWERS + 1.0) * moved + (MASS_POWERS - 1.0) * turned)[..., None] * along
         change = self._shear[..., None] * change
         return stiffness + bent[..., None] * change, mass + by_shear[..., None] * change
 

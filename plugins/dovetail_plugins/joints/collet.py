@@ -18,19 +18,10 @@ from dovetail import (
     JointPort,
     Parameter,
     ScaledMatrices,
-    SparseMatrices,
     StructuralMatrices,
 )
-from dovetail_plugins.timoshenko import (
-    CrossSection,
-    Element,
-    Material,
-    Remembered,
-    circle,
-    circle_rates,
-    element_matrices,
-    unit_chains,
-)
+from dovetail_plugins.round_elements import RoundElements
+from dovetail_plugins.timoshenko import Material, circle, element_matrices
 
 _PARAMETERS = (
     Parameter("Dc", "m", 26e-3, 40e-3, "linear", "equivalent outer diameter of the collet"),
@@ -49,7 +40,6 @@ _PARAMETERS = (
 _CONTACTS = 3
 """Nodes of each contact layer; the middle node of the collet belongs to both."""
 _SEGMENTS = 2 * (_CONTACTS - 1)
-_PROPERTIES = ("area", "inertia", "shear")
 
 
 class Collet(JointModel):
@@ -149,37 +139,10 @@ class Collet(JointModel):
 
     @cached_property
     def scaled_matrices(self) -> ScaledMatrices:
-        """The collet's beam: the coefficients of one element, since all its elements are equal."""
-        count = _SEGMENTS * int(self.config.elements_per_segment)
-        stiffness, mass = unit_chains(self.size, range(count), self._collet_dof(0))
-        none = 0.0 * mass[0]
-        bent = [SparseMatrices(none, K, D=self.config.material.loss_factor * K) for K in stiffness]
-        moved = [SparseMatrices(M, none) for M in mass]
-        return ScaledMatrices([*bent, *moved], self._coefficients, self._coefficient_slopes)
-
-    @cached_property
-    def _element(self) -> Remembered[Element]:
-        """An element for diameters (n, 2)."""
-        return Remembered(self._new_element)
-
-    def _new_element(self, diameters: NDArray[np.float64]) -> Element:
-        material, poisson = self.config.material, np.asarray(self.config.material.poisson)
-        length = np.asarray(self.config.segment / int(self.config.elements_per_segment))
-        return Element(
-            length, circle(diameters[:, 0], diameters[:, 1], poisson), poisson, material.young, material.density
-        )
-
-    def _coefficients(self, diameters: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the coefficients (n, 10) of an element for diameters (n, 2)."""
-        element = self._element(diameters)
-        return np.concatenate([element.stiffness, element.mass], axis=-1)
-
-    def _coefficient_slopes(self, diameters: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the derivatives (n, 10, 2) of the coefficients by the diameters (n, 2)."""
-        by_outer, by_inner, _ = circle_rates(diameters[:, 0], diameters[:, 1], self.config.material.poisson)
-        rates = [np.stack([getattr(by, name) for by in (by_outer, by_inner)], axis=-1) for name in _PROPERTIES]
-        fixed = np.zeros(2)
-        return np.concatenate(self._element(diameters).slopes(fixed, CrossSection(*rates), fixed), axis=-2)
+        """The collet's beam by its diameters, since all its elements are equal."""
+        count = int(self.config.elements_per_segment)
+        elements = RoundElements(self.config.material, self.config.segment / count)
+        return elements.scaled_matrices(self.size, range(_SEGMENTS * count), self._collet_dof(0))
 
     def _add_beam(self, joint: StructuralMatrices, outer: NDArray[np.float64], inner: NDArray[np.float64]) -> None:
         """Add a beam of equal elements by its diameters; it has no viscous damping."""
