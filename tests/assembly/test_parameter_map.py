@@ -39,7 +39,7 @@ def test_known_parameters_alone_need_no_theta():
     entries = {"joint": ParameterEntry(parameters=(K,), fixed={"k": 1e6})}
     affine = AffineMap(entries, [])
     assert affine.values(np.empty((3, 0))).tolist() == [[1e6]] * 3
-    assert affine.jacobian(np.empty((3, 0))).shape == (3, 1, 0)
+    assert affine.jacobian(np.empty((3, 0))).shape == (1, 1, 0)
 
 
 def test_derivatives_by_some_values_are_summed_for_each_parameter():

@@ -50,7 +50,7 @@ class ParameterMap(ABC):
 
     @abstractmethod
     def jacobian(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the derivatives (n, n_values, n_params); zero for values that do not depend on theta."""
+        """Return the derivatives (n, n_values, n_params), or (1, ...) if they are constant; zero for known values."""
 
     def by_component(self, theta: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
         """Return the values of each component, (n, n_component), by its name."""
@@ -97,9 +97,9 @@ class AffineMap(ParameterMap):
         values[:, self._rows] = theta[:, self._sources] * self._factors
         return values
 
-    def jacobian(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    def jacobian(self, _theta: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the derivatives as `ParameterMap.jacobian` does."""
-        return np.broadcast_to(self._slopes, (len(theta), *self._slopes.shape))
+        return self._slopes[np.newaxis]
 
 
 class ParameterScales:
@@ -348,25 +348,25 @@ class ResponseFrfs:
         scales : (n, n_params) array, optional
             Factors of the derivatives, such as derivatives of the parameters by fractions of their ranges.
         """
-        by_owner = self._map.by_component(batch)
-        slopes = self._map.jacobian(batch)
-        if scales is not None:
-            slopes = slopes * scales[:, np.newaxis]
-        value_slopes = slopes[:, self._graph_columns]
-        in_place = _slopes_in_place(value_slopes)
+        by_owner, slopes = self._map.by_component(batch), self._map.jacobian(batch)
+        scales = np.ones(batch.shape) if scales is None else scales
+        of_graph = slopes[:, self._graph_columns]
+        in_place = _slopes_in_place(of_graph)
+        factors = None if in_place is None else in_place * scales
         values, derivatives = (
             self._pairs.summed(jacobians, self._in_quantity)
-            for jacobians in self.engine.frfs_jacobian(by_owner, self._to_quantity, in_place)
+            for jacobians in self.engine.frfs_jacobian(by_owner, self._to_quantity, factors)
         )
         values, jacobian = _for_each(batch, values), _for_each(batch, np.swapaxes(derivatives, 2, 3))
         if in_place is None:
-            jacobian = chain_rule(jacobian, value_slopes)
+            jacobian = chain_rule(jacobian, of_graph * scales[:, np.newaxis])
         for index in self._chains:
             chain, name = self._chain(index, by_owner), self._responses[index].name
             by_chain = [values[:, index] * chain.derivative(c) for c in self._map.varying_columns(name)]
             jacobian[:, index] *= chain.factor[:, np.newaxis]
             if by_chain:
-                jacobian[:, index] += chain_rule(np.stack(by_chain, axis=1), slopes[:, self._columns_of([name])])
+                of_chain = slopes[:, self._columns_of([name])] * scales[:, np.newaxis]
+                jacobian[:, index] += chain_rule(np.stack(by_chain, axis=1), of_chain)
             values[:, index] *= chain.factor
         return values, jacobian
 
