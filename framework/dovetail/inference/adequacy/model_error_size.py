@@ -6,9 +6,10 @@ once parameters and errors are marginalised (empirical Bayes with a prior). Resi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from dovetail.inference.posterior.frequency_average import needs_average, unshap
 from dovetail.inference.posterior.likelihood import PRIOR_PRECISION, marginalised_squares
 from dovetail.inference.posterior.model_error import KINDS, MODEL_ERROR, ModelError, typical_model_error
 from dovetail.interfaces import Progress, silent
+from dovetail.meanwhile import SharedProgress, in_parts
 
 
 @dataclass(frozen=True)
@@ -36,6 +38,8 @@ class Settings:
     """Largest ratio of an estimate to this error, either way; a larger estimate needs wider averages."""
     unexplained: float = 0.05
     """Size of other errors up to which averages are wide enough."""
+    fewest_apart: int = 2
+    """Smallest number of widths that is worth another process."""
     settled: float = 0.1
     """Relative change of all sizes at which the alternation ends."""
     other_settled: float = 0.02
@@ -128,38 +132,52 @@ def _unknown(effects: ErrorEffects, linearised: _Linearised, size: ModelError) -
     )
 
 
-def _estimates(effects: ErrorEffects, progress: Progress) -> Iterator[tuple[float, ModelError]]:
-    """Yield the widths of averages, as errors of natural frequencies, and the sizes estimated with them."""
-    fraction = effects.fraction
+def _estimates(effects: ErrorEffects, progress: Progress) -> list[tuple[float, ModelError]]:
+    """Return the widths of averages, as errors of natural frequencies, and the sizes estimated with them."""
     least, distance, heights = effects.peak_differences()
     most = _SETTINGS.most if distance is None else _SETTINGS.consistent * max(_SETTINGS.narrowest, distance)
     widths, width = [], max(least, _SETTINGS.narrowest)
     while width <= min(most, _SETTINGS.widest):
         widths.append(width)
         width *= _SETTINGS.wider
-    for step, width in enumerate(widths):
-        progress("model error", step, len(widths))
-        size = _Linearised(effects, fraction, typical_model_error(width), most).estimate()
-        if width > _SETTINGS.narrowest:  # what is far below the width of an average is hidden in it
-            size = replace(size, natural_frequency=max(size.natural_frequency, width / _SETTINGS.consistent))
-        damping = np.sqrt(max(size.damping**2, heights**2 - size.magnitude**2))
-        by_peaks = replace(size, natural_frequency=max(size.natural_frequency, least), damping=float(damping))
-        if word_for(by_peaks) != "does not fit":  # peaks may have been taken for each other
-            size = by_peaks
-        estimate = _Linearised(effects, fraction, size).with_other(size)  # by the averages that intervals will use
-        if word_for(estimate) == "does not fit":
-            size = _Linearised(effects, fraction, typical_model_error(width), most).estimate_with_other_errors()
-            moderate = _Linearised(effects, fraction, size).with_other(size)
-            estimate = estimate if word_for(moderate) == "does not fit" else moderate
-        yield width, estimate
+    shared, limit = SharedProgress(progress), effects.problem.limit
+    alternately = np.argsort(np.arange(len(widths)) % 2, kind="stable")
+
+    def estimate(rows: NDArray[np.intp]) -> list[tuple[float, ModelError]]:
+        estimates = []
+        for step in alternately[rows].tolist():
+            shared("model error", step, len(widths))
+            size = _estimate_by(effects, widths[step], least=least, heights=heights, most=most)
+            estimates.append((widths[step], size))
+        return estimates
+
+    parts = in_parts(estimate, len(widths), _SETTINGS.fewest_apart, lambda: limit.was_stopped)
+    return sorted(chain.from_iterable(parts), key=lambda estimate: estimate[0])
 
 
-def _most_plausible(estimates: Iterable[tuple[float, ModelError]]) -> ModelError:
+def _estimate_by(effects: ErrorEffects, width: float, *, least: float, heights: float, most: float) -> ModelError:
+    """Return the sizes estimated with averages of one width, at least those that the peaks show, and at most `most`."""
+    fraction = effects.fraction
+    size = _Linearised(effects, fraction, typical_model_error(width), most).estimate()
+    if width > _SETTINGS.narrowest:  # what is far below the width of an average is hidden in it
+        size = replace(size, natural_frequency=max(size.natural_frequency, width / _SETTINGS.consistent))
+    damping = np.sqrt(max(size.damping**2, heights**2 - size.magnitude**2))
+    by_peaks = replace(size, natural_frequency=max(size.natural_frequency, least), damping=float(damping))
+    if word_for(by_peaks) != "does not fit":  # peaks may have been taken for each other
+        size = by_peaks
+    estimate = _Linearised(effects, fraction, size).with_other(size)  # by the averages that intervals will use
+    if word_for(estimate) != "does not fit":
+        return estimate
+    size = _Linearised(effects, fraction, typical_model_error(width), most).estimate_with_other_errors()
+    moderate = _Linearised(effects, fraction, size).with_other(size)
+    return estimate if word_for(moderate) == "does not fit" else moderate
+
+
+def _most_plausible(by_width: list[tuple[float, ModelError]]) -> ModelError:
     """Return the estimate from the narrowest averages that leaves hardly more unexplained than wider ones.
 
     Estimates with which the model fits are preferred.
     """
-    by_width = list(estimates)
     plausible = [size for width, size in by_width if size.natural_frequency <= _SETTINGS.consistent * width]
     plausible = [size for size in plausible if word_for(size) != "does not fit"] or plausible
     if not plausible:
