@@ -102,3 +102,19 @@ def test_lines_that_are_not_among_those_to_choose_from_are_condensed_alone(colle
     few = collet.on(collet.frequency[::300], chosen=True)
     between = few.with_description(replace(few.description, frequency=few.frequency + 0.5))
     np.testing.assert_array_equal(between.frf(), collet.on(few.frequency + 0.5).frf())
+
+
+def test_a_changed_part_is_condensed_at_the_chosen_lines_only(collet, monkeypatch):
+    lines, condense = [], coupled_system.boundary_stiffness
+
+    def noted(substructure, dofs, frequency, draw):
+        lines.append(len(frequency))
+        return condense(substructure, dofs, frequency, draw)
+
+    all_lines = collet.on(collet.frequency[::20] + 3.0)
+    few = all_lines.on(all_lines.frequency[::4], chosen=True)
+    few.frf()
+    monkeypatch.setattr(coupled_system, "boundary_stiffness", noted)
+    for _, _, apply in known_quantities(few):
+        apply(0.01).frf()
+    assert set(lines) == {len(few.frequency)}

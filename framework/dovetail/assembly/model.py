@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from typing import Any, TypeAlias
@@ -15,14 +15,14 @@ from dovetail.assembly.frf_model import FrfModel
 from dovetail.assembly.parameters import AffineMap, ParameterSpace, ResponseFrfs
 from dovetail.assembly.structure import PointReceptances, ResponsePairs, entries_at_response, graph_between, graph_of
 from dovetail.assembly.theta import Theta
-from dovetail.assembly.vibration_modes import SeenPoles, VibrationMode, natural_frequencies
+from dovetail.assembly.vibration_modes import SeenPoles, VibrationMode
 from dovetail.description.checked import Description, Response
 from dovetail.description.joints import find_point
 from dovetail.errors import Fault, ParameterError
 from dovetail.frf import Frf, checked_axis, same_axes
 from dovetail.interfaces import Parameter
 from dovetail.plain_text import html_table
-from dovetail.synthesis import Engine, FrfSource, Graph, InterpolatedFrfs, Point
+from dovetail.synthesis import Engine, FrfSource, Graph, InterpolatedFrfs, Point, Within
 
 _Axes: TypeAlias = Sequence[NDArray[np.float64]]
 _STRUCTURE_SAMPLES = 5
@@ -46,7 +46,9 @@ class Assembly:
     further_frequencies : sequence of (n_freq,) arrays, optional
         Hz; those of each response after the first, if they are others than the description's; see `on`.
     within : sequence of (n_freq,) arrays, optional
-        Hz; lines of each response, of which its own are some: parts are condensed at all of these at once.
+        Hz; lines of each response, of which its own are some: parts are condensed at all of these at once,
+    alone : iterable of str
+        except for these parts, which are used once.
     """
 
     has_parts = True
@@ -60,6 +62,7 @@ class Assembly:
         interpolation: float | None = None,
         further_frequencies: _Axes = (),
         within: _Axes = (),
+        alone: Iterable[str] = (),
     ) -> None:
         self.description = description
         self._connected = entries_at_response(description)
@@ -67,19 +70,19 @@ class Assembly:
         self._space = ParameterSpace(description.entries, description.joints)
         self._map = AffineMap({**description.entries, **tied}, description.identified_parameters)
         self._added = {name: entry.ties for name, entry in tied.items()}
-        self._rigid = rigid
-        self._interpolation = interpolation
+        self._rigid, self._interpolation, self.alone = rigid, interpolation, frozenset(alone)
         further = len(description.responses) - 1
         self._axes = (description.frequency, *(further_frequencies or [description.frequency] * further))
         self._within = tuple(within) or self._axes
+        self._settings: dict[str, Any] = {"rigid": rigid, "interpolation": interpolation}
+        self._settings |= {"within": self._within, "alone": self.alone}
         self._elsewhere: deque[Assembly] = deque(maxlen=_KEPT_ELSEWHERE)
 
     def __repr__(self) -> str:
         return f"Assembly({self.name!r}, {len(self.parameters)} parameters, {len(self.frequency)} lines)"
 
     def __reduce__(self) -> tuple[Any, ...]:  # without engines, which are compiled again elsewhere
-        made = partial(type(self), rigid=self._rigid, interpolation=self._interpolation)
-        return partial(made, further_frequencies=self._axes[1:], within=self._within), (self.description,)
+        return partial(type(self), further_frequencies=self._axes[1:], **self._settings), (self.description,)
 
     def _repr_html_(self) -> str:
         return html_table(repr(self), self._space.rows)
@@ -156,7 +159,8 @@ class Assembly:
         ends = np.repeat([[0.0], [1.0]], len(self.parameters), axis=1)
         probe_theta = self.by_joint(self.from_unit(np.concatenate([inside, ends])))
         columns = {name: self._map.varying_columns(name) for name in self.graph.connections}
-        graph, within = graph_between(self.graph, points), self._within[0]
+        within = Within(self._within[0], self.alone)
+        graph = graph_between(self.graph, points)
         return Engine(graph, self.frequency, points, probe_theta, columns, pairs=pairs, within=within)
 
     def by_joint(self, theta: Theta = None) -> dict[str, NDArray[np.float64]]:
@@ -306,10 +310,7 @@ class Assembly:
         raised where a substructure is known by its FRFs only, or the structure is not stable.
         """
         batch, single = self._space.batch(theta)
-        poles = self._poles.at(self.by_joint(batch), len(batch), count)
-        frequencies = np.stack(
-            [np.append(found, np.full(count - len(found), np.nan)) for found in map(natural_frequencies, poles)]
-        )
+        frequencies = self._poles.frequencies(self.by_joint(batch), len(batch), count)
         return frequencies[0] if single else frequencies
 
     def modes(self, theta: Theta = None, count: int = 3) -> tuple[VibrationMode, ...]:
@@ -395,5 +396,4 @@ class Assembly:
             Other settings of `Assembly`; those of this one by default.
         """
         further = self._axes[1 : len(description.responses)] if further is None else further
-        settings = {"rigid": self._rigid, "interpolation": self._interpolation, "within": self._within, **changed}
-        return Assembly(description, **settings, further_frequencies=further)
+        return Assembly(description, **{**self._settings, **changed}, further_frequencies=further)

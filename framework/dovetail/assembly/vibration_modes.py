@@ -80,6 +80,14 @@ class SeenPoles:
         poles = self._modes.at(seen, count, differentiate=False, must_be_stable=True)
         return poles if seen else repeat(next(poles), vectors)
 
+    def frequencies(self, theta: Theta, vectors: int, count: int) -> NDArray[np.float64]:
+        """Return the natural frequencies (n, count) [Hz] for each of n parameter vectors; NaN where there are fewer."""
+        every = np.full((vectors, count), np.nan)
+        for row, poles in zip(every, self.at(theta, vectors, count), strict=False):
+            found = natural_frequencies(poles)
+            row[: len(found)] = found
+        return every
+
     def modes(self, theta: Theta, count: int) -> tuple[VibrationMode, ...]:
         """Return the `count` lowest modes for one parameter vector, by joint."""
         (poles,) = self.at(theta, 1, count)

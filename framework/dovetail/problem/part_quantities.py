@@ -121,8 +121,9 @@ def quantity_derivatives(
 
 def with_part(assembly: Assembly, name: str, model: SubstructureModel) -> Assembly:
     """Return the assembly on the same lines with another model of one of its parts."""
-    substructures = {**assembly.description.substructures, name: model}
-    return assembly.with_description(replace(assembly.description, substructures=substructures))
+    description, alone = assembly.description, assembly.alone | {name}
+    substructures = {**description.substructures, name: model}
+    return assembly.with_description(replace(description, substructures=substructures), alone=alone)
 
 
 def _with_quantity(assembly: Assembly, name: str, quantity: ConfigQuantity, amount: float) -> Assembly:

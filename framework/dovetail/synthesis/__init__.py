@@ -1,5 +1,6 @@
 """Frequency-domain substructure synthesis (FDSS)."""
 
+from dovetail.synthesis.coupled_system import Within
 from dovetail.synthesis.damped_modes import DampedModes, Poles
 from dovetail.synthesis.engine import Engine
 from dovetail.synthesis.frf_source import FrfSource
@@ -18,6 +19,7 @@ __all__ = [
     "LiteralSynthesis",
     "Point",
     "Poles",
+    "Within",
     "assembly_matrices",
     "direct_receptance",
 ]

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -34,13 +36,28 @@ _LATEST: WeakKeyDictionary[SubstructureModel, tuple[tuple[object, ...], Boundary
 """The latest condensed stiffness of each substructure, and for which DOFs and frequencies."""
 
 
+class Within(NamedTuple):
+    """Lines of which others are some.
+
+    Attributes
+    ----------
+    frequency : (n,) array
+        Hz.
+    alone : set of str
+        Substructures that are condensed at the other lines only.
+    """
+
+    frequency: NDArray[np.float64]
+    alone: AbstractSet[str] = frozenset()
+
+
 def condense(
     graph: Graph,
     frequency: NDArray[np.float64],
     points: Sequence[Point],
     disturbed: Mapping[str, int] | None = None,
     *,
-    within: NDArray[np.float64] | None = None,
+    within: Within | None = None,
 ) -> dict[str, BoundaryStiffness]:
     """Condense every substructure to the DOFs that joints and points need.
 
@@ -52,9 +69,8 @@ def condense(
     points : sequence of Point
     disturbed : mapping of str to int, optional
         Substructures whose dense matrices are disturbed by rounding errors, and the number of the random draw.
-    within : (n,) array, optional
-        Hz; lines of which these are some, at all of which the substructures are condensed unless that takes too much
-        memory.
+    within : Within, optional
+        Lines of which these are some, at all of which substructures are condensed unless that takes too much memory.
 
     Returns
     -------
@@ -74,7 +90,8 @@ def condense(
             numbers, motion = graph.motion(name, dofs)
             with plugin_errors(substructure, f"substructure '{name}' ({substructure.name})"):
                 draw = None if disturbed is None else disturbed.get(name)
-                boundary = _chosen_stiffness(substructure, dofs, frequency, draw, within)
+                whole = None if within is None or name in within.alone else within.frequency
+                boundary = _chosen_stiffness(substructure, dofs, frequency, draw, whole)
             condensed[name] = (boundary if motion is None else boundary.moved_by(motion.toarray())).numbered(numbers)
     return condensed
 
@@ -84,18 +101,18 @@ def _chosen_stiffness(
     dofs: Sequence[int],
     frequency: NDArray[np.float64],
     draw: int | None,
-    within: NDArray[np.float64] | None,
+    whole: NDArray[np.float64] | None,
 ) -> BoundaryStiffness:
-    """Return the condensed stiffness at some lines, as a part of that at all lines `within` which they are.
+    """Return the condensed stiffness at some lines, as a part of that at whole lines, if there are any.
 
     It is condensed at these lines alone where the whole would not be kept, or does not contain them.
     """
-    if within is None or 8 * len(dofs) * (len(dofs) + 1) * len(within) > _MOST_KEPT:
+    if whole is None or 8 * len(dofs) * (len(dofs) + 1) * len(whole) > _MOST_KEPT:
         return _latest_stiffness(substructure, dofs, frequency, draw)
-    lines = np.minimum(np.searchsorted(within, frequency), len(within) - 1)
-    if not np.array_equal(within[lines], frequency):
+    lines = np.minimum(np.searchsorted(whole, frequency), len(whole) - 1)
+    if not np.array_equal(whole[lines], frequency):
         return _latest_stiffness(substructure, dofs, frequency, draw)
-    return _latest_stiffness(substructure, dofs, within, draw).at(lines)
+    return _latest_stiffness(substructure, dofs, whole, draw).at(lines)
 
 
 def _latest_stiffness(

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from dovetail.parallel import cores, threads
 from dovetail.synthesis.codegen.compiler import WIDTH, MachineKernel, aligned_empty
-from dovetail.synthesis.coupled_system import CoupledSystem, condense
+from dovetail.synthesis.coupled_system import CoupledSystem, Within, condense
 from dovetail.synthesis.elimination import Program
 from dovetail.synthesis.graph import Graph, Point
 from dovetail.synthesis.joint_evaluation import (
@@ -85,8 +85,8 @@ class Engine:
     pairs : sequence of (int, int), optional
         Output and input of each FRF, as indices into `points`: motion at the first per force at the second. By default
         the drive-point FRF at the first point only.
-    within : (n,) array, optional
-        Hz; all lines of which these are some. Parts are condensed at all of them at once, and kept for other engines.
+    within : Within, optional
+        All lines of which these are some. Parts are condensed at all of them at once, and kept for other engines.
 
     Raises
     ------
@@ -111,7 +111,7 @@ class Engine:
         jacobian_columns: Mapping[str, list[int]] | None = None,
         *,
         pairs: Sequence[tuple[int, int]] = ((0, 0),),
-        within: NDArray[np.float64] | None = None,
+        within: Within | None = None,
     ) -> None:
         self.pairs = tuple((int(output), int(force)) for output, force in pairs)
         if not self.pairs or not all(0 <= index < len(points) for pair in self.pairs for index in pair):

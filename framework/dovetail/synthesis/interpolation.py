@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.parallel import one_blas_thread
+from dovetail.synthesis.coupled_system import Within
 from dovetail.synthesis.engine import Engine
 from dovetail.synthesis.joint_evaluation import Theta, sample_count
 from dovetail.synthesis.plan import FactorsLike
@@ -88,9 +89,9 @@ class InterpolatedFrfs:
     @cached_property
     def _exact_engine(self) -> Engine:
         assert self.interpolant is not None
-        engine, within = self._engine, self._engine.frequency
-        points, theta, chosen = engine.system.points, engine.probe_theta, within[self.interpolant.lines]
-        return Engine(engine.graph, chosen, points, theta, pairs=engine.pairs, within=within)
+        engine, frequency = self._engine, self._engine.frequency
+        points, theta, chosen = engine.system.points, engine.probe_theta, frequency[self.interpolant.lines]
+        return Engine(engine.graph, chosen, points, theta, pairs=engine.pairs, within=Within(frequency))
 
     def frfs(self, theta: Theta, factors: FactorsLike = None) -> NDArray[np.complex128]:
         """Return the FRFs of all pairs for each parameter vector, as `Engine.frfs` does."""
