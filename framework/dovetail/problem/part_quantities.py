@@ -14,6 +14,7 @@ from dovetail.assembly import Assembly, FrfModel
 from dovetail.documents.option_fields import numbers_within
 from dovetail.errors import DovetailError
 from dovetail.interfaces import SubstructureModel
+from dovetail.meanwhile import in_parts
 from dovetail.problem.residuals import ModelFrfs
 
 MOST_DOFS = 2000
@@ -24,6 +25,9 @@ _OF_MATERIALS = ("Pa", "kg/m^3")
 
 _STEP = 1e-6
 """Step of the finite differences, as the logarithm of the ratio of two values of a quantity."""
+
+_FEWEST_APART = 4
+"""Smallest number of quantities whose derivatives are worth another process."""
 
 Apply: TypeAlias = Callable[[float], FrfModel]
 """From the amount of a change to the changed assembly."""
@@ -108,15 +112,19 @@ def quantity_derivatives(
     (n_quantities, m) complex array
         Quantities whose part accepts no other value are left out.
     """
-    values = ModelFrfs.of(assembly).at(lines).frf(theta[np.newaxis])[0]
-    derivatives = []
-    for _, _, apply in known_quantities(assembly):
-        try:
-            changed = ModelFrfs.of(apply(_STEP)).at(lines)
-        except DovetailError:
-            continue
-        derivatives.append((changed.frf(theta[np.newaxis])[0] - values) / _STEP)
-    return np.array(derivatives, dtype=np.complex128).reshape(-1, len(lines))
+    values, quantities = ModelFrfs.of(assembly).at(lines).frf(theta[np.newaxis])[0], list(known_quantities(assembly))
+
+    def derivatives(rows: NDArray[np.intp]) -> NDArray[np.complex128]:
+        rates = []
+        for _, _, apply in (quantities[row] for row in rows):
+            try:
+                changed = ModelFrfs.of(apply(_STEP)).at(lines)
+            except DovetailError:
+                continue
+            rates.append((changed.frf(theta[np.newaxis])[0] - values) / _STEP)
+        return np.array(rates, dtype=np.complex128).reshape(-1, len(lines))
+
+    return np.concatenate(in_parts(derivatives, len(quantities), _FEWEST_APART))
 
 
 def with_part(assembly: Assembly, name: str, model: SubstructureModel) -> Assembly:
