@@ -145,10 +145,10 @@ def _estimates(effects: ErrorEffects, progress: Progress) -> list[tuple[float, M
 
     def estimate(rows: NDArray[np.intp]) -> list[tuple[float, ModelError]]:
         estimates = []
-        for step in alternately[rows].tolist():
-            shared("model error", step, len(widths))
-            size = _estimate_by(effects, widths[step], least=least, heights=heights, most=most)
-            estimates.append((widths[step], size))
+        for done, number in enumerate(alternately[rows].tolist()):
+            shared("model error", done, len(widths))
+            size = _estimate_by(effects, widths[number], least=least, heights=heights, most=most)
+            estimates.append((widths[number], size))
         return estimates
 
     parts = in_parts(estimate, len(widths), _SETTINGS.fewest_apart, lambda: limit.was_stopped)
