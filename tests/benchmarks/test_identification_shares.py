@@ -11,11 +11,11 @@ from identification_shares import MEASURED, PARTS, shares_of
 
 
 def test_the_kernel_has_a_share_of_an_identification_and_matrices_and_reading_take_little():
-    """Of the collet: 16 to 20 %, 15 to 18 % and 0 %; with matrices computed one by one they were 4, 65 and 0 %."""
+    """Of the collet: 21 to 22 %, 10 % and 1 %; with matrices computed one by one they were 4, 65 and 0 %."""
     spent = shares_of(*MEASURED["collet, 12 parameters"])
     assert list(spent.shares) == list(PARTS)
-    assert spent.shares["kernel"] > 0.08
-    assert spent.shares["matrices"] < 0.35
+    assert spent.shares["kernel"] > 0.15
+    assert spent.shares["matrices"] < 0.16
     assert spent.shares["reading"] < 0.05
     assert sum(spent.shares.values()) < 1.0
 
