@@ -304,7 +304,9 @@ class Weighted(Residual):
     def of(self, frf: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Return the residuals (n, m) of FRFs (n, f); with a phase, a line's real part, then its imaginary part."""
         if self.has_phase:
-            return _reals((frf - self.measured) * self.weight)
+            differences = frf - self.measured
+            differences *= self.weight
+            return _reals(differences)
         mean, _ = rice_mean(np.abs(frf), self.variance)
         return np.asarray((mean - self.measured) * self.weight)
 
