@@ -46,11 +46,28 @@ def test_other_lines_and_large_stiffnesses_are_condensed_again(collet, condensed
     assert first > 0
     collet.on(collet.frequency[::53]).frf()
     assert len(condensed) == 2 * first
-    kept = dict(coupled_system._LATEST)
+    kept = {part: dict(stiffnesses) for part, stiffnesses in coupled_system._LATEST.items()}
     monkeypatch.setattr(coupled_system, "_MOST_KEPT", 0.0)
     collet.on(collet.frequency[::54]).frf()
     assert len(condensed) == 3 * first
-    assert all(coupled_system._LATEST[part] is stiffness for part, stiffness in kept.items())
+    assert {part: coupled_system._LATEST[part] for part in kept} == kept
+
+
+def test_the_latest_stiffnesses_are_kept_as_far_as_they_fit_into_memory(collet, condensed, monkeypatch):
+    """Responses with lines of their own are computed in turn."""
+    first, second, third = (
+        replace(collet.description, frequency=collet.frequency[::60] + step) for step in (1.0, 2.0, 3.0)
+    )
+    collet.with_description(first).frf()
+    parts, kept = len(condensed), [coupled_system._LATEST[part] for part in set(condensed)]
+    largest = max(list(stiffnesses.values())[-1].values.nbytes for stiffnesses in kept)
+    monkeypatch.setattr(coupled_system, "_MOST_KEPT", 2.5 * largest)
+    for description in (second, first, second, first):
+        collet.with_description(description).frf()
+    assert len(condensed) == 2 * parts
+    for description in (third, first, second):  # there is no room for the second any more
+        collet.with_description(description).frf()
+    assert len(condensed) == 4 * parts
 
 
 def test_a_condensed_stiffness_goes_with_its_part(collet):

@@ -46,9 +46,9 @@ class Assembly:
     further_frequencies : sequence of (n_freq,) arrays, optional
         Hz; those of each response after the first, if they are others than the description's; see `on`.
     within : sequence of (n_freq,) arrays, optional
-        Hz; lines of each response, of which its own are some: parts are condensed at all of these at once,
+        Hz; lines of each response, of which its own are some. Parts are condensed at all of these at once.
     alone : iterable of str
-        except for these parts, which are used once.
+        Parts that are condensed at the assembly's own lines only.
     """
 
     has_parts = True

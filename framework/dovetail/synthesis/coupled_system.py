@@ -31,13 +31,13 @@ from dovetail.synthesis.joint_evaluation import (
 from dovetail.synthesis.relative_coordinates import in_coordinates, relative_coordinates, stiff_springs
 
 _MOST_KEPT = 16e6
-"""Bytes of a condensed stiffness that is kept with its substructure."""
-_LATEST: WeakKeyDictionary[SubstructureModel, tuple[tuple[object, ...], BoundaryStiffness]] = WeakKeyDictionary()
-"""The latest condensed stiffness of each substructure, and for which DOFs and frequencies."""
+"""Bytes of all condensed stiffnesses that are kept with their substructure."""
+_LATEST: WeakKeyDictionary[SubstructureModel, dict[tuple[object, ...], BoundaryStiffness]] = WeakKeyDictionary()
+"""The latest condensed stiffnesses of each substructure by their DOFs and frequencies, the last one used at the end."""
 
 
 class Within(NamedTuple):
-    """Lines of which others are some.
+    """Lines from which others are chosen.
 
     Attributes
     ----------
@@ -103,9 +103,9 @@ def _chosen_stiffness(
     draw: int | None,
     whole: NDArray[np.float64] | None,
 ) -> BoundaryStiffness:
-    """Return the condensed stiffness at some lines, as a part of that at whole lines, if there are any.
+    """Return the condensed stiffness at some lines, taken from that at the whole lines from which they are chosen.
 
-    It is condensed at these lines alone where the whole would not be kept, or does not contain them.
+    It is condensed at these lines alone where there is no whole, it would not be kept, or does not contain them.
     """
     if whole is None or 8 * len(dofs) * (len(dofs) + 1) * len(whole) > _MOST_KEPT:
         return _latest_stiffness(substructure, dofs, frequency, draw)
@@ -118,17 +118,19 @@ def _chosen_stiffness(
 def _latest_stiffness(
     substructure: SubstructureModel, dofs: Sequence[int], frequency: NDArray[np.float64], draw: int | None
 ) -> BoundaryStiffness:
-    """Return the condensed stiffness, without computing it again if it was the latest of this substructure.
+    """Return the condensed stiffness, without computing it again if it is among the latest of this substructure.
 
     Assemblies that differ in one part, as in a search for causes, condense that part only.
     """
-    wanted = (tuple(dofs), draw, frequency.tobytes())
-    known, stiffness = _LATEST.get(substructure, (None, None))
-    if stiffness is None or known != wanted:
+    wanted, kept = (tuple(dofs), draw, frequency.tobytes()), _LATEST.setdefault(substructure, {})
+    if (stiffness := kept.pop(wanted, None)) is None:
         stiffness = boundary_stiffness(substructure, dofs, frequency, draw)
-        if stiffness.values.nbytes <= _MOST_KEPT:
-            stiffness.values.setflags(write=False)
-            _LATEST[substructure] = wanted, stiffness
+        if stiffness.values.nbytes > _MOST_KEPT:
+            return stiffness
+        stiffness.values.setflags(write=False)
+    kept[wanted] = stiffness
+    while sum(each.values.nbytes for each in kept.values()) > _MOST_KEPT:
+        del kept[next(iter(kept))]
     return stiffness
 
 
