@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import gc
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -68,6 +69,21 @@ def test_the_latest_stiffnesses_are_kept_as_far_as_they_fit_into_memory(collet, 
     for description in (third, first, second):  # there is no room for the second any more
         collet.with_description(description).frf()
     assert len(condensed) == 4 * parts
+
+
+def test_threads_may_condense_the_same_part(collet, monkeypatch):
+    part, axes = next(iter(collet.graph.substructures.values())), np.linspace(100.0, 900.0, 64).reshape(16, 4)
+    coupled_system._LATEST.pop(part, None)
+    expected = [coupled_system._latest_stiffness(part, [0, 1], axis, None).values for axis in axes]
+    monkeypatch.setattr(coupled_system, "_MOST_KEPT", 3.5 * expected[0].nbytes)
+
+    def condense(number):
+        return coupled_system._latest_stiffness(part, [0, 1], axes[number % 16], None).values
+
+    with ThreadPoolExecutor(8) as pool:
+        values = list(pool.map(condense, range(400)))
+    assert all(np.array_equal(value, expected[number % 16]) for number, value in enumerate(values))
+    assert len(coupled_system._LATEST[part]) <= 3
 
 
 def test_a_condensed_stiffness_goes_with_its_part(collet):

@@ -129,8 +129,9 @@ def _latest_stiffness(
             return stiffness
         stiffness.values.setflags(write=False)
     kept[wanted] = stiffness
-    while sum(each.values.nbytes for each in kept.values()) > _MOST_KEPT:
-        del kept[next(iter(kept))]
+    for oldest in list(kept):  # another thread may change it
+        if sum(each.values.nbytes for each in list(kept.values())) > _MOST_KEPT:
+            kept.pop(oldest, None)
     return stiffness
 
 
