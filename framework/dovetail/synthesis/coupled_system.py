@@ -107,12 +107,11 @@ def _chosen_stiffness(
 
     It is condensed at these lines alone where there is no whole, it would not be kept, or does not contain them.
     """
-    if whole is None or 8 * len(dofs) * (len(dofs) + 1) * len(whole) > _MOST_KEPT:
-        return _latest_stiffness(substructure, dofs, frequency, draw)
-    lines = np.minimum(np.searchsorted(whole, frequency), len(whole) - 1)
-    if not np.array_equal(whole[lines], frequency):
-        return _latest_stiffness(substructure, dofs, frequency, draw)
-    return _latest_stiffness(substructure, dofs, whole, draw).at(lines)
+    if whole is not None and 8 * len(dofs) * (len(dofs) + 1) * len(whole) <= _MOST_KEPT:
+        lines = np.minimum(np.searchsorted(whole, frequency), len(whole) - 1)
+        if np.array_equal(whole[lines], frequency):
+            return _latest_stiffness(substructure, dofs, whole, draw).at(lines)
+    return _latest_stiffness(substructure, dofs, frequency, draw)
 
 
 def _latest_stiffness(
@@ -129,9 +128,13 @@ def _latest_stiffness(
             return stiffness
         stiffness.values.setflags(write=False)
     kept[wanted] = stiffness
-    for oldest in list(kept):  # another thread may change it
-        if sum(each.values.nbytes for each in list(kept.values())) > _MOST_KEPT:
-            kept.pop(oldest, None)
+    stored = list(kept.items())  # another thread may change them
+    excess = sum(each.values.nbytes for _, each in stored) - _MOST_KEPT
+    for key, oldest in stored:
+        if excess <= 0.0:
+            break
+        kept.pop(key, None)
+        excess -= oldest.values.nbytes
     return stiffness
 
 
