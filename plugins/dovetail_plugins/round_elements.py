@@ -22,19 +22,19 @@ from dovetail_plugins.timoshenko import (
 
 _SIGNS = np.array([[1.0], [-1.0]])
 """Of the outer and the inner diameter in the area of the cross-section."""
+_MULTIPLES = (1, 3, 4, 6, 7)
+"""Functions that are phi times the one before."""
 
 
 class _Terms(NamedTuple):
-    """Functions (n,) of the diameters: d_o^2 + d_i^2, d_o^2 - d_i^2, phi, 1 / (1 + phi), and products of these."""
+    """Terms (n,) in the diameters: d_o^2 + d_i^2, d_o^2 - d_i^2, q, phi and 1 / (1 + phi); the functions (8, n)."""
 
     total: NDArray[np.float64]
     ring: NDArray[np.float64]
     share: NDArray[np.float64]
     phi: NDArray[np.float64]
     below: NDArray[np.float64]
-    bent: NDArray[np.float64]
-    moved: NDArray[np.float64]
-    turned: NDArray[np.float64]
+    functions: NDArray[np.float64]
 
 
 class RoundElements:
@@ -83,18 +83,15 @@ class RoundElements:
         share = outer * inner / (total * total)
         phi = total * (self._shear[0] + self._shear[1] * share)
         below = 1.0 / (1.0 + phi)
-        bent, area = self._stiffness * total * ring * below, self._mass * ring * below * below
-        return _Terms(total, ring, share, phi, below, bent, 16.0 * area, area * total)
+        area, functions = self._mass * ring * below * below, np.empty((8, len(diameters)))
+        functions[0], functions[2], functions[5] = self._stiffness * total * ring * below, 16.0 * area, area * total
+        for row in _MULTIPLES:
+            np.multiply(functions[row - 1], phi, out=functions[row])
+        return _Terms(total, ring, share, phi, below, functions)
 
     def _functions(self, diameters: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the eight functions (n, 8) of diameters (n, 2)."""
-        terms = self._terms(diameters)
-        functions, phi = np.empty((8, len(diameters))), terms.phi
-        for row, start, powers in ((0, terms.bent, 2), (2, terms.moved, 3), (5, terms.turned, 3)):
-            functions[row] = start
-            for power in range(1, powers):
-                np.multiply(functions[row + power - 1], phi, out=functions[row + power])
-        return functions.T
+        return self._terms(diameters).functions.T.copy()
 
     def _slopes(self, diameters: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the derivatives (n, 8, 2) of the functions by the diameters (n, 2)."""
@@ -103,15 +100,11 @@ class RoundElements:
         share = twice * np.square(diameters.T[::-1]) / (terms.total * terms.total) - 2.0 * terms.share * along
         change = terms.phi * along + terms.total * self._shear[1] * share
         stiffer, lighter = along + across - terms.below * change, across - 2.0 * terms.below * change
-        starts = (terms.bent, stiffer, 2), (terms.moved, lighter, 3), (terms.turned, lighter + along, 3)
-        slopes, row = np.empty((8, *twice.shape)), 0
-        for start, rate, powers in starts:
-            slopes[row] = start * rate
-            scale = start
-            for power in range(1, powers):
-                slopes[row + power] = slopes[row + power - 1] * terms.phi + scale * change
-                scale = scale * terms.phi
-            row += powers
+        functions, slopes = terms.functions, np.empty((8, *twice.shape))
+        for row, rate in ((0, stiffer), (2, lighter), (5, lighter + along)):
+            slopes[row] = functions[row] * rate
+        for row in _MULTIPLES:
+            slopes[row] = slopes[row - 1] * terms.phi + functions[row - 1] * change
         return np.moveaxis(slopes, -1, 0)
 
 
