@@ -141,7 +141,8 @@ def _estimates(effects: ErrorEffects, progress: Progress) -> list[tuple[float, M
         widths.append(width)
         width *= _SETTINGS.wider
     shared, limit = SharedProgress(progress), effects.problem.limit
-    alternately = np.argsort(np.arange(len(widths)) % 2, kind="stable")
+    every = np.arange(len(widths))
+    alternately = np.concatenate([every[::2], every[1::2]])  # narrow and wide ones in each half
 
     def estimate(rows: NDArray[np.intp]) -> list[tuple[float, ModelError]]:
         estimates = []
